@@ -1,0 +1,175 @@
+"""Rigid bodies, their motion, and the state of a system."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .fields import (
+    as_number,
+    concrete,
+    quantity,
+    require,
+    require_euler_parameters,
+    require_finite,
+    require_positive,
+    require_shape,
+)
+from .vectors import IDENTITY, ZERO, Matrix, Vector
+
+GROUND = "ground"
+"""The name of the fixed body, which every scene has and no state holds."""
+
+
+class Body(eqx.Module):
+    """A rigid body with its frame at the centre of mass.
+
+    **Arguments:**
+
+    - `mass`: kg, positive.
+    - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
+      the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
+
+    **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
+    inequality (each at most the sum of the other two) are among them.
+    """
+
+    mass: Any = quantity("kg")
+    inertia: Any = quantity("kg m^2")
+
+    def __check_init__(self):
+        require_positive("mass", self.mass, 'give the mass in kg, and use "ground" for a fixed body')
+        shape = np.shape(self.inertia)
+        require(
+            shape in ((3,), (3, 3)), "inertia", self.inertia, "of shape (3,) or (3, 3)",
+            "give three principal moments or the whole inertia matrix in kg m^2",
+        )
+        require_finite("inertia", self.inertia)
+        inertia = concrete(self.inertia)
+        if inertia is not None:
+            _check_moments(inertia)
+
+
+def _check_moments(inertia: np.ndarray) -> None:
+    if inertia.ndim == 2:
+        symmetric = np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
+        require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
+    require(
+        bool(moments[0] > 0), "inertia", inertia, "positive definite",
+        "give every body a positive moment of inertia about each axis",
+    )
+    require(
+        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)), "inertia", inertia,
+        "such that no principal moment exceeds the sum of the other two",
+        "check the order of the moments and their units (kg m^2)",
+    )
+
+
+class BodyState(eqx.Module):
+    """Position and velocity of one body, in arrays or in scalar form.
+
+    - `position`: (3,) m, centre of mass, global.
+    - `orientation`: (4,) Euler parameters, scalar first, body to global.
+    - `velocity`: (3,) m/s, of the centre of mass, global.
+    - `spin`: (3,) rad/s, angular velocity in body axes.
+    """
+
+    position: Any
+    orientation: Any
+    velocity: Any
+    spin: Any
+
+
+class State(eqx.Module):
+    """State of a system: the bodies by name, and the memory of the contacts that have one.
+
+    `memory[joint][contact]` is the entry speed of the present contact in m/s, or zero in flight;
+    the dictionary is empty for scenes whose laws keep no memory. `work` holds the integrals of the
+    energy ledger in J by name, and is empty unless the ledger is asked for.
+    """
+
+    bodies: dict[str, BodyState]
+    memory: dict[str, dict[str, Any]] = eqx.field(default_factory=dict)
+    work: dict[str, Any] = eqx.field(default_factory=dict)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Wrench:
+    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it."""
+
+    force: Vector
+    moment: Vector
+
+    def __add__(self, other: "Wrench") -> "Wrench":
+        return Wrench(self.force + other.force, self.moment + other.moment)
+
+
+NO_WRENCH = Wrench(ZERO, ZERO)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Pose and twist of a body: the whole interface between coordinates and everything else.
+
+    Position and velocity are global, the spin is in body axes, `rotation` turns body components
+    into global ones. `bias` is what the body accelerations hold beside the coordinates' own
+    second derivatives (the rate of H times u for a twist H u); zero in absolute coordinates.
+    """
+
+    position: Vector
+    rotation: Matrix
+    velocity: Vector
+    spin: Vector
+    bias: Wrench
+
+    def point(self, local: Vector) -> Vector:
+        """Global position of a point given in body axes (eqs 6 and 7)."""
+        return self.position + self.rotation @ local
+
+    def direction(self, local: Vector) -> Vector:
+        """Global components of a direction given in body axes."""
+        return self.rotation @ local
+
+    def velocity_at(self, point: Vector) -> Vector:
+        """Global velocity of the body's material point at a global position."""
+        if self.spin.is_structural_zero():
+            return self.velocity
+        arm = self.rotation.transposed_times(point - self.position)
+        return self.velocity + self.rotation @ self.spin.cross(arm)
+
+    def wrench(self, force: Vector, point: Vector) -> Wrench:
+        """A global force at a global point, carried to the centre of mass (eqs 22 and 23)."""
+        moment = (point - self.position).cross(force)
+        return Wrench(force, self.rotation.transposed_times(moment))
+
+    def torque(self, torque: Vector) -> Wrench:
+        """A pure torque given in global axes."""
+        return Wrench(ZERO, self.rotation.transposed_times(torque))
+
+    def power(self, wrench: Wrench) -> Any:
+        """Power of a wrench on this motion, W."""
+        return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
+
+
+GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO, NO_WRENCH)
+
+def body_state(
+    position: Any,
+    orientation: Any = (1.0, 0.0, 0.0, 0.0),
+    velocity: Any = (0.0, 0.0, 0.0),
+    spin: Any = (0.0, 0.0, 0.0),
+) -> BodyState:
+    """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
+
+    **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
+    """
+    numbers = BodyState(*(as_number(value) for value in (position, orientation, velocity, spin)))
+    for name in ("position", "velocity", "spin"):
+        require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
+    require_euler_parameters("orientation", numbers.orientation)
+    return numbers

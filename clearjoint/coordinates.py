@@ -1,0 +1,246 @@
+"""Coordinates: from what is integrated to the motion of each body, and back from accelerations.
+
+Everything else (forces, laws, joints) is written once for bodies. A coordinate system turns its
+variables into `Motion`s and solves the equations of motion projected onto itself.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
+from .joints.base import Row
+from .linear import Factorisation, LeastNorm
+from .rotations import euler_parameter_rates, rotation_matrix, turned
+from .scene import Scene
+from .vectors import ZERO, Matrix, Scalar, Vector, add
+
+Wrenches = dict[str, Wrench]
+Motions = dict[str, Motion]
+Solver = type[Factorisation] | type[LeastNorm]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Acceleration:
+    """Acceleration of a body: of its centre of mass (global), and of its spin (body axes)."""
+
+    linear: Vector
+    angular: Vector
+
+    def __add__(self, other: "Acceleration") -> "Acceleration":
+        return Acceleration(self.linear + other.linear, self.angular + other.angular)
+
+
+STILL = Acceleration(ZERO, ZERO)
+
+
+class AbstractCoordinates(eqx.Module):
+    """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form."""
+
+    @abc.abstractmethod
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Any:
+        """The variables of a state."""
+
+    @abc.abstractmethod
+    def decode(self, scene: Scene, variables: Any) -> dict[str, BodyState]:
+        """The state of the variables."""
+
+    @abc.abstractmethod
+    def motions(self, scene: Scene, variables: Any) -> Motions:
+        """Pose, twist and bias of each body, the ground included."""
+
+    @abc.abstractmethod
+    def free_accelerations(
+        self, scene: Scene, motions: Motions, wrenches: Wrenches
+    ) -> dict[str, Acceleration]:
+        """Accelerations of the bodies under the given wrenches, without further constraints."""
+
+    @abc.abstractmethod
+    def response(
+        self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
+        solver: Solver,
+    ) -> tuple[dict[str, Acceleration], list[Scalar]]:
+        """The change M^-1 J^T lambda of the accelerations with J times it equal to the targets.
+
+        Also returns lambda. The same map gives the projections: with velocities or displacements
+        for accelerations it is the correction of least kinetic energy.
+        """
+
+    @abc.abstractmethod
+    def rates(
+        self, scene: Scene, variables: Any, accelerations: dict[str, Acceleration]
+    ) -> Any:
+        """Time derivative of the variables."""
+
+    @abc.abstractmethod
+    def moved(self, variables: Any, displacements: dict[str, Acceleration]) -> Any:
+        """The variables after small displacements (m) and turns (rad, body axes)."""
+
+    @abc.abstractmethod
+    def kicked(self, variables: Any, changes: dict[str, Acceleration]) -> Any:
+        """The variables after changes of velocity (m/s) and spin (rad/s)."""
+
+
+class AbsoluteCoordinates(AbstractCoordinates):
+    """Centre of mass, Euler parameters, velocity and body spin of each body, as in the paper."""
+
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> dict[str, BodyState]:
+        """The bodies' states themselves."""
+        del scene
+        return bodies
+
+    def decode(self, scene: Scene, variables: dict[str, BodyState]) -> dict[str, BodyState]:
+        """The bodies' states themselves."""
+        del scene
+        return variables
+
+    def motions(self, scene: Scene, variables: dict[str, BodyState]) -> Motions:
+        """Motion of each body; no bias."""
+        del scene
+        motions = {
+            name: Motion(
+                body.position, rotation_matrix(body.orientation), body.velocity, body.spin, NO_WRENCH
+            )
+            for name, body in variables.items()
+        }
+        return {GROUND: GROUND_MOTION, **motions}
+
+    def free_accelerations(
+        self, scene: Scene, motions: Motions, wrenches: Wrenches
+    ) -> dict[str, Acceleration]:
+        """Newton and Euler for each body (eq. 29)."""
+        return {
+            name: InverseMass(body)(wrenches[name] + _gyroscopic(body, motions[name]))
+            for name, body in scene.bodies.items()
+        }
+
+    def response(
+        self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
+        solver: Solver,
+    ) -> tuple[dict[str, Acceleration], list[Scalar]]:
+        """Solves the KKT system (eqs 30 and 32) by its Schur complement J M^-1 J^T."""
+        del motions
+        inverse_masses = {name: InverseMass(body) for name, body in scene.bodies.items()}
+        weighted = [
+            {
+                name: inverse_masses[name](pair)
+                for name, pair in row.jacobian.items()
+                if name != GROUND
+            }
+            for row in rows
+        ]
+        schur = [
+            [along(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)
+        ]
+        multipliers = solver(schur).solve(targets)
+        still = dict.fromkeys(scene.bodies, STILL)
+        return _combined(still, weighted, multipliers), multipliers
+
+    def rates(
+        self, scene: Scene, variables: dict[str, BodyState],
+        accelerations: dict[str, Acceleration],
+    ) -> dict[str, BodyState]:
+        """Velocity, Euler parameter rates, and accelerations."""
+        del scene
+        return {
+            name: BodyState(
+                body.velocity, euler_parameter_rates(body.orientation, body.spin),
+                accelerations[name].linear, accelerations[name].angular,
+            )
+            for name, body in variables.items()
+        }
+
+
+    def moved(
+        self, variables: dict[str, BodyState], displacements: dict[str, Acceleration]
+    ) -> dict[str, BodyState]:
+        """Positions shifted and orientations turned."""
+        return {
+            name: BodyState(
+                body.position + displacements[name].linear,
+                turned(body.orientation, displacements[name].angular),
+                body.velocity, body.spin,
+            )
+            for name, body in variables.items()
+        }
+
+    def kicked(
+        self, variables: dict[str, BodyState], changes: dict[str, Acceleration]
+    ) -> dict[str, BodyState]:
+        """Velocities and spins changed."""
+        return {
+            name: BodyState(
+                body.position, body.orientation,
+                body.velocity + changes[name].linear, body.spin + changes[name].angular,
+            )
+            for name, body in variables.items()
+        }
+
+
+class InverseMass:
+    """Turns a wrench on a free body into its acceleration, without gyroscopic terms."""
+
+    def __init__(self, body: Body):
+        self._inverse = 1.0 / body.mass
+        self._tensor: Matrix | None = None
+        if isinstance(body.inertia, Matrix):
+            self._tensor = body.inertia.inverse()
+        else:
+            moments = body.inertia
+            self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
+
+    def __call__(self, wrench: Wrench) -> Acceleration:
+        if self._tensor is not None:
+            angular = self._tensor @ wrench.moment
+        else:
+            angular = wrench.moment.times(self._principal)
+        return Acceleration(wrench.force * self._inverse, angular)
+
+
+def angular_momentum(body: Body, spin: Vector) -> Vector:
+    """Inertia times spin, body axes, kg m^2/s."""
+    if isinstance(body.inertia, Matrix):
+        return body.inertia @ spin
+    return spin.times(body.inertia)
+
+
+def _gyroscopic(body: Body, motion: Motion) -> Wrench:
+    return Wrench(ZERO, angular_momentum(body, motion.spin).cross(motion.spin))
+
+
+def along(row: Row, accelerations: dict[str, Acceleration]) -> Scalar:
+    """The row's Jacobian times accelerations (or any other change of the twists)."""
+    total: Scalar = 0.0
+    for name, pair in row.jacobian.items():
+        if name in accelerations:
+            part = accelerations[name]
+            total = add(total, add(pair.force.dot(part.linear), pair.moment.dot(part.angular)))
+    return total
+
+
+def row_rate(row: Row, motions: Motions) -> Scalar:
+    """First derivative of a row's value."""
+    twists = {
+        name: Acceleration(motion.velocity, motion.spin)
+        for name, motion in motions.items()
+        if name != GROUND
+    }
+    return along(row, twists)
+
+
+def _combined(
+    start: dict[str, Acceleration],
+    weighted: list[dict[str, Acceleration]],
+    multipliers: list[Scalar],
+) -> dict[str, Acceleration]:
+    result = dict(start)
+    for parts, multiplier in zip(weighted, multipliers, strict=True):
+        for name, part in parts.items():
+            result[name] = result[name] + Acceleration(
+                part.linear * multiplier, part.angular * multiplier
+            )
+    return result

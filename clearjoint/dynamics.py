@@ -1,0 +1,266 @@
+"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+
+Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
+friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .bodies import GROUND, NO_WRENCH, Wrench
+from .contact import AbstractContactLaw
+from .coordinates import (
+    AbsoluteCoordinates,
+    AbstractCoordinates,
+    Acceleration,
+    Motions,
+    Wrenches,
+    along,
+    angular_momentum,
+    row_rate,
+)
+from .fields import quantity, require_positive
+from .joints.base import Contact, Row
+from .linear import Factorisation, LeastNorm
+from .scene import Scene
+from .vectors import Scalar, Vector, add
+
+Memory = dict[str, dict[str, Scalar]]
+
+
+class AbstractStabilisation(eqx.Module):
+    """What keeps the constraints satisfied in spite of integration error."""
+
+    @abc.abstractmethod
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """The second derivative that a constraint of given value and rate shall have."""
+
+
+class Unstabilised(AbstractStabilisation):
+    """No stabilisation: the constraints drift with the integration error."""
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Zero."""
+        del value, rate
+        return 0.0
+
+
+class Baumgarte(AbstractStabilisation):
+    """Feedback -2 alpha rate - beta^2 value (eq. 32; J. Baumgarte 1972).
+
+    The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
+    """
+
+    alpha: Any = quantity("1/s", default=5.0)
+    beta: Any = quantity("1/s", default=5.0)
+
+    def __check_init__(self):
+        require_positive("alpha", self.alpha, "give a rate in 1/s", zero=True)
+        require_positive("beta", self.beta, "give a rate in 1/s", zero=True)
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """-2 alpha rate - beta^2 value."""
+        return -2.0 * self.alpha * rate - self.beta**2 * value
+
+
+class Projection(AbstractStabilisation):
+    """Positions and velocities are projected onto the constraints after each accepted step."""
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Zero."""
+        del value, rate
+        return 0.0
+
+
+class Formulation(eqx.Module):
+    """How the equations of motion are set up; the choices that are not the scene's.
+
+    - `redundant`: whether constraints depend on each other, so that multipliers of least norm are
+      sought. `clearjoint.redundancy` finds out.
+    - `ledger`: whether the dissipated energies are integrated with the state.
+    """
+
+    coordinates: AbstractCoordinates = eqx.field(default_factory=AbsoluteCoordinates)
+    stabilisation: AbstractStabilisation = eqx.field(default_factory=Baumgarte)
+    redundant: bool = eqx.field(default=False, static=True)
+    ledger: bool = eqx.field(default=False, static=True)
+
+    def solver(self) -> type[Factorisation] | type[LeastNorm]:
+        """The solver for the multipliers."""
+        return LeastNorm if self.redundant else Factorisation
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class ContactForce:
+    """A contact with the forces that it transmits: normal force N, friction vector or ``None``."""
+
+    contact: Contact
+    normal_force: Scalar
+    elastic_force: Scalar
+    friction: Vector | None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Dynamics:
+    """All that the equations of motion say at one instant."""
+
+    motions: Motions
+    contact_forces: dict[str, dict[str, ContactForce]]
+    rows: dict[str, dict[str, Row]]
+    accelerations: dict[str, Acceleration]
+    multipliers: dict[str, dict[str, Scalar]]
+
+
+def contact_force(
+    law: AbstractContactLaw, contact: Contact, entry_speed: Scalar | None
+) -> tuple[Scalar, Scalar]:
+    """Normal and elastic force of a contact, N. Without an entry speed on record (memory zero) the
+    present rate stands for it, which it is at the onset."""
+    if law.has_memory:
+        entry_speed = jnp.where(entry_speed > 0.0, entry_speed, contact.gap.rate)
+    return law.force(contact.gap, entry_speed), law.elastic_force(contact.gap)
+
+
+def contact_forces(
+    scene: Scene, motions: Motions, memory: Memory
+) -> dict[str, dict[str, ContactForce]]:
+    """Forces of all contacts, by joint and contact."""
+    forces: dict[str, dict[str, ContactForce]] = {}
+    for name, joint in scene.contact_joints().items():
+        laws, contacts = joint.laws(), joint.contacts(motions)
+        forces[name] = {}
+        for label, contact in contacts.items():
+            entry_speed = memory[name][label] if laws[label].has_memory else None
+            normal, elastic = contact_force(laws[label], contact, entry_speed)
+            friction = joint.friction_force(label, contact, normal)
+            forces[name][label] = ContactForce(contact, normal, elastic, friction)
+    return forces
+
+
+def _applied_wrenches(
+    scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
+) -> Wrenches:
+    wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
+
+    def apply(name: str, wrench: Any) -> None:
+        wrenches[name] = wrenches[name] + wrench
+
+    if scene.gravity is not None:
+        for name, body in scene.bodies.items():
+            apply(name, Wrench(scene.gravity * body.mass, NO_WRENCH.moment))
+    for element in scene.forces.values():
+        for name, wrench in element.wrenches(motions, t).items():
+            if name != GROUND:
+                apply(name, wrench)
+    for joint_name, joint in scene.contact_joints().items():
+        first, second = joint.pair()
+        for force in forces[joint_name].values():
+            push = -(force.contact.normal * force.normal_force)
+            if force.friction is not None:
+                push = push + force.friction
+            if second != GROUND:
+                apply(second, motions[second].wrench(push, force.contact.point_second))
+            if first != GROUND:
+                apply(first, motions[first].wrench(-push, force.contact.point_first))
+    return wrenches
+
+
+def constraint_rows(scene: Scene, motions: Motions, t: Scalar) -> dict[str, dict[str, Row]]:
+    """The constraint equations by joint and label; joints without any are left out."""
+    rows = {name: joint.rows(motions, t) for name, joint in scene.joints.items()}
+    return {name: family for name, family in rows.items() if family}
+
+
+def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
+    """The rows in the order of their multipliers."""
+    return [row for family in rows.values() for row in family.values()]
+
+
+def evaluate(
+    scene: Scene, formulation: Formulation, variables: Any, memory: Memory, t: Scalar
+) -> Dynamics:
+    """Solve the equations of motion at one instant."""
+    motions = formulation.coordinates.motions(scene, variables)
+    forces = contact_forces(scene, motions, memory)
+    wrenches = _applied_wrenches(scene, motions, forces, t)
+    rows = constraint_rows(scene, motions, t)
+    accelerations = formulation.coordinates.free_accelerations(scene, motions, wrenches)
+    multipliers: dict[str, dict[str, Scalar]] = {}
+    if rows:
+        targets = [
+            formulation.stabilisation.target(row.value, row_rate(row, motions))
+            - row.bias - along(row, accelerations)
+            for row in flattened(rows)
+        ]
+        change, solved = formulation.coordinates.response(
+            scene, motions, flattened(rows), targets, formulation.solver()
+        )
+        accelerations = {name: part + change[name] for name, part in accelerations.items()}
+        remaining = iter(solved)
+        multipliers = {
+            name: {label: next(remaining) for label in family} for name, family in rows.items()
+        }
+    return Dynamics(motions, forces, rows, accelerations, multipliers)
+
+
+def state_rates(
+    scene: Scene, formulation: Formulation, variables: Any, memory: Memory, t: Scalar
+) -> tuple[Any, dict[str, Scalar]]:
+    """Time derivatives of the variables and of the ledger's integrals."""
+    dynamics = evaluate(scene, formulation, variables, memory, t)
+    rates = formulation.coordinates.rates(scene, variables, dynamics.accelerations)
+    powers = ledger_powers(scene, dynamics, t) if formulation.ledger else {}
+    return rates, powers
+
+
+def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
+    """Powers of the energy ledger in W, dissipated ones positive; only those the scene can have."""
+    powers: dict[str, Scalar] = {}
+
+    def book(name: str, power: Scalar) -> None:
+        powers[name] = add(powers.get(name, 0.0), power)
+
+    for family in dynamics.contact_forces.values():
+        for force in family.values():
+            rate = force.contact.gap.rate
+            book("normal damping", (force.normal_force - force.elastic_force) * rate)
+            if force.friction is not None and force.contact.slip is not None:
+                book("friction", -force.friction.dot(force.contact.slip))
+    for element in scene.forces.values():
+        book("supplied", element.supplied_power(dynamics.motions, t))
+    for name, family in dynamics.rows.items():
+        for label, row in family.items():
+            rate = row_rate(row, dynamics.motions)
+            book("stabilisation", -dynamics.multipliers[name][label] * rate)
+    return powers
+
+
+def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
+    """Kinetic, gravitational and elastic energies in J; those absent from the scene are left out."""
+    energies: dict[str, Scalar] = {"kinetic": 0.0}
+    for name, body in scene.bodies.items():
+        motion = motions[name]
+        linear = body.mass * motion.velocity.dot(motion.velocity)
+        angular = motion.spin.dot(angular_momentum(body, motion.spin))
+        energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+    if scene.gravity is not None:
+        energies["gravity"] = 0.0
+        for name, body in scene.bodies.items():
+            height = scene.gravity.dot(motions[name].position)
+            energies["gravity"] = energies["gravity"] - body.mass * height
+    if scene.forces:
+        stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
+        energies["springs"] = sum(stored[1:], stored[0])
+    for joint in scene.contact_joints().values():
+        laws = joint.laws()
+        for label, contact in joint.contacts(motions).items():
+            stored_energy = laws[label].stored_energy(contact.gap)
+            energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
+    return energies

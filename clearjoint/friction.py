@@ -1,0 +1,69 @@
+"""Friction laws: the coefficient that turns a normal force into a tangential one."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .fields import concrete, quantity, require, require_positive
+from .smoothing import norm_and_direction
+from .vectors import Scalar, Vector
+
+
+class AbstractFriction(eqx.Module):
+    """Tangential force against the slip, as a multiple of the normal force.
+
+    A subclass gives the ratio of friction to normal force as a function of the slip speed; it must
+    vanish with the speed, which makes the force and its derivatives finite at zero slip.
+    """
+
+    @abc.abstractmethod
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Friction over normal force at a slip speed in m/s."""
+
+    def force(self, normal_force: Scalar, slip: Vector) -> Vector:
+        """Tangential force in N on the body whose slip velocity (m/s) is given."""
+        speed, direction = norm_and_direction(slip)
+        return direction * (-normal_force * self.ratio(speed))
+
+
+class RegularisedCoulomb(AbstractFriction):
+    """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load."""
+
+    coefficient: Any = quantity("1")
+    regularisation_speed: Any = quantity("m/s", default=1e-3)
+
+    def __check_init__(self):
+        require_positive("coefficient", self.coefficient, "give mu", zero=True)
+        require_positive("regularisation_speed", self.regularisation_speed, "give v_d in m/s")
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu tanh(v/v_d)."""
+        return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
+
+
+class Ambrosio(AbstractFriction):
+    """mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
+
+    **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
+    """
+
+    coefficient: Any = quantity("1")
+    lower_speed: Any = quantity("m/s", default=1e-4)
+    upper_speed: Any = quantity("m/s", default=1e-3)
+
+    def __check_init__(self):
+        require_positive("coefficient", self.coefficient, "give mu", zero=True)
+        require_positive("lower_speed", self.lower_speed, "give v0 in m/s", zero=True)
+        lower, upper = concrete(self.lower_speed), concrete(self.upper_speed)
+        if lower is not None and upper is not None:
+            require(
+                bool(upper > lower), "upper_speed", float(upper),
+                f"above lower_speed = {float(lower)}", "give v1 > v0 in m/s",
+            )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu c_d(v)."""
+        rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
+        return self.coefficient * jnp.clip(rise, 0.0, 1.0)

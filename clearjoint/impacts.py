@@ -1,0 +1,179 @@
+"""Impact onsets: the step that lands on them, and the memory of the entry speed.
+
+A contact exists where its penetration, measured from where the force begins, is positive. A step
+that begins in flight and ends deeper than the landing tolerance is rejected and tried again to the
+root of the gap's Hermite interpolant; likewise one that leaves a contact. The memory is then set
+by one Newton step back to the instant where the gap is zero, so that value and derivative are those
+of the event.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .contact import UNKNOWN_ENTRY_SPEED
+from .coordinates import Motions
+from .dynamics import Formulation, Memory
+from .scene import Scene
+from .vectors import Scalar
+
+NEWTON_STEPS = 4
+_ULP = 2.3e-16
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Penetration of a contact from where its force begins, m, and its rate, m/s."""
+
+    depth: Scalar
+    rate: Scalar
+
+
+Reaches = dict[str, dict[str, Reach]]
+
+
+def reaches(scene: Scene, motions: Motions) -> Reaches:
+    """Depth and rate of each contact, by joint and contact."""
+    result: Reaches = {}
+    for name, joint in scene.contact_joints().items():
+        laws = joint.laws()
+        result[name] = {
+            label: Reach(contact.gap.depth + laws[label].reach(), contact.gap.rate)
+            for label, contact in joint.contacts(motions).items()
+        }
+    return result
+
+
+def has_memory(scene: Scene) -> bool:
+    """Whether any law of the scene keeps an impact memory."""
+    return any(law.has_memory for family in scene.laws().values() for law in family.values())
+
+
+def initial_memory(scene: Scene, found: Reaches) -> Memory:
+    """Zero in flight. A contact present at the start counts as elastic: its impact is unknown."""
+    return _for_each_memory(
+        scene, lambda name, label: jnp.where(
+            found[name][label].depth > 0.0, UNKNOWN_ENTRY_SPEED, 0.0
+        )
+    )
+
+
+def _for_each_memory(scene: Scene, make: Any) -> Memory:
+    memory = {}
+    for name, family in scene.laws().items():
+        labels = [label for label, law in family.items() if law.has_memory]
+        if labels:
+            memory[name] = {label: make(name, label) for label in labels}
+    return memory
+
+
+class Landing(eqx.Module):
+    """Landing on the instants where contacts begin and end.
+
+    **Arguments:** `tolerance`: m, the depth within which a step must land.
+    """
+
+    tolerance: Any
+
+    def retry(
+        self, before: Reaches, after: Reaches, t0: Scalar, t1: Scalar
+    ) -> tuple[Scalar, Scalar]:
+        """Whether the step passes an event beyond the tolerance, and the time to end at instead."""
+        h = t1 - t0
+        resolution = 4.0 * _ULP * jnp.maximum(jnp.abs(t1), h)
+        fraction: Scalar = 1.0
+        for name, family in before.items():
+            for label, start in family.items():
+                crossing = self._crossing(start, after[name][label], h)
+                fraction = jnp.minimum(fraction, crossing)
+        landing = t0 + jnp.maximum(fraction * h, resolution)
+        return (fraction < 1.0) & (landing < t1 - resolution), landing
+
+    def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:
+        """Fraction of the step at which the gap changes sign; 1 where it need not land."""
+        enters = (start.depth <= 0.0) & (end.depth > self.tolerance)
+        leaves = (start.depth > 0.0) & (end.depth < -self.tolerance)
+        return jnp.where(enters | leaves, hermite_root(start, end, h), 1.0)
+
+
+def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Cubic Hermite interpolant of the depth at the fraction x of a step of length h."""
+    y = 1.0 - x
+    left = y * y * ((1.0 + 2.0 * x) * start.depth + x * h * start.rate)
+    right = x * x * ((1.0 + 2.0 * y) * end.depth - y * h * end.rate)
+    return left + right
+
+
+def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Fraction of the step at which the interpolated depth, of opposite signs at its ends, is zero.
+
+    A few Newton steps kept inside a shrinking bracket; landing repeats until the depth is within
+    the tolerance, so the root need not be exact.
+    """
+    lower, upper = jnp.zeros_like(end.depth), jnp.ones_like(end.depth)
+    x = start.depth / (start.depth - end.depth)
+    sign = jnp.where(end.depth > 0.0, 1.0, -1.0)
+    for _ in range(NEWTON_STEPS):
+        value = hermite_value(x, start, end, h)
+        past = sign * value > 0.0
+        lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
+        y = 1.0 - x
+        slope = (
+            6.0 * x * y * (end.depth - start.depth)
+            + h * (y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate)
+        )
+        newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
+        inside = (newton > lower) & (newton < upper)
+        x = jnp.where(inside, newton, 0.5 * (lower + upper))
+    return x
+
+
+def begins(before: Reaches, after: Reaches) -> Scalar:
+    """Whether any contact begins between two instants."""
+    found: Scalar = jnp.asarray(False)
+    for name, family in before.items():
+        for label, start in family.items():
+            found = found | ((start.depth <= 0.0) & (after[name][label].depth > 0.0))
+    return found
+
+
+def updated_memory(
+    scene: Scene, memory: Memory, before: Reaches, after: Reaches, second_rates: Any
+) -> Memory:
+    """Memory after an accepted step: set where a contact began, cleared where it ended.
+
+    `second_rates[joint][contact]` are the second derivatives of the depths at the end of the step,
+    m/s^2. The entry speed is the rate less what one Newton step back to zero depth takes off.
+    """
+
+    def update(name: str, label: str) -> Scalar:
+        end = after[name][label]
+        began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
+        usable = end.rate > 1e-12
+        back = end.depth / jnp.where(usable, end.rate, 1.0)
+        entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
+        entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, 1e-12))
+        return jnp.where(
+            end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0
+        )
+
+    return _for_each_memory(scene, update)
+
+
+def second_rates(
+    scene: Scene, formulation: Formulation, variables: Any, variable_rates: Any
+) -> Any:
+    """Second time derivatives of the contacts' depths along given rates of the variables, m/s^2."""
+
+    def rates(variables: Any) -> Any:
+        motions = formulation.coordinates.motions(scene, variables)
+        return jax.tree.map(
+            lambda reach: reach.rate, reaches(scene, motions),
+            is_leaf=lambda node: isinstance(node, Reach),
+        )
+
+    return jax.jvp(rates, (variables,), (variable_rates,))[1]

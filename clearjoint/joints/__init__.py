@@ -1,0 +1,1 @@
+"""Everything that connects bodies: ideal joints, clearance joints, springs and loads."""

@@ -1,0 +1,122 @@
+"""What an element of a scene may do: constrain, push, and touch.
+
+A third party subclasses `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; nothing is
+registered. All methods work on the scalar form of `clearjoint.vectors`.
+"""
+
+import abc
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from ..bodies import Motion, Wrench
+from ..contact import AbstractContactLaw, Gap
+from ..vectors import Scalar, Vector
+
+Motions = Mapping[str, Motion]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One scalar constraint at a configuration.
+
+    `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
+    moment . spin (so that the reaction on the body is this pair times the multiplier); `bias` is
+    what is left of Phi's second derivative when all accelerations vanish.
+    """
+
+    value: Scalar
+    jacobian: dict[str, Wrench]
+    bias: Scalar
+
+
+class AbstractElement(eqx.Module):
+    """Anything in a scene that names bodies."""
+
+    @abc.abstractmethod
+    def body_names(self) -> tuple[str, ...]:
+        """Names of the bodies it acts on, the ground included."""
+
+
+class AbstractConstraint(AbstractElement):
+    """An ideal joint: constraint equations Phi = 0 (eq. 27) that the multipliers enforce."""
+
+    @abc.abstractmethod
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The constraint equations by name, independent of each other."""
+
+
+class AbstractForce(AbstractElement):
+    """A force element without contact."""
+
+    @abc.abstractmethod
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Wrench on each body by name; the ground's is never used."""
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Potential energy in J; 0 unless the element stores some."""
+        del motions, t
+        return 0.0
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Power in W that enters the system beside the change of the stored energy.
+
+        The default, all the power of the wrenches, is right for an element that stores nothing.
+        """
+        power: Scalar = 0.0
+        for name, wrench in self.wrenches(motions, t).items():
+            power = power + motions[name].power(wrench)
+        return power
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Geometry of one possible contact between two surfaces.
+
+    `normal` points from the first body's surface into the second body's way out: the normal force
+    on the second body is -F normal, on the first +F normal. `point_first` and `point_second` are
+    the contact points on the two surfaces, global, m. `slip` is the tangential velocity of the
+    second body relative to the first, or ``None`` without friction.
+    """
+
+    gap: Gap
+    normal: Vector
+    point_first: Vector
+    point_second: Vector
+    slip: Vector | None
+
+
+class AbstractContactJoint(AbstractElement):
+    """A joint of unilateral contacts, each with a normal law that may remember its impact."""
+
+    @abc.abstractmethod
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """The law of each contact by name."""
+
+    @abc.abstractmethod
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """The geometry of each contact by name."""
+
+    @abc.abstractmethod
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Friction on the second body in N, or ``None`` where there is none."""
+
+    @abc.abstractmethod
+    def pair(self) -> tuple[str, str]:
+        """Names of the first and the second body."""
+
+    def body_names(self) -> tuple[str, ...]:
+        """The two bodies."""
+        return self.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Constraint equations that the joint adds to its contacts; none by default."""
+        del motions, t
+        return {}
+
+

@@ -1,0 +1,199 @@
+"""The spatial revolute joint with clearance (eqs 1-23).
+
+The bearing belongs to the first body, the journal to the second. Both bases V and W of the journal
+are checked against the bearing's wall, each with the full law. The tilt between journal and bearing
+is small, so that the bases' circles are taken in the bearing's cross-section (as in the paper);
+contact of an edge along the wall is not modelled.
+"""
+
+from typing import Any
+
+import equinox as eqx
+
+from ..bodies import Motion
+from ..contact import AbstractContactLaw, Gap, slip_velocity
+from ..fields import (
+    as_number,
+    concrete,
+    quantity,
+    require,
+    require_axis,
+    require_point,
+    require_positive,
+)
+from ..friction import AbstractFriction
+from ..rotations import unit
+from ..smoothing import norm_and_direction
+from ..vectors import Scalar, Vector
+from .axial import AbstractAxialPolicy, EndPlay, FixedAxially, FreeAxially
+from .base import AbstractContactJoint, Contact, Motions, Row
+from .ideal import require_distinct
+from .primitives import point_in_plane
+
+BASES = ("V", "W")
+SHOULDERS = ("lower shoulder", "upper shoulder")
+
+
+class ClearanceJoint(AbstractContactJoint):
+    """A journal inside a slightly larger bearing.
+
+    **Arguments:**
+
+    - `bearing_body`, `journal_body`: names; one may be the ground.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in body axes.
+    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in body axes. Base V
+      lies half a length against the axis, base W half a length along it.
+    - `bearing_radius`: m; and either `journal_radius` or radial `clearance`, m, both positive. The
+      clearance is what is stored, since it is small and swept.
+    - `journal_length`: m, distance between the bases.
+    - `law`: the normal law at each base.
+    - `friction`: an `AbstractFriction`, or ``None``.
+    - `axial`: `FreeAxially()`, `EndPlay(...)` or `FixedAxially()`.
+
+    **Raises:** `ValueError` for a journal that is not smaller than the bearing, axes of no length,
+    or other values that no joint can have.
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    bearing_point: Any = quantity("m")
+    bearing_axis: Any = quantity("1")
+    journal_point: Any = quantity("m")
+    journal_axis: Any = quantity("1")
+    bearing_radius: Any = quantity("m")
+    clearance: Any = quantity("m")
+    journal_length: Any = quantity("m")
+    law: AbstractContactLaw
+    friction: AbstractFriction | None
+    axial: AbstractAxialPolicy
+
+    def __init__(
+        self,
+        bearing_body: str,
+        journal_body: str,
+        *,
+        bearing_point: Any = (0.0, 0.0, 0.0),
+        bearing_axis: Any = (0.0, 0.0, 1.0),
+        journal_point: Any = (0.0, 0.0, 0.0),
+        journal_axis: Any = (0.0, 0.0, 1.0),
+        bearing_radius: Any,
+        journal_radius: Any = None,
+        clearance: Any = None,
+        journal_length: Any,
+        law: AbstractContactLaw,
+        friction: AbstractFriction | None = None,
+        axial: AbstractAxialPolicy | None = None,
+    ):
+        require(
+            (journal_radius is None) != (clearance is None), "clearance", clearance,
+            "given if and only if `journal_radius` is not", "pass one of the two, in m",
+        )
+        if clearance is None:
+            clearance = as_number(bearing_radius) - as_number(journal_radius)
+            number = concrete(clearance)
+            if number is not None and number.shape == ():
+                require(
+                    not number <= 0.0, "journal_radius", journal_radius,
+                    f"smaller than the bearing's {float(bearing_radius)} m",
+                    "swap the radii, or use an ideal RevoluteJoint for no clearance",
+                )
+        self.bearing_body, self.journal_body = bearing_body, journal_body
+        self.bearing_point, self.bearing_axis = as_number(bearing_point), as_number(bearing_axis)
+        self.journal_point, self.journal_axis = as_number(journal_point), as_number(journal_axis)
+        self.bearing_radius, self.clearance = as_number(bearing_radius), as_number(clearance)
+        self.journal_length = as_number(journal_length)
+        self.law, self.friction = law, friction
+        self.axial = FreeAxially() if axial is None else axial
+
+    def __check_init__(self):
+        require_distinct(self.bearing_body, self.journal_body)
+        for name in ("bearing_point", "journal_point"):
+            require_point(name, getattr(self, name))
+        for name in ("bearing_axis", "journal_axis"):
+            require_axis(name, getattr(self, name))
+        require_positive("bearing_radius", self.bearing_radius, "give it in m")
+        require_positive("clearance", self.clearance, "give the radial clearance in m")
+        require_positive("journal_length", self.journal_length, "give it in m")
+        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
+        if radius is not None and clearance is not None:
+            require(
+                bool(clearance < radius), "clearance", float(clearance),
+                f"smaller than the bearing's radius {float(radius)} m", "check the units (m)",
+            )
+        for name, kind in (("law", AbstractContactLaw), ("axial", AbstractAxialPolicy)):
+            require(
+                isinstance(getattr(self, name), kind), name, getattr(self, name),
+                f"an {kind.__name__}", f"subclass {kind.__name__} or pass one of clearjoint's",
+            )
+
+    @property
+    def journal_radius(self) -> Any:
+        """Bearing radius less clearance, m."""
+        return self.bearing_radius - self.clearance
+
+    def pair(self) -> tuple[str, str]:
+        """The bearing's body and the journal's."""
+        return self.bearing_body, self.journal_body
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """The law of each base, and of each shoulder where there is end play."""
+        laws = dict.fromkeys(BASES, self.law)
+        if isinstance(self.axial, EndPlay):
+            laws |= dict.fromkeys(SHOULDERS, self.axial.law)
+        return laws
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Contact geometry at both bases, and at both shoulders where there is end play."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        centre = bearing.point(self.bearing_point)
+        axis = bearing.direction(unit(self.bearing_axis))
+        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        contacts = {}
+        for sign, base, shoulder in zip((-1.0, 1.0), BASES, SHOULDERS, strict=True):
+            point = journal.point(self.journal_point + half * sign)
+            relative = journal.velocity_at(point) - bearing.velocity_at(point)
+            offset = point - centre
+            along = offset.dot(axis)
+            contacts[base] = self._radial(bearing, journal, point, offset - axis * along, relative)
+            if isinstance(self.axial, EndPlay):
+                outward = axis * sign
+                reach = sign * along - 0.5 * self.journal_length
+                gap = self.axial.gap(reach, relative.dot(outward))
+                contacts[shoulder] = Contact(gap, outward, point, point, None)
+        return contacts
+
+    def _radial(
+        self, bearing: Motion, journal: Motion, base: Vector, offset: Vector, relative: Vector
+    ) -> Contact:
+        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
+        eccentricity, normal = norm_and_direction(offset)
+        rate = relative.dot(normal)
+        gap = Gap(
+            eccentricity - self.clearance, rate, self.bearing_radius, self.journal_radius
+        )
+        on_bearing = base - offset + normal * self.bearing_radius
+        on_journal = base + normal * self.journal_radius
+        slip = None
+        if self.friction is not None:
+            sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
+            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+        return Contact(gap, normal, on_bearing, on_journal, slip)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Friction on the journal at a base, N."""
+        del name
+        if self.friction is None or contact.slip is None:
+            return None
+        return self.friction.force(normal_force, contact.slip)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The axial constraint of `FixedAxially`; else none."""
+        del t
+        if not isinstance(self.axial, FixedAxially):
+            return {}
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axis = unit(self.bearing_axis)
+        row = point_in_plane(
+            self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
+        )
+        return {"axial": row}

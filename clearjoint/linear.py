@@ -1,0 +1,93 @@
+"""Solution of small symmetric systems, unrolled into scalar arithmetic."""
+
+from collections.abc import Sequence
+
+from .vectors import Scalar, add, multiply, subtract
+
+Rows = Sequence[Sequence[Scalar]]
+
+
+class Factorisation:
+    """L D L^T of a symmetric positive definite matrix given by its lower triangle.
+
+    Entries that are Python zeros are structural and cost nothing, fill-in excepted, so a sparse
+    matrix is factorised sparsely.
+    """
+
+    def __init__(self, matrix: Rows):
+        n = len(matrix)
+        self._lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        self._inverse_diagonal: list[Scalar] = []
+        diagonal: list[Scalar] = []
+        for j in range(n):
+            scaled = [multiply(self._lower[j][k], diagonal[k]) for k in range(j)]
+            pivot = self._reduced(matrix[j][j], self._lower[j], scaled)
+            diagonal.append(pivot)
+            self._inverse_diagonal.append(1.0 / pivot)
+            for i in range(j + 1, n):
+                entry = self._reduced(matrix[i][j], self._lower[i], scaled)
+                self._lower[i][j] = multiply(entry, self._inverse_diagonal[j])
+
+    @staticmethod
+    def _reduced(start: Scalar, first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
+        for a, b in zip(first, second, strict=False):
+            start = subtract(start, multiply(a, b))
+        return start
+
+    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
+        """The x with matrix x = right."""
+        n = len(right)
+        z: list[Scalar] = []
+        for i in range(n):
+            z.append(self._reduced(right[i], self._lower[i], z))
+        x = [multiply(z[i], self._inverse_diagonal[i]) for i in range(n)]
+        for i in reversed(range(n)):
+            column = [self._lower[k][i] for k in range(i + 1, n)]
+            x[i] = self._reduced(x[i], column, x[i + 1 :])
+        return x
+
+
+def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
+    """The product of a symmetric matrix, given by its lower triangle, with a vector."""
+    n = len(vector)
+    result: list[Scalar] = [0.0] * n
+    for i in range(n):
+        for j in range(n):
+            entry = matrix[i][j] if j <= i else matrix[j][i]
+            result[i] = add(result[i], multiply(entry, vector[j]))
+    return result
+
+
+class LeastNorm:
+    """Solution of least norm of a singular but consistent system.
+
+    The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
+    converges to the solution of least norm by a factor eps/(eps + sigma) a sweep (E. Bayo, A.
+    Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
+    decomposition it compiles to scalar arithmetic, and it can be differentiated where
+    eigenvalues coincide.
+    """
+
+    relative_shift = 1e-9
+    sweeps = 3
+
+    def __init__(self, matrix: Rows):
+        n = len(matrix)
+        trace: Scalar = 0.0
+        for i in range(n):
+            trace = add(trace, matrix[i][i])
+        shift = trace * (self.relative_shift / n)
+        self._matrix = matrix
+        shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(n)]
+        self._factorisation = Factorisation(shifted)
+
+    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
+        """The x of least norm with matrix x = right."""
+        x = self._factorisation.solve(right)
+        for _ in range(self.sweeps - 1):
+            image = product(self._matrix, x)
+            correction = self._factorisation.solve(
+                [subtract(b, s) for b, s in zip(right, image, strict=True)]
+            )
+            x = [add(a, d) for a, d in zip(x, correction, strict=True)]
+        return x

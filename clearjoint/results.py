@@ -1,0 +1,27 @@
+"""How a run ended."""
+
+import equinox as eqx
+
+
+class RESULTS(eqx.Enumeration):
+    """Result codes; `RESULTS[code]` is the message."""
+
+    successful = ""
+    max_steps_reached = (
+        "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances, "
+        "or continue from the state reached."
+    )
+    step_too_small = (
+        "The step size fell to the resolution of the time. The motion may be singular there, or "
+        "the tolerances tighter than double precision allows."
+    )
+    non_finite = (
+        "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."
+    )
+    solver_failed = (
+        "The solver or controller gave up on a step, for example because an implicit solve did "
+        "not converge."
+    )
+    invalid_value = (
+        "A parameter has a value that no mechanism can have, such as NaN or a negative mass."
+    )

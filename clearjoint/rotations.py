@@ -1,0 +1,72 @@
+"""Euler parameters, rotation matrices and frames about an axis."""
+
+import jax.numpy as jnp
+
+from .vectors import EulerParameters, Matrix, Scalar, Vector
+
+
+def squared_norm(p: EulerParameters) -> Scalar:
+    """Sum of the squared Euler parameters; 1 for a rotation."""
+    return p.e0 * p.e0 + p.e1 * p.e1 + p.e2 * p.e2 + p.e3 * p.e3
+
+
+def rotation_matrix(p: EulerParameters) -> Matrix:
+    """The matrix A that turns body components into global ones.
+
+    Dividing by the squared norm keeps A orthogonal when rounding or integration error lets the
+    norm drift, so that no constraint on the norm is needed.
+    """
+    s = 2.0 / squared_norm(p)
+    xs, ys, zs = p.e1 * s, p.e2 * s, p.e3 * s
+    wx, wy, wz = p.e0 * xs, p.e0 * ys, p.e0 * zs
+    xx, xy, xz = p.e1 * xs, p.e1 * ys, p.e1 * zs
+    yy, yz, zz = p.e2 * ys, p.e2 * zs, p.e3 * zs
+    return Matrix(
+        Vector(1.0 - (yy + zz), xy - wz, xz + wy),
+        Vector(xy + wz, 1.0 - (xx + zz), yz - wx),
+        Vector(xz - wy, yz + wx, 1.0 - (xx + yy)),
+    )
+
+
+def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
+    """Time derivative of the Euler parameters for an angular velocity in body axes, rad/s."""
+    a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
+    return EulerParameters(
+        -(p.e1 * a + p.e2 * b + p.e3 * c),
+        p.e0 * a - p.e3 * b + p.e2 * c,
+        p.e3 * a + p.e0 * b - p.e1 * c,
+        p.e1 * b - p.e2 * a + p.e0 * c,
+    )
+
+
+def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
+    """Euler parameters after a small turn (rotation vector in body axes, rad), of unit norm."""
+    rate = euler_parameter_rates(p, angle)
+    q = EulerParameters(p.e0 + rate.e0, p.e1 + rate.e1, p.e2 + rate.e2, p.e3 + rate.e3)
+    return normalised(q)
+
+
+def normalised(p: EulerParameters) -> EulerParameters:
+    """Euler parameters scaled to unit norm."""
+    scale = 1.0 / jnp.sqrt(squared_norm(p))
+    return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
+
+
+def unit(vector: Vector) -> Vector:
+    """A vector of length one; the argument must not vanish."""
+    return vector * (1.0 / jnp.sqrt(vector.dot(vector)))
+
+
+def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
+    """Two unit vectors that complete a unit axis to a right-handed frame.
+
+    Replaces equations (2)-(3), whose cross products are not normalised and vanish for an axis
+    antiparallel to the body's zeta axis. Regular for every axis (T. Duff et al., Building an
+    orthonormal basis, revisited, 2017); the frame of the zeta axis is the body's own.
+    """
+    sign = jnp.where(axis.z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + axis.z)
+    b = axis.x * axis.y * a
+    first = Vector(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x)
+    second = Vector(b, sign + axis.y * axis.y * a, -axis.y)
+    return first, second

@@ -1,0 +1,90 @@
+"""The scene: bodies, joints, forces and gravity, by name."""
+
+from typing import Any
+
+import equinox as eqx
+
+from .bodies import GROUND, Body
+from .contact import AbstractContactLaw
+from .fields import optional_quantity, require, require_shape
+from .joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
+
+
+class Scene(eqx.Module):
+    """A mechanism: a PyTree whose numbers may change without compiling anew.
+
+    **Arguments:**
+
+    - `bodies`: `Body` by name. The name "ground" is taken by the fixed body.
+    - `joints`: ideal joints and clearance joints by name.
+    - `forces`: springs, dampers and loads by name.
+    - `gravity`: (3,) m/s^2, or ``None``.
+
+    **Raises:** `ValueError` for an element of the wrong kind or one that names an unknown body.
+    """
+
+    bodies: dict[str, Body]
+    joints: dict[str, AbstractConstraint | AbstractContactJoint] = eqx.field(default_factory=dict)
+    forces: dict[str, AbstractForce] = eqx.field(default_factory=dict)
+    gravity: Any = optional_quantity("m/s^2")
+
+    def __check_init__(self):
+        require(
+            isinstance(self.bodies, dict) and len(self.bodies) > 0, "bodies", self.bodies,
+            "a dictionary with at least one body", "pass {name: Body(...)}",
+        )
+        require(
+            GROUND not in self.bodies, "bodies", GROUND, "without the name of the fixed body",
+            "rename the body",
+        )
+        _check_kinds("bodies", self.bodies, Body)
+        _check_kinds("joints", self.joints, (AbstractConstraint, AbstractContactJoint))
+        _check_kinds("forces", self.forces, AbstractForce)
+        for family in ("joints", "forces"):
+            for name, element in getattr(self, family).items():
+                self._check_names(f"{family}[{name!r}]", element)
+        shared = sorted(set(self.joints) & set(self.forces))
+        require(not shared, "forces", shared, "of other names than the joints", "rename them")
+        if self.gravity is not None:
+            require_shape("gravity", self.gravity, (3,), "pass three components in m/s^2")
+
+    def _check_names(self, argument: str, element: AbstractElement) -> None:
+        known = {GROUND, *self.bodies}
+        for name in element.body_names():
+            require(
+                name in known, argument, name, f"between known bodies {sorted(known)}",
+                "correct the name, or add the body to the scene",
+            )
+
+    def contact_joints(self) -> dict[str, AbstractContactJoint]:
+        """The joints that have contacts, by name."""
+        return {
+            name: joint
+            for name, joint in self.joints.items()
+            if isinstance(joint, AbstractContactJoint)
+        }
+
+    def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
+        """The normal law of each contact, by joint and contact."""
+        return {name: joint.laws() for name, joint in self.contact_joints().items()}
+
+
+def _check_kinds(argument: str, family: dict[str, Any], kinds: Any) -> None:
+    for name, element in family.items():
+        require(
+            isinstance(name, str) and name != "", argument, name, "named by non-empty strings",
+            "name every element",
+        )
+        allowed = kinds if isinstance(kinds, tuple) else (kinds,)
+        require(
+            isinstance(element, allowed), f"{argument}[{name!r}]", type(element).__name__,
+            "one of " + ", ".join(kind.__name__ for kind in allowed),
+            "pass an element of that kind",
+        )
+
+

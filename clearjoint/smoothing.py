@@ -1,0 +1,39 @@
+"""Norms, ramps and powers whose values and derivatives are finite everywhere.
+
+The treatment of each kink: a power of a negative number and its derivative are zero; the direction
+of a vanishing vector is zero, and so is the derivative of its norm; a ramp of width w > 0 has a
+continuous derivative, one of width ``None`` is the exact positive part.
+"""
+
+import jax.numpy as jnp
+
+from .vectors import Scalar, Vector
+
+_TINY = 1e-200
+
+
+def positive_power(x: Scalar, exponent: float) -> Scalar:
+    """max(x, 0) to a power of at least one; 1.5 and 1 avoid the slow general power."""
+    positive = x > 0.0
+    if exponent == 1.0:
+        return jnp.where(positive, x, 0.0)
+    safe = jnp.where(positive, x, 1.0)
+    power = safe * jnp.sqrt(safe) if exponent == 1.5 else safe**exponent
+    return jnp.where(positive, power, 0.0)
+
+
+def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
+    """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector."""
+    square = vector.dot(vector)
+    vanishes = square <= _TINY
+    norm = jnp.sqrt(jnp.where(vanishes, 1.0, square))
+    inverse = jnp.where(vanishes, 0.0, 1.0 / norm)
+    return jnp.where(vanishes, 0.0, norm), vector * inverse
+
+
+def ramp(x: Scalar, width: Scalar | None) -> Scalar:
+    """max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w."""
+    if width is None:
+        return jnp.maximum(x, 0.0)
+    inside = jnp.clip(x, -width, width)
+    return (inside + width) ** 2 / (4.0 * width) + jnp.maximum(x - width, 0.0)

@@ -1,0 +1,249 @@
+"""The stepping loop: diffrax takes the steps and adapts them, this module decides what they mean.
+
+It calls the solver's `step` and the controller's `adapt_step_size` (diffrax, "manual stepping")
+rather than `diffeqsolve`: landing on impacts, the memory of the entry speed, projection and
+the record of accepted steps belong between a trial step and its acceptance, where wrappers of solver
+and controller reach only by hiding state in each other. The loop's body is scalar arithmetic
+without callbacks, custom calls or scatters, so that XLA compiles it to one native function.
+"""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
+from .impacts import (
+    Landing,
+    Reach,
+    Reaches,
+    begins,
+    has_memory,
+    initial_memory,
+    reaches,
+    second_rates,
+    updated_memory,
+)
+from .projection import project_positions, project_velocities
+from .results import RESULTS
+from .scene import Scene
+from .vectors import Scalar
+
+REJECTED_ERROR = 1e100
+_ULP = 2.3e-16
+
+
+class Method(eqx.Module):
+    """How to integrate: solver, controller, formulation and landing."""
+
+    solver: diffrax.AbstractSolver
+    controller: diffrax.AbstractStepSizeController
+    formulation: Formulation
+    landing: Landing | None
+
+
+class Variables(eqx.Module):
+    """What the solver integrates: the coordinates' variables, and the ledger's integrals in J."""
+
+    motion: Any
+    work: dict[str, Scalar]
+
+
+class Step(eqx.Module):
+    """Everything between two steps: enough to go on from."""
+
+    t: Scalar
+    t_next: Scalar
+    y: Variables
+    memory: Memory
+    reaches: Reaches
+    solver_state: Any
+    controller_state: Any
+    jumped: Any
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+
+
+class Attempt(eqx.Module):
+    """A step, and what is needed to look inside it."""
+
+    step: Step
+    kept: Scalar
+    t_start: Scalar
+    memory_start: Memory
+    information: Any
+
+
+def _term(method: Method) -> diffrax.ODETerm:
+    def field(t: Scalar, y: Variables, args: Any) -> Variables:
+        scene, memory = args
+        rates, powers = state_rates(scene, method.formulation, y.motion, memory, t)
+        zero = jnp.zeros_like(t)
+        floats = jax.tree.map(lambda leaf: leaf + zero if isinstance(leaf, float) else leaf, rates)
+        return Variables(floats, powers)
+
+    return diffrax.ODETerm(field)
+
+
+def start(
+    method: Method, scene: Scene, t0: Scalar, t_end: Scalar, first_step: Scalar | None,
+    y: Variables, memory: Memory,
+) -> Step:
+    """What there is before the first step; `memory` is found unless it is given."""
+    found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
+    memory = memory or initial_memory(scene, found)
+    term, args = _term(method), (scene, memory)
+    t_next, controller_state = method.controller.wrap(1).init(
+        term, t0, t_end, y, first_step, args, method.solver.func, method.solver.error_order(term)
+    )
+    t_next = jnp.asarray(t_next, dtype=float)
+    solver_state = method.solver.init(term, t0, t_next, y, args)
+    count = jnp.zeros((), dtype=int)
+    return jax.tree.map(
+        jnp.asarray,
+        Step(
+            t0, t_next, y, memory, found, solver_state, controller_state, False,
+            RESULTS.successful, count, count,
+        ),
+    )
+
+
+def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
+    """Try one step, and accept it or propose a shorter one."""
+    t1 = jnp.minimum(step.t_next, t_end)
+    term, args = _term(method), (scene, step.memory)
+    made_jump = step.jumped if _may_jump(method, scene) else False
+    y1, error, information, solver_state, solver_result = method.solver.step(
+        term, step.t, t1, step.y, args, step.solver_state, made_jump
+    )
+    finite = _all_finite((y1, error))
+    y1 = _choose(finite, y1, step.y)
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
+    keep, _, t_next, jumped, controller_state, controller_result = (
+        method.controller.wrap(1).adapt_step_size(
+            step.t, t1, step.y, y1, args, error, method.solver.error_order(term),
+            step.controller_state,
+        )
+    )
+    after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
+    if method.landing is not None and after:
+        passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
+        controller_state = _choose(passes, step.controller_state, controller_state)
+        t_next = jnp.where(keep & passes, landing_time, t_next)
+        keep = keep & ~passes
+    result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
+    memory, y1, after = _settle(method, scene, step, y1, after, t1, keep)
+    advanced = Step(
+        jnp.where(keep, t1, step.t), t_next, _choose(keep, y1, step.y),
+        _choose(keep, memory, step.memory), _choose(keep, after, step.reaches),
+        _choose(keep, solver_state, step.solver_state), controller_state,
+        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped), result,
+        step.attempts + 1, step.accepted + keep,
+    )
+    return Attempt(advanced, keep, step.t, step.memory, information)
+
+
+def _may_jump(method: Method, scene: Scene) -> bool:
+    """Whether an accepted step may leave the last stage stale.
+
+    Landing sets the memory where the force is still zero, so that it leaves it right.
+    """
+    projects = isinstance(method.formulation.stabilisation, Projection)
+    return projects or (method.landing is None and has_memory(scene))
+
+
+def _settle(
+    method: Method, scene: Scene, step: Step, y1: Variables, after: Reaches, t1: Scalar,
+    keep: Scalar,
+) -> tuple[Memory, Variables, Reaches]:
+    """What acceptance adds to a step: the memory of the impacts, and the projection."""
+    formulation = method.formulation
+    memory = step.memory
+    if has_memory(scene):
+        memory = updated_memory(
+            scene, step.memory, step.reaches, after,
+            jax.lax.cond(
+                keep & begins(step.reaches, after),
+                lambda: _second_rates(method, scene, step, y1, t1),
+                lambda: jax.tree.map(lambda reach: jnp.zeros_like(reach.rate), after,
+                                     is_leaf=lambda node: isinstance(node, Reach)),
+            ),
+        )
+    if isinstance(formulation.stabilisation, Projection):
+        y1 = projected(scene, formulation, y1, t1)
+        after = reaches(scene, formulation.coordinates.motions(scene, y1.motion))
+    return memory, y1, after
+
+
+def _second_rates(
+    method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar
+) -> Any:
+    """Second derivatives of the gaps at the end of a step."""
+    rates = _term(method).vf(t1, y1, (scene, step.memory))
+    return second_rates(scene, method.formulation, y1.motion, rates.motion)
+
+
+def projected(scene: Scene, formulation: Formulation, y: Variables, t: Scalar) -> Variables:
+    """The variables on the constraints; what the projection takes is booked in the ledger."""
+    motion = project_velocities(
+        scene, formulation, project_positions(scene, formulation, y.motion, t), t
+    )
+    work = y.work
+    if formulation.ledger and "stabilisation" in work:
+        taken = _energy(scene, formulation, y.motion, t) - _energy(scene, formulation, motion, t)
+        work = {**work, "stabilisation": work["stabilisation"] + taken}
+    return Variables(motion, work)
+
+
+def _energy(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Scalar:
+    motions = formulation.coordinates.motions(scene, variables)
+    return sum(mechanical_energy(scene, motions, t).values())
+
+
+def _result(
+    step: Step, keep: Scalar, finite: Scalar, t1: Scalar, t_next: Scalar, t_end: Scalar,
+    solver_result: Any, controller_result: Any,
+) -> RESULTS:
+    now = jnp.where(keep, t1, step.t)
+    stuck = (t_next - now <= 2.0 * _ULP * jnp.abs(now)) & (now < t_end)
+    gave_up = (solver_result != diffrax.RESULTS.successful) | (
+        controller_result != diffrax.RESULTS.successful
+    )
+    result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
+    result = RESULTS.where(keep & ~finite, RESULTS.non_finite, result)
+    return RESULTS.where(gave_up, RESULTS.solver_failed, result)
+
+
+def _choose(condition: Scalar, first: Any, second: Any) -> Any:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
+
+
+def _all_finite(tree: Any) -> Scalar:
+    """One test for all leaves: adding zero times each lets any NaN or infinity through."""
+    total: Scalar = 0.0
+    for leaf in jax.tree.leaves(tree):
+        total = total + leaf * 0.0
+    return total == 0.0
+
+
+def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
+    """Variables and memory at an instant of an accepted step, by the solver's dense output.
+
+    The memory is that of the step's start: what the step's end changes holds from there on.
+    """
+    end = tried.step.t
+    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
+    y = _choose(t >= end, tried.step.y, dense.evaluate(t))
+    if isinstance(method.formulation.stabilisation, Projection):
+        y = Variables(projected(scene, method.formulation, y, t).motion, y.work)
+    return y, _choose(t >= end, tried.step.memory, tried.memory_start)
+
+
+def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:
+    """Whether to try another step before `t_end` and within the number of attempts."""
+    return (
+        (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)
+    )

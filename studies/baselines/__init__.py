@@ -1,0 +1,1 @@
+"""The paper's double pendulum as users of other tools would simulate it."""
