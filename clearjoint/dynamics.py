@@ -264,3 +264,4 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
             stored_energy = laws[label].stored_energy(contact.gap)
             energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
     return energies
+

@@ -25,6 +25,9 @@ from .stepping import (
 from .vectors import Scalar, pack, unpack
 
 
+BLOCK_ROWS = 64
+
+
 class Saved(eqx.Module):
     """States at requested times; `count` of them are there."""
 
@@ -34,11 +37,18 @@ class Saved(eqx.Module):
 
 
 class Record(eqx.Module):
-    """Accepted steps; `count` rows are filled."""
+    """Accepted steps: `count` rows are filled.
+
+    The inner loop writes into a small `block`, since a native loop copies its buffers at every
+    step; the outer loop moves full blocks into the large one.
+    """
 
     times: Any
     states: Any
     count: Any
+    block_times: Any
+    block_states: Any
+    block_count: Any
 
 
 class Progress(eqx.Module):
@@ -58,7 +68,7 @@ def begin(
     """The run before its first step. Numbers are arrays, the scene and state in packed form."""
     scene = unpack(scene)
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
-    y = Variables(bodies, state.work)
+    y = Variables(bodies, state.work if method.formulation.ledger else {})
     step = start(method, scene, t0, t_end, first_step, y, state.memory)
     row = _row(method, scene, step.y, step.memory)
     last = saved = record = None
@@ -67,8 +77,8 @@ def begin(
         last = eqx.tree_at(lambda a: a.step, _zeros(shapes), step)
         saved = Saved(save_times, _buffer(row, save_times.shape[0]), jnp.zeros((), int))
     if record_rows is not None:
-        times = jnp.zeros(record_rows).at[0].set(t0)
-        record = Record(times, _written(_buffer(row, record_rows), row, 0), jnp.ones((), int))
+        record = _new_record(row, record_rows)
+        record = _recorded(record, t0, row, True)
     return Progress(step, last, saved, record)
 
 
@@ -77,21 +87,21 @@ def segment(
 ) -> Progress:
     """Go on until the end time, a failure, `attempts` in all, or a full record."""
     scene = unpack(scene)
-    if progress.saved is None:
+    if progress.saved is None and progress.record is None:
         return _run(method, scene, progress, t_end, t_end, attempts)
 
-    def saving(now: Progress) -> Scalar:
-        return _due(now) | _running(now, t_end, attempts)
+    def goes(now: Progress) -> Scalar:
+        return _due(now) | (_running(now, t_end, attempts) & _has_room(now.record))
 
-    def save_next(now: Progress) -> Progress:
-        assert now.saved is not None
-        index = jnp.minimum(now.saved.count, now.saved.times.shape[0] - 1)
-        left = now.saved.count < now.saved.times.shape[0]
-        stop = jnp.where(left, now.saved.times[index], t_end)
-        now = _run(method, scene, now, stop, t_end, attempts)
-        return _save(method, scene, now, index)
+    def go(now: Progress) -> Progress:
+        now = _run(method, scene, now, _next_save(now, t_end), t_end, attempts)
+        if now.saved is not None:
+            now = _save(method, scene, now)
+        if now.record is not None:
+            now = eqx.tree_at(lambda p: p.record, now, _flushed(now.record))
+        return now
 
-    return jax.lax.while_loop(saving, save_next, progress)
+    return jax.lax.while_loop(goes, go, progress)
 
 
 def rewound(progress: Progress) -> Progress:
@@ -103,17 +113,31 @@ def rewound(progress: Progress) -> Progress:
 def _running(now: Progress, t_end: Any, attempts: Any) -> Scalar:
     goes = running(now.step, t_end, attempts)
     if now.record is not None:
-        goes = goes & (now.record.count < now.record.times.shape[0])
+        goes = goes & (now.record.block_count < BLOCK_ROWS)
     return goes
+
+
+def _has_room(record: Record | None) -> Any:
+    return True if record is None else record.count + 2 * BLOCK_ROWS <= record.times.shape[0]
+
+
+def _next_index(saved: Saved) -> Any:
+    return jnp.minimum(saved.count, saved.times.shape[0] - 1)
+
+
+def _next_save(now: Progress, t_end: Any) -> Any:
+    if now.saved is None:
+        return t_end
+    left = now.saved.count < now.saved.times.shape[0]
+    return jnp.where(left, now.saved.times[_next_index(now.saved)], t_end)
 
 
 def _due(now: Progress) -> Scalar:
     """Whether the next time to save is already behind."""
-    assert now.saved is not None
-    index = jnp.minimum(now.saved.count, now.saved.times.shape[0] - 1)
-    return (now.saved.count < now.saved.times.shape[0]) & (
-        now.saved.times[index] <= now.step.t
-    )
+    if now.saved is None:
+        return jnp.asarray(False)
+    left = now.saved.count < now.saved.times.shape[0]
+    return left & (now.saved.times[_next_index(now.saved)] <= now.step.t)
 
 
 def _run(
@@ -132,26 +156,54 @@ def _run(
         record = now.record
         if record is not None:
             row = _row(method, scene, tried.step.y, tried.step.memory)
-            record = Record(
-                _written(record.times, tried.step.t, record.count),
-                _written(record.states, row, record.count),
-                record.count + tried.kept,
-            )
+            record = _recorded(record, tried.step.t, row, tried.kept)
         return Progress(tried.step, last, now.saved, record)
 
     return jax.lax.while_loop(goes, go, progress)
 
 
-def _save(method: Method, scene: Scene, now: Progress, index: Any) -> Progress:
-    """Write the state at one requested time, if it has been reached."""
+def _save(method: Method, scene: Scene, now: Progress) -> Progress:
+    """Write the state at the next requested time, if it has been reached."""
     assert now.saved is not None and now.last is not None
-    saved, due = now.saved, _due(now)
+    saved, due, index = now.saved, _due(now), _next_index(now.saved)
     y, memory = look_inside(method, scene, now.last, saved.times[index])
     row = _row(method, scene, y, memory)
     old = jax.tree.map(lambda buffer: buffer[index], saved.states)
     row = jax.tree.map(lambda new, was: jnp.where(due, new, was), row, old)
     states = _written(saved.states, row, index)
     return Progress(now.step, now.last, Saved(saved.times, states, saved.count + due), now.record)
+
+
+def _new_record(row: Any, rows: int) -> Record:
+    none = jnp.zeros((), int)
+    return Record(
+        jnp.zeros(rows), _buffer(row, rows), none,
+        jnp.zeros(BLOCK_ROWS), _buffer(row, BLOCK_ROWS), none,
+    )
+
+
+def _recorded(record: Record, t: Any, row: Any, kept: Any) -> Record:
+    index = record.block_count
+    return Record(
+        record.times, record.states, record.count,
+        _written(record.block_times, t, index), _written(record.block_states, row, index),
+        index + kept,
+    )
+
+
+def _flushed(record: Record) -> Record:
+    """The block moved behind the rows that are there; what is not filled is overwritten later."""
+    states = jax.tree.map(
+        lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, record.count, 0),
+        record.states, record.block_states,
+    )
+    times = jax.lax.dynamic_update_slice_in_dim(
+        record.times, record.block_times, record.count, 0
+    )
+    return Record(
+        times, states, record.count + record.block_count,
+        record.block_times, record.block_states, jnp.zeros((), int),
+    )
 
 
 def _row(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
@@ -171,8 +223,3 @@ def _written(buffer: Any, row: Any, index: Any) -> Any:
     return jax.tree.map(
         lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, index, 0), buffer, row
     )
-
-
-def packed_states(states: Any, count: int | None = None) -> State:
-    """Rows of scalar form as arrays with the times in front, cut to `count`."""
-    return pack(jax.tree.map(lambda leaf: leaf[:count], states))

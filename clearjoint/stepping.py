@@ -80,10 +80,8 @@ class Attempt(eqx.Module):
 def _term(method: Method) -> diffrax.ODETerm:
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
         scene, memory = args
-        rates, powers = state_rates(scene, method.formulation, y.motion, memory, t)
-        zero = jnp.zeros_like(t)
-        floats = jax.tree.map(lambda leaf: leaf + zero if isinstance(leaf, float) else leaf, rates)
-        return Variables(floats, powers)
+        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t))
+        return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
     return diffrax.ODETerm(field)
 
@@ -95,6 +93,7 @@ def start(
     """What there is before the first step; `memory` is found unless it is given."""
     found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
     memory = memory or initial_memory(scene, found)
+    y = Variables(y.motion, _ledger(method, scene, t0, y, memory))
     term, args = _term(method), (scene, memory)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, method.solver.error_order(term)
@@ -111,6 +110,16 @@ def start(
     )
 
 
+def _ledger(
+    method: Method, scene: Scene, t: Scalar, y: Variables, memory: Memory
+) -> dict[str, Scalar]:
+    """The ledger's integrals at the start: those given, and zero for the others the scene has."""
+    _, powers = jax.eval_shape(
+        lambda: state_rates(scene, method.formulation, y.motion, memory, t)
+    )
+    return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+
+
 def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
     t1 = jnp.minimum(step.t_next, t_end)
@@ -121,6 +130,8 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     )
     finite = _all_finite((y1, error))
     y1 = _choose(finite, y1, step.y)
+    if isinstance(method.formulation.stabilisation, Projection):
+        y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
     keep, _, t_next, jumped, controller_state, controller_result = (
         method.controller.wrap(1).adapt_step_size(
@@ -135,7 +146,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         t_next = jnp.where(keep & passes, landing_time, t_next)
         keep = keep & ~passes
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
-    memory, y1, after = _settle(method, scene, step, y1, after, t1, keep)
+    memory = _memory_after(method, scene, step, y1, after, t1, keep)
     advanced = Step(
         jnp.where(keep, t1, step.t), t_next, _choose(keep, y1, step.y),
         _choose(keep, memory, step.memory), _choose(keep, after, step.reaches),
@@ -155,27 +166,23 @@ def _may_jump(method: Method, scene: Scene) -> bool:
     return projects or (method.landing is None and has_memory(scene))
 
 
-def _settle(
+def _memory_after(
     method: Method, scene: Scene, step: Step, y1: Variables, after: Reaches, t1: Scalar,
     keep: Scalar,
-) -> tuple[Memory, Variables, Reaches]:
-    """What acceptance adds to a step: the memory of the impacts, and the projection."""
-    formulation = method.formulation
-    memory = step.memory
-    if has_memory(scene):
-        memory = updated_memory(
-            scene, step.memory, step.reaches, after,
-            jax.lax.cond(
-                keep & begins(step.reaches, after),
-                lambda: _second_rates(method, scene, step, y1, t1),
-                lambda: jax.tree.map(lambda reach: jnp.zeros_like(reach.rate), after,
-                                     is_leaf=lambda node: isinstance(node, Reach)),
-            ),
-        )
-    if isinstance(formulation.stabilisation, Projection):
-        y1 = projected(scene, formulation, y1, t1)
-        after = reaches(scene, formulation.coordinates.motions(scene, y1.motion))
-    return memory, y1, after
+) -> Memory:
+    """The memory if the step is accepted; costly only where a contact begins."""
+    if not has_memory(scene):
+        return step.memory
+    none = jax.tree.map(
+        lambda reach: jnp.zeros_like(reach.rate), after,
+        is_leaf=lambda node: isinstance(node, Reach),
+    )
+    seconds = jax.lax.cond(
+        keep & begins(step.reaches, after),
+        lambda: _second_rates(method, scene, step, y1, t1),
+        lambda: none,
+    )
+    return updated_memory(scene, step.memory, step.reaches, after, seconds)
 
 
 def _second_rates(

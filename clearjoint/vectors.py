@@ -12,6 +12,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 Scalar = Any
 """A float, a numpy scalar or a JAX array of shape ()."""
@@ -170,12 +171,18 @@ def unpack(tree: Any) -> Any:
 
 def _pack_leaf(leaf: Any) -> Any:
     if isinstance(leaf, Matrix):
-        rows = (leaf.row_x, leaf.row_y, leaf.row_z)
-        return jnp.stack([_pack_leaf(row) for row in rows], axis=-2)
+        rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
+        return _library(rows).stack(rows, axis=-2)
     if isinstance(leaf, Vector | EulerParameters):
-        parts = jnp.broadcast_arrays(*(jnp.asarray(part) for part in jax.tree.leaves(leaf)))
-        return jnp.stack(parts, axis=-1)
-    return jnp.asarray(leaf)
+        parts = jax.tree.leaves(leaf)
+        numpy = _library(parts)
+        return numpy.stack(numpy.broadcast_arrays(*parts), axis=-1)
+    return leaf
+
+
+def _library(parts: list[Any]) -> Any:
+    """numpy for numpy values, so that the host's own packing compiles nothing; else JAX."""
+    return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
 def pack(tree: Any) -> Any:

@@ -1,0 +1,108 @@
+"""Initial states that satisfy the constraints, in position and velocity."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from .bodies import BodyState, State
+from .dynamics import Formulation
+from .fields import require
+from .projection import project_positions, project_velocities
+from .scene import Scene
+from .structure import constraint_report
+from .vectors import Scalar, pack, unpack
+
+ITERATIONS = 100
+TOLERANCE = 1e-12
+"""Largest |Phi| of an assembled state, m for translations."""
+ACCEPTED_VIOLATION = 1e-6
+"""Largest |Phi| and |rate of Phi| that a given state may start a run with."""
+
+
+def check_names(scene: Scene, state: State) -> None:
+    """Check that a state has exactly the scene's bodies."""
+    require(
+        isinstance(state, State), "state", type(state).__name__, "a State",
+        "pass State({name: body_state(...)})",
+    )
+    require(
+        set(state.bodies) == set(scene.bodies), "state", sorted(state.bodies),
+        f"of the scene's bodies {sorted(scene.bodies)}", "give each body of the scene one state",
+    )
+    for name, body in state.bodies.items():
+        for field in ("position", "orientation", "velocity", "spin"):
+            value = np.asarray(getattr(body, field))
+            require(
+                bool(np.isfinite(value).all()), f"state.bodies[{name!r}].{field}", value, "finite",
+                "replace the NaN or infinite entries",
+            )
+
+
+def assemble(scene: Scene, state: State, t: Any = 0.0) -> State:
+    """The state nearest to a guess, in the metric of the masses, that satisfies the constraints.
+
+    **Arguments:** `state`: the guess; velocities may be rough as well.
+
+    **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them.
+    """
+    check_names(scene, state)
+    formulation = Formulation(redundant=True)
+    bodies = state.bodies
+    t = jnp.asarray(t, dtype=float)
+    for _ in range(ITERATIONS):
+        report = constraint_report(scene, State(bodies), t, formulation)
+        if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
+            break
+        bodies = _correct(scene, formulation, bodies, t)
+    report = constraint_report(scene, State(bodies), t, formulation)
+    _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
+    bodies = _match_velocities(scene, formulation, bodies, t)
+    report = constraint_report(scene, State(bodies), t, formulation)
+    _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
+    return State(bodies, state.memory, state.work)
+
+
+def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
+    """Check that a given initial state satisfies the constraints."""
+    _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
+    _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
+
+
+def _require_satisfied(
+    names: tuple[str, ...], residuals: np.ndarray, tolerance: float, wish: str, what: str
+) -> None:
+    if residuals.size == 0:
+        return
+    worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
+    remedy = (
+        "call assemble(scene, state) first" if wish == "consistent"
+        else "start from a better guess, or check the joints' points and axes against each other"
+    )
+    require(
+        bool(np.abs(residuals[worst]) <= tolerance), "state", float(residuals[worst]),
+        f"{wish} in its {what} (residual of constraint {names[worst]!r} at most {tolerance:g})",
+        remedy,
+    )
+
+
+@eqx.filter_jit
+def _correct(
+    scene: Scene, formulation: Formulation, bodies: dict[str, BodyState], t: Scalar
+) -> dict[str, BodyState]:
+    scene = unpack(scene)
+    variables = formulation.coordinates.encode(scene, unpack(bodies))
+    variables = project_positions(scene, formulation, variables, t)
+    return pack(formulation.coordinates.decode(scene, variables))
+
+
+@eqx.filter_jit
+def _match_velocities(
+    scene: Scene, formulation: Formulation, bodies: dict[str, BodyState], t: Scalar
+) -> dict[str, BodyState]:
+    scene = unpack(scene)
+    variables = formulation.coordinates.encode(scene, unpack(bodies))
+    for _ in range(2):
+        variables = project_velocities(scene, formulation, variables, t)
+    return pack(formulation.coordinates.decode(scene, variables))

@@ -1,0 +1,118 @@
+"""Runtime settings that speed and accuracy need, set by one call before JAX starts.
+
+Nothing here happens at import. Without these settings everything works, up to twenty times slower:
+XLA's CPU compiler then starts one kernel for each fusion of a step instead of compiling the stepping
+loop to one native function.
+
+``python -m clearjoint.runtime`` prints the same settings as shell variables.
+"""
+
+import os
+import time
+import warnings
+from pathlib import Path
+
+import jax
+
+_BACKEND_OPTIONS = (
+    ("xla_cpu_use_multi_output_fusion", "true"),
+    ("xla_cpu_small_while_loop_byte_threshold", "10000000"),
+)
+_VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
+_EXTRA = "--xla_backend_extra_options="
+SLOW_AFTER = 10.0
+"""Seconds of stepping after which a run says what settings are missing."""
+
+_said = False
+
+
+def default_cache() -> Path:
+    """Folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+    return Path(os.environ.get("CLEARJOINT_CACHE", str(Path(base) / "clearjoint")))
+
+
+def xla_flags(present: str = "") -> str:
+    """The value of ``XLA_FLAGS`` with the two compiler options added to what is present."""
+    words = present.split()
+    extra = [word for word in words if word.startswith(_EXTRA)]
+    others = [word for word in words if not word.startswith(_EXTRA)]
+    options = [option for word in extra for option in word[len(_EXTRA) :].split(",") if option]
+    for name, value in _BACKEND_OPTIONS:
+        if not any(option.split("=")[0] == name for option in options):
+            options.append(f"{name}={value}")
+    if not any(word.startswith("--xla_cpu_prefer_vector_width") for word in others):
+        others.append(_VECTOR_WIDTH)
+    return " ".join([*others, _EXTRA + ",".join(options)])
+
+
+def settings(devices: int | None = None, cache: str | os.PathLike | None = None) -> dict[str, str]:
+    """The settings as environment variables."""
+    return {
+        "JAX_ENABLE_X64": "1",
+        "XLA_FLAGS": xla_flags(os.environ.get("XLA_FLAGS", "")),
+        "JAX_NUM_CPU_DEVICES": str(devices or os.cpu_count() or 1),
+        "JAX_COMPILATION_CACHE_DIR": str(cache or default_cache()),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    }
+
+
+def configure(devices: int | None = None, cache: str | os.PathLike | None = None) -> None:
+    """Set 64-bit floats, the compiler options, one device a core, and the compilation cache.
+
+    Call it once, after the imports and before anything is computed with JAX.
+
+    **Arguments:**
+
+    - `devices`: CPU devices that JAX shows; one a core unless given.
+    - `cache`: folder of the persistent compilation cache; `default_cache()` unless given.
+
+    **Raises:** `RuntimeError` if JAX has already started.
+    """
+    variables = settings(devices, cache)
+    if jax.config.jax_num_cpu_devices != int(variables["JAX_NUM_CPU_DEVICES"]):
+        try:
+            jax.config.update("jax_num_cpu_devices", int(variables["JAX_NUM_CPU_DEVICES"]))
+        except RuntimeError as error:
+            raise RuntimeError(
+                "configure() must be called before JAX computes anything: move the call to the top "
+                "of the program, or set the variables that `python -m clearjoint.runtime` prints."
+            ) from error
+    os.environ["XLA_FLAGS"] = variables["XLA_FLAGS"]
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+def missing() -> list[str]:
+    """Names of the settings for speed that are not in force."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    absent = [name for name, _ in _BACKEND_OPTIONS if name not in flags]
+    if not jax.config.jax_compilation_cache_dir:
+        absent.append("jax_compilation_cache_dir")
+    return absent
+
+
+class SlowRunNotice:
+    """Tells once in a process, when a run has taken long, which settings would make it faster."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+
+    def check(self) -> None:
+        """Warn if the run is long, settings are missing and nothing has been said yet."""
+        global _said
+        if _said or time.monotonic() - self._begun < SLOW_AFTER:
+            return
+        _said = True
+        if absent := missing():
+            warnings.warn(
+                "This run is slower than it need be: " + ", ".join(absent) + " not set. Call "
+                "clearjoint.configure() before JAX starts.",
+                stacklevel=3,
+            )
+
+
+if __name__ == "__main__":
+    for variable, setting in settings().items():
+        print(f'export {variable}="{setting}"')

@@ -1,0 +1,291 @@
+"""Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from tqdm.auto import tqdm
+
+from .assembly import check_names, require_assembled
+from .bodies import State
+from .dynamics import AbstractStabilisation, Baumgarte, Formulation
+from .fields import recheck, require, require_positive
+from .impact_table import ImpactCollector
+from .impacts import Landing
+from .results import RESULTS
+from .runtime import SlowRunNotice
+from .scene import Scene
+from .segments import Progress, begin, rewound, segment
+from .solution import SimulationError, Solution, Trajectory
+from .stepping import Method
+from .structure import constraint_report
+from .vectors import pack
+
+ATTEMPTS_A_SEGMENT = 50_000
+RECORD_ROWS = 16_384
+
+
+def root_mean_square(tree: Any) -> Any:
+    """Root mean square over the leaves, without gathering them into one array."""
+    leaves = jax.tree.leaves(tree)
+    return jnp.sqrt(sum(jnp.mean(leaf * leaf) for leaf in leaves) / len(leaves))
+
+
+def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
+    """diffrax's controller with a norm that keeps the loop native."""
+    return diffrax.PIDController(rtol=rtol, atol=atol, norm=root_mean_square)
+
+
+def simulate(
+    scene: Scene,
+    state: State,
+    end_time: Any,
+    *,
+    save_at: Any = None,
+    start_time: Any = 0.0,
+    rtol: Any = 1e-6,
+    atol: Any = None,
+    solver: diffrax.AbstractSolver | None = None,
+    controller: diffrax.AbstractStepSizeController | None = None,
+    first_step: Any = None,
+    stabilisation: AbstractStabilisation | None = None,
+    landing_tolerance: Any = 1e-12,
+    ledger: bool = False,
+    record_steps: bool = False,
+    record_impacts: bool = False,
+    max_steps: int = 10_000_000,
+    redundant: bool | None = None,
+    throw: bool = True,
+    progress: bool = True,
+    allow_float32: bool = False,
+) -> Solution:
+    """Integrate the equations of motion of a scene.
+
+    Compiled once for each structure of the scene and choice of method: no change of a number
+    compiles anew. Works under `jax.vmap` and `jax.jvp`; then it raises no error, records neither
+    steps nor impacts, and runs in one piece.
+
+    **Arguments:**
+
+    - `scene`, `state`: what moves, and from where. The state must satisfy the constraints (see
+      `assemble`). Memory and ledger in it are continued.
+    - `end_time`, `start_time`: s.
+    - `save_at`: (N,) s, rising times between them at which to save the state. Dense output gives
+      them; they do not change the steps.
+    - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
+      state; `rtol`/1000 unless given). `controller` replaces them by a diffrax controller.
+    - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given.
+    - `first_step`: s; a millionth of the duration unless given.
+    - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
+    - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
+      ``None`` steps across them.
+    - `ledger`: integrate the dissipated energies with the state.
+    - `record_steps`, `record_impacts`: keep every accepted step; table all finished contacts.
+    - `max_steps`: largest number of steps tried.
+    - `redundant`: whether constraints depend on each other; found out unless given (under a
+      transformation: taken as independent).
+    - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
+    - `progress`: show a bar on runs that take longer than two seconds.
+    - `allow_float32`: run in single precision if JAX is set to it.
+
+    **Returns:** a `Solution`.
+
+    **Raises:** `ValueError` for arguments that no run can use; `SimulationError`, which carries the
+    solution so far, for a run that fails.
+    """
+    _check_precision(allow_float32)
+    traced = _is_traced((scene, state, end_time, start_time))
+    names: tuple[str, ...] = ()
+    if not traced:
+        save_at = _check_values(scene, state, start_time, end_time, save_at, rtol, atol)
+        names = _check_structure(scene, state, start_time)
+    if redundant is None:
+        redundant = bool(names)
+    formulation = Formulation(
+        stabilisation=Baumgarte() if stabilisation is None else stabilisation,
+        redundant=redundant, ledger=ledger,
+    )
+    if controller is None:
+        controller = default_controller(rtol, rtol * 1e-3 if atol is None else atol)
+    landing = None if landing_tolerance is None else Landing(landing_tolerance)
+    solver = diffrax.Tsit5() if solver is None else solver
+    method = _with_arrays(Method(solver, controller, formulation, landing))
+    if first_step is None:
+        first_step = 1e-6 * (end_time - start_time)
+    record = (record_steps or record_impacts) and not traced
+    now = begin_compiled(
+        method, scene, state, *_arrays(start_time, end_time, first_step), _array(save_at),
+        RECORD_ROWS if record else None,
+    )
+    run = _Run(scene, method, end_time, max_steps, names)
+    if traced:
+        return run.in_one_piece(now)
+    return run.in_segments(now, record_steps, record_impacts, progress, throw)
+
+
+begin_compiled = eqx.filter_jit(begin)
+segment_compiled = eqx.filter_jit(segment)
+
+
+class _Run:
+    """The host's side of one run."""
+
+    def __init__(
+        self, scene: Scene, method: Method, end_time: Any, max_steps: int, names: tuple[str, ...]
+    ):
+        self._scene, self._method, self._names = scene, method, names
+        self._end = jnp.asarray(end_time, dtype=float)
+        self._max_steps = max_steps
+        self._steps: list[tuple[Any, State]] = []
+
+    def in_one_piece(self, now: Progress) -> Solution:
+        """The whole run inside one traced computation."""
+        now = segment(self._method, self._scene, now, self._end, jnp.asarray(self._max_steps))
+        return self._solution(now, None, None)
+
+    def in_segments(
+        self, now: Progress, record_steps: bool, record_impacts: bool, progress: bool, throw: bool
+    ) -> Solution:
+        """Segment after segment, taking in what each recorded."""
+        collector = None
+        if record_impacts:
+            collector = ImpactCollector(self._scene, self._method.formulation)
+        notice, start = SlowRunNotice(), float(now.step.t)
+        bar = tqdm(
+            total=float(self._end) - start, unit="s", delay=2.0, leave=False, disable=not progress,
+            desc="simulated",
+        )
+        with bar:
+            while True:
+                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, self._max_steps)
+                now = segment_compiled(
+                    self._method, self._scene, now, self._end, jnp.asarray(limit)
+                )
+                now = self._collect(now, record_steps, collector)
+                bar.update(float(now.step.t) - start - bar.n)
+                notice.check()
+                if self._ended(now):
+                    break
+        steps = self._trajectory() if record_steps else None
+        solution = self._solution(now, steps, collector and collector.table())
+        if throw and solution.result != RESULTS.successful:
+            raise SimulationError(
+                f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
+                solution,
+            )
+        return solution
+
+    def _ended(self, now: Progress) -> bool:
+        if now.step.result != RESULTS.successful or int(now.step.attempts) >= self._max_steps:
+            return True
+        saved = now.saved is None or int(now.saved.count) == now.saved.times.shape[0]
+        return bool(now.step.t >= self._end) and saved
+
+    def _collect(
+        self, now: Progress, record_steps: bool, collector: ImpactCollector | None
+    ) -> Progress:
+        if now.record is None:
+            return now
+        count = int(now.record.count)
+        if collector is not None:
+            collector.add(np.asarray(now.record.times), now.record.states, count)
+        if record_steps:
+            rows = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], now.record.states)
+            self._steps.append((np.asarray(now.record.times)[:count], rows))
+        return rewound(now)
+
+    def _trajectory(self) -> Trajectory:
+        times = np.concatenate([times for times, _ in self._steps])
+        states = jax.tree.map(lambda *pieces: np.concatenate(pieces), *(s for _, s in self._steps))
+        return Trajectory(times, pack(states))
+
+    def _solution(self, now: Progress, steps: Trajectory | None, impacts: Any) -> Solution:
+        step, saved = now.step, now.saved
+        if not _is_traced(now):
+            step, saved = jax.device_get((step, saved))
+        unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
+        result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
+        bodies = self._method.formulation.coordinates.decode(self._scene, step.y.motion)
+        final = pack(State(bodies, step.memory, step.y.work))
+        requested, count = None, None
+        if saved is not None:
+            count = saved.count
+            rows = None if _is_traced(count) else int(count)
+            states = jax.tree.map(lambda leaf: leaf[:rows], saved.states)
+            requested = Trajectory(saved.times[:rows], pack(states))
+        return Solution(
+            step.t, final, result, step.attempts, step.accepted, requested, count, steps, impacts,
+            self._method.formulation, self._names,
+        )
+
+
+def _is_traced(tree: Any) -> bool:
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def _array(value: Any) -> Any:
+    return None if value is None else jnp.asarray(value, dtype=float)
+
+
+def _arrays(*values: Any) -> list[Any]:
+    return [_array(value) for value in values]
+
+
+def _with_arrays(method: Method) -> Method:
+    """The method with its floats as arrays, so that changing one compiles nothing anew. Zeros stay:
+    they tell the controller which terms to leave out."""
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _kept(leaf),
+        method,
+    )
+
+
+def _kept(leaf: Any) -> Any:
+    return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
+
+
+def _check_precision(allow_float32: bool) -> None:
+    if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
+        raise ValueError(
+            "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
+            "clearjoint.configure() before JAX starts, or pass allow_float32=True."
+        )
+
+
+def _check_values(
+    scene: Scene, state: State, start: Any, end: Any, save_at: Any, rtol: Any, atol: Any
+) -> np.ndarray | None:
+    recheck(scene)
+    check_names(scene, state)
+    require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)
+    if atol is not None:
+        require_positive("atol", atol, "give an absolute tolerance such as 1e-9", zero=True)
+    require(
+        bool(np.isfinite(end)) and bool(end > start), "end_time", end,
+        f"finite and after start_time = {start}", "give times in s",
+    )
+    if save_at is None:
+        return None
+    times = np.asarray(save_at, dtype=np.float64)
+    fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
+    require(
+        fine and bool((np.diff(times) >= 0).all()), "save_at", times,
+        "a rising one-dimensional array of finite times", "sort the times",
+    )
+    require(
+        bool(times[0] >= start) and bool(times[-1] <= end), "save_at", [times[0], times[-1]],
+        f"between start_time = {start} and end_time = {end}", "leave out the times outside",
+    )
+    return times
+
+
+def _check_structure(scene: Scene, state: State, t: Any) -> tuple[str, ...]:
+    """Check the state against the constraints; the names of those that are redundant."""
+    if not scene.joints:
+        return ()
+    report = constraint_report(scene, state, t)
+    require_assembled(report.names, report.values, report.rates)
+    return report.redundant
