@@ -39,6 +39,9 @@ from .joints.ideal import RevoluteJoint as RevoluteJoint
 from .joints.ideal import SphericalJoint as SphericalJoint
 from .joints.primitives import rows_from_residual as rows_from_residual
 from .mechanisms import double_pendulum as double_pendulum
+from .observables import MotionMode as MotionMode
+from .observables import Observation as Observation
+from .observables import observe as observe
 from .restitution import delivered_restitution as delivered_restitution
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure

@@ -1,0 +1,206 @@
+"""What an engineer looks at: contacts, motion modes, reactions, accelerations, drift and energies."""
+
+import enum
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .bodies import GROUND, NO_WRENCH, State, Wrench
+from .coordinates import row_rate
+from .dynamics import Dynamics, Formulation, evaluate, mechanical_energy
+from .fields import require
+from .joints.clearance import BASES, ClearanceJoint
+from .scene import Scene
+from .solution import Solution, Trajectory
+from .vectors import Scalar, Vector, pack, unpack
+
+
+class MotionMode(enum.IntEnum):
+    """The paper's four modes of a journal in its bearing (Fig. 2)."""
+
+    FREE_FLIGHT = 0
+    ONE_BASE = 1
+    LINE_CONTACT = 2
+    OPPOSITE_SIDES = 3
+
+
+class ContactObservation(eqx.Module):
+    """One contact over time; arrays with the times in front.
+
+    - `penetration` m and `penetration_rate` m/s (eqs 13 and 21); `eccentricity` m (eq. 11; ``None``
+      for a shoulder).
+    - `normal_force` N; `friction_force` (N, 3) on the journal, global, N, or ``None``.
+    - `normal`: (N, 3) from bearing axis to contact; `point_on_bearing`, `point_on_journal`: (N, 3)
+      global, m.
+    """
+
+    penetration: Any
+    penetration_rate: Any
+    eccentricity: Any | None
+    normal_force: Any
+    friction_force: Any | None
+    normal: Any
+    point_on_bearing: Any
+    point_on_journal: Any
+
+
+class Load(eqx.Module):
+    """What an ideal joint does to a body: `force` (N, 3) global, N; `moment` (N, 3) about the body's
+    centre of mass in body axes, N m."""
+
+    force: Any
+    moment: Any
+
+
+class BodyAcceleration(eqx.Module):
+    """`linear` (N, 3) of the centre of mass, global, m/s^2; `angular` (N, 3) of the spin, body axes,
+    rad/s^2."""
+
+    linear: Any
+    angular: Any
+
+
+class Observation(eqx.Module):
+    """Everything observed along a trajectory.
+
+    - `times`: (N,) s.
+    - `contacts[joint][contact]`: `ContactObservation`.
+    - `modes[joint]`: (N,) `MotionMode` numbers of the clearance joints.
+    - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). Not unique, and then of least
+      norm, if the solution names redundant constraints; see `reactions_unique`.
+    - `accelerations[body]`: `BodyAcceleration`.
+    - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
+    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" as far as the scene has
+      them, their sum "mechanical", and of the ledger, if it was kept, the integrals "normal
+      damping", "friction", "stabilisation" (dissipated) and "supplied".
+    """
+
+    times: Any
+    contacts: dict[str, dict[str, ContactObservation]]
+    modes: dict[str, Any]
+    reactions: dict[str, dict[str, Load]]
+    accelerations: dict[str, BodyAcceleration]
+    drift: dict[str, Any]
+    drift_rate: dict[str, Any]
+    energies: dict[str, Any]
+    reactions_unique: bool = eqx.field(static=True)
+
+    def ledger_residual(self) -> Any:
+        """What the energy ledger does not account for since the first instant, (N,) J."""
+        dissipated = sum(
+            self.energies.get(name, 0.0) for name in ("normal damping", "friction", "stabilisation")
+        )
+        balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
+        return balance - balance[0]
+
+
+def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = None) -> Observation:
+    """Observe a scene along a solution.
+
+    **Arguments:** `scene`: the one that was simulated. `trajectory`: `solution.steps`, say, for
+    every accepted step; the saved states unless given.
+
+    **Returns:** an `Observation` of numpy arrays.
+    """
+    trajectory = solution.saved if trajectory is None else trajectory
+    require(
+        trajectory is not None, "solution", "without saved states", "one with states to observe",
+        "pass `save_at` or `record_steps=True` to simulate()",
+    )
+    assert trajectory is not None
+    parts = jax.device_get(
+        _observe(scene, solution.formulation, jnp.asarray(trajectory.times), trajectory.states)
+    )
+    unique = not solution.redundant_constraints
+    return Observation(np.asarray(trajectory.times), *parts, reactions_unique=unique)
+
+
+@eqx.filter_jit
+def _observe(scene: Scene, formulation: Formulation, times: Any, states: State) -> tuple[Any, ...]:
+    scene = unpack(scene)
+
+    def at(t: Scalar, state: State) -> tuple[Any, ...]:
+        variables = formulation.coordinates.encode(scene, unpack(state.bodies))
+        dynamics = evaluate(scene, formulation, variables, state.memory, t)
+        energies = mechanical_energy(scene, dynamics.motions, t)
+        energies["mechanical"] = sum(energies.values())
+        drift, drift_rate = _drift(dynamics)
+        accelerations = {
+            name: BodyAcceleration(pack(part.linear), pack(part.angular))
+            for name, part in dynamics.accelerations.items()
+        }
+        parts = (
+            _contacts(scene, dynamics), _modes(scene, dynamics), _reactions(dynamics),
+            accelerations, drift, drift_rate, {**energies, **state.work},
+        )
+        return jax.tree.map(jnp.asarray, parts)
+
+    return jax.vmap(at)(times, states)
+
+
+def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
+    observed: dict[str, dict[str, ContactObservation]] = {}
+    for name, family in dynamics.contact_forces.items():
+        joint = scene.joints[name]
+        observed[name] = {}
+        for label, force in family.items():
+            gap = force.contact.gap
+            eccentricity = None
+            if isinstance(joint, ClearanceJoint) and label in BASES:
+                eccentricity = gap.depth + joint.clearance
+            observed[name][label] = ContactObservation(
+                gap.depth, gap.rate, eccentricity, force.normal_force,
+                None if force.friction is None else pack(force.friction),
+                pack(force.contact.normal), pack(force.contact.point_first),
+                pack(force.contact.point_second),
+            )
+    return observed
+
+
+def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Any]:
+    modes = {}
+    for name, joint in scene.joints.items():
+        if isinstance(joint, ClearanceJoint):
+            v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
+            touching = (v.gap.depth > 0.0, w.gap.depth > 0.0)
+            both = jnp.where(
+                v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
+            )
+            one = jnp.where(touching[0] | touching[1], MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touching[0] & touching[1], both, one)
+    return modes
+
+
+def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
+    reactions: dict[str, dict[str, Load]] = {}
+    for name, rows in dynamics.rows.items():
+        total: dict[str, Any] = {}
+        for label, row in rows.items():
+            multiplier = dynamics.multipliers[name][label]
+            for body, pair in row.jacobian.items():
+                if body != GROUND:
+                    scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)
+                    total[body] = total.get(body, NO_WRENCH) + scaled
+        reactions[name] = {
+            body: Load(_dense(wrench.force), _dense(wrench.moment))
+            for body, wrench in total.items()
+        }
+    return reactions
+
+
+def _dense(vector: Vector) -> Any:
+    return pack(Vector(*(jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z))))
+
+
+def _drift(dynamics: Dynamics) -> tuple[dict[str, Any], dict[str, Any]]:
+    def largest(values: list[Any]) -> Any:
+        return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
+
+    values, rates = {}, {}
+    for name, rows in dynamics.rows.items():
+        values[name] = largest([row.value for row in rows.values()])
+        rates[name] = largest([row_rate(row, dynamics.motions) for row in rows.values()])
+    return values, rates
