@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from .bodies import GROUND, NO_WRENCH, Wrench
-from .contact import AbstractContactLaw
+from .contact import AbstractContactLaw, Gap
 from .coordinates import (
     AbsoluteCoordinates,
     AbstractCoordinates,
@@ -118,14 +118,15 @@ class Dynamics:
     multipliers: dict[str, dict[str, Scalar]]
 
 
-def contact_force(
-    law: AbstractContactLaw, contact: Contact, entry_speed: Scalar | None
-) -> tuple[Scalar, Scalar]:
-    """Normal and elastic force of a contact, N. Without an entry speed on record (memory zero) the
-    present rate stands for it, which it is at the onset."""
+def contact_normal_force(
+    law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None
+) -> Scalar:
+    """Normal force of a contact, N. Without an entry speed on record (memory zero) the present rate
+    stands for it, which it is at the onset."""
     if law.has_memory:
-        entry_speed = jnp.where(entry_speed > 0.0, entry_speed, contact.gap.rate)
-    return law.force(contact.gap, entry_speed), law.elastic_force(contact.gap)
+        assert entry_speed is not None
+        entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)
+    return law.force(gap, entry_speed)
 
 
 def contact_forces(
@@ -138,8 +139,9 @@ def contact_forces(
         forces[name] = {}
         for label, contact in contacts.items():
             entry_speed = memory[name][label] if laws[label].has_memory else None
-            normal, elastic = contact_force(laws[label], contact, entry_speed)
+            normal = contact_normal_force(laws[label], contact.gap, entry_speed)
             friction = joint.friction_force(label, contact, normal)
+            elastic = laws[label].elastic_force(contact.gap)
             forces[name][label] = ContactForce(contact, normal, elastic, friction)
     return forces
 

@@ -5,12 +5,19 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .bodies import State
-from .dynamics import Formulation, contact_forces, state_rates
+from .contact import AbstractContactLaw, Gap
+from .dynamics import Formulation, contact_forces, contact_normal_force, state_rates
+from .impacts import second_rates
 from .scene import Scene
 from .vectors import unpack
+
+SAMPLES_A_STEP = 17
+RESOLVED_TRAVEL = 1e-8
+"""Distance in m that a step must cover at entry speed for depths to tell the rate within it."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +51,27 @@ class Impacts:
 
 
 class History(eqx.Module):
-    """Depth (m), normal force (N), their rates, and entry speed (m/s) of one contact over time."""
+    """One contact at N recorded instants.
 
+    `touching`: as the run saw it. `depth` m and `rate` m/s at the instants; `entry_speed` m/s.
+    `peak_force` N, `peak_time` s and `largest_depth` m: the largest from each instant to the next
+    (the last entries are those of the instant itself).
+    """
+
+    touching: Any
     depth: Any
     rate: Any
-    force: Any
-    force_rate: Any
+    entry_speed: Any
+    peak_force: Any
+    peak_time: Any
+    largest_depth: Any
+
+
+class Sample(eqx.Module):
+    """A contact at one instant: its gap, the second derivative of its depth, and its memory."""
+
+    gap: Gap
+    second_rate: Any
     entry_speed: Any
 
 
@@ -60,38 +82,94 @@ def contact_histories(
     """The contacts at recorded states (in scalar form, times in front)."""
     scene = unpack(scene)
 
-    def at(t: Any, state: State) -> dict[str, dict[str, History]]:
+    def at(t: Any, state: State) -> dict[str, dict[str, Sample]]:
         variables = formulation.coordinates.encode(scene, state.bodies)
         rates, _ = state_rates(scene, formulation, variables, state.memory, t)
-
-        def forces(variables: Any) -> Any:
-            motions = formulation.coordinates.motions(scene, variables)
-            found = contact_forces(scene, motions, state.memory)
-            return {
-                name: {
-                    label: (f.contact.gap.depth, f.contact.gap.rate, f.normal_force)
-                    for label, f in family.items()
-                }
-                for name, family in found.items()
-            }
-
-        values, slopes = jax.jvp(forces, (variables,), (_floats(variables, rates),))
+        rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
+        seconds = second_rates(scene, formulation, variables, rates)
+        found = contact_forces(
+            scene, formulation.coordinates.motions(scene, variables), state.memory
+        )
         return {
             name: {
-                label: History(
-                    depth, rate, force, slopes[name][label][2],
-                    state.memory.get(name, {}).get(label, rate),
+                label: Sample(
+                    jax.tree.map(jnp.asarray, force.contact.gap), seconds[name][label],
+                    state.memory.get(name, {}).get(label),
                 )
-                for label, (depth, rate, force) in family.items()
+                for label, force in family.items()
             }
-            for name, family in values.items()
+            for name, family in found.items()
         }
 
-    return jax.vmap(at)(times, states)
+    samples = jax.vmap(at)(times, states)
+    laws = scene.laws()
+    return {
+        name: {label: _history(laws[name][label], times, sample) for label, sample in family.items()}
+        for name, family in samples.items()
+    }
 
 
-def _floats(like: Any, rates: Any) -> Any:
-    return jax.tree.map(lambda a, b: b + 0.0 * a, like, rates)
+def _history(law: AbstractContactLaw, times: Any, sample: Sample) -> History:
+    """The contact between the instants, by the quintic through depth, rate and second derivative."""
+    following = jax.tree.map(lambda leaf: jnp.concatenate([leaf[1:], leaf[-1:]]), sample)
+    h = jnp.concatenate([jnp.diff(times), jnp.zeros(1)])
+    x = jnp.linspace(0.0, 1.0, SAMPLES_A_STEP)[:, None]
+    speed = sample.gap.rate if sample.entry_speed is None else sample.entry_speed
+    depth, rate = _interpolated(x, h, sample, following, speed)
+    gap = Gap(depth, rate, sample.gap.bearing_radius, sample.gap.journal_radius)
+    # The first instant of a contact remembers its entry speed, so a step has that of its start.
+    force = contact_normal_force(law, gap, sample.entry_speed)
+    peak_force, where = _peak(force)
+    depth_here, rate_here = sample.gap.depth, sample.gap.rate
+    remembers = sample.entry_speed is not None
+    return History(
+        sample.entry_speed > 0.0 if remembers else depth_here + law.reach() > 0.0,
+        depth_here, rate_here, sample.entry_speed if remembers else rate_here,
+        peak_force, times + h * where, _peak(depth)[0],
+    )
+
+
+def _interpolated(
+    x: Any, h: Any, start: Sample, end: Sample, speed: Any
+) -> tuple[Any, Any]:
+    """Depth and rate at fractions x of steps of length h.
+
+    The rate is the quintic's slope, or in steps so short that rounding of the depth would spoil it
+    the cubic through the rates and their derivatives.
+    """
+    a, da, dda = start.gap.depth, h * start.gap.rate, h * h * start.second_rate
+    b, db, ddb = end.gap.depth, h * end.gap.rate, h * h * end.second_rate
+    rise = b - a - da - 0.5 * dda
+    slope, bend = db - da - dda, ddb - dda
+    c3 = 10 * rise - 4 * slope + 0.5 * bend
+    c4 = -15 * rise + 7 * slope - bend
+    c5 = 6 * rise - 3 * slope + 0.5 * bend
+    depth = a + x * (da + x * (0.5 * dda + x * (c3 + x * (c4 + x * c5))))
+    slopes = da + x * (dda + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+    bent = start.gap.rate + x * (h * start.second_rate + x * (
+        3 * (end.gap.rate - start.gap.rate) - h * (2 * start.second_rate + end.second_rate)
+        + x * (h * (start.second_rate + end.second_rate) - 2 * (end.gap.rate - start.gap.rate))
+    ))
+    moves = h * jnp.abs(speed) > RESOLVED_TRAVEL
+    return depth, jnp.where(moves, slopes / jnp.where(moves, h, 1.0), bent)
+
+
+def _peak(values: Any) -> tuple[Any, Any]:
+    """Largest value over the first axis, and its fraction, by a parabola about the best sample."""
+    last = values.shape[0] - 1
+    best = jnp.clip(jnp.argmax(values, axis=0), 1, last - 1)
+    left, middle, right = (
+        jnp.take_along_axis(values, (best + k)[None], axis=0)[0] for k in (-1, 0, 1)
+    )
+    curvature = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / jnp.where(curvature < 0.0, curvature, -jnp.inf)
+    shift = jnp.clip(shift, -1.0, 1.0)
+    vertex = middle - 0.25 * (left - right) * shift
+    ends = jnp.where(right > left, right, left)
+    inside = (curvature < 0.0) & (jnp.abs(shift) < 1.0)
+    value = jnp.where(inside, vertex, jnp.maximum(ends, middle))
+    where = jnp.where(inside, shift, jnp.where(right > left, 1.0, -1.0))
+    return value, (best + where) / last
 
 
 class ImpactCollector:
@@ -115,7 +193,7 @@ class ImpactCollector:
             old_times, old = self._tails[key]
             times = np.concatenate([old_times, times])
             history = jax.tree.map(lambda a, b: np.concatenate([a, b]), old, history)
-        touching = history.depth > 0.0
+        touching = history.touching
         onsets = np.flatnonzero(~touching[:-1] & touching[1:]) + 1
         ends = np.flatnonzero(touching[:-1] & ~touching[1:]) + 1
         last = len(times) - 1
@@ -142,12 +220,12 @@ def _impact(times: np.ndarray, history: History, onset: int, end: int) -> tuple[
     """One row of the table: the contact from row `onset` to the row `end` where it is over."""
     begun = times[onset] - history.depth[onset] / history.rate[onset]
     over = _separation(times, history, end)
-    span = slice(onset, end + 1)
-    force, when = _largest(times[span], history.force[span], history.force_rate[span])
-    depth, _ = _largest(times[span], history.depth[span], history.rate[span])
-    exit_speed = abs(float(np.interp(over, times[span], history.rate[span])))
+    steps = slice(onset, end)
+    strongest = onset + int(np.argmax(history.peak_force[steps]))
     return (
-        begun, over, over - begun, float(history.entry_speed[onset]), exit_speed, force, when, depth
+        begun, over, over - begun, float(history.entry_speed[onset]), -float(history.rate[end]),
+        float(history.peak_force[strongest]), float(history.peak_time[strongest]),
+        float(history.largest_depth[steps].max()),
     )
 
 
@@ -162,23 +240,3 @@ def _separation(times: np.ndarray, history: History, end: int) -> float:
     inside = real[(real >= -1e-9) & (real <= 1 + 1e-9)]
     fraction = float(inside.max()) if inside.size else 1.0
     return float(times[end - 1] + fraction * h)
-
-
-def _largest(
-    times: np.ndarray, values: np.ndarray, slopes: np.ndarray
-) -> tuple[float, float]:
-    """Largest value, and its time, of the piecewise cubic through values and slopes."""
-    best = int(np.argmax(values))
-    peak, when = float(values[best]), float(times[best])
-    for k in (best - 1, best):
-        if k < 0 or k + 1 >= len(times):
-            continue
-        h = times[k + 1] - times[k]
-        a, b, da, db = values[k], values[k + 1], h * slopes[k], h * slopes[k + 1]
-        cubic = np.array([2 * a + da - 2 * b + db, -3 * a - 2 * da + 3 * b - db, da, a])
-        for x in np.roots(np.polyder(cubic)):
-            if abs(x.imag) < 1e-12 and 0.0 < x.real < 1.0:
-                value = float(np.polyval(cubic, x.real))
-                if value > peak:
-                    peak, when = value, float(times[k] + x.real * h)
-    return peak, when

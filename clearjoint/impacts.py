@@ -94,10 +94,13 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:
-        """Fraction of the step at which the gap changes sign; 1 where it need not land."""
+        """Fraction of the step at which the gap is half the tolerance past its change of sign; 1
+        where the step need not land."""
         enters = (start.depth <= 0.0) & (end.depth > self.tolerance)
         leaves = (start.depth > 0.0) & (end.depth < -self.tolerance)
-        return jnp.where(enters | leaves, hermite_root(start, end, h), 1.0)
+        aim = jnp.where(enters, 0.5, -0.5) * self.tolerance
+        shifted = (Reach(start.depth - aim, start.rate), Reach(end.depth - aim, end.rate))
+        return jnp.where(enters | leaves, hermite_root(*shifted, h), 1.0)
 
 
 def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:

@@ -1,0 +1,20 @@
+"""Figures of simulated mechanisms with clearance joints.
+
+Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`) into given
+matplotlib axes, or into new ones, and returns them. None simulates, saves or shows anything, but
+`animate_journal`, which writes a file. Times are in s, lengths in m and forces in N on the way in;
+the axes show the units that suit them.
+"""
+
+from .forces import contact_and_reaction as contact_and_reaction
+from .forces import enclosed_energy as enclosed_energy
+from .forces import hysteresis as hysteresis
+from .journal import XY as XY
+from .journal import animate_journal as animate_journal
+from .journal import eccentricities as eccentricities
+from .journal import eccentricity_vectors as eccentricity_vectors
+from .journal import journal_frames as journal_frames
+from .journal import journal_orbit as journal_orbit
+from .motion import acceleration as acceleration
+from .motion import path as path
+from .motion import position as position

@@ -1,0 +1,86 @@
+"""Forces of impacts: over time, and over penetration."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..impact_table import Impacts
+from ..observables import Observation
+from .style import Window, axes_or_new, dress, inside, lines
+
+
+def contact_and_reaction(
+    observation: Observation,
+    contact: tuple[str, str],
+    reaction: tuple[str, str],
+    *,
+    window: Window | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Normal force of a contact and magnitude of an ideal joint's reaction over time (Fig. 13a).
+
+    **Arguments:**
+
+    - `observation`: at instants that resolve the impact.
+    - `contact`: names of the clearance joint and of the contact in it, such as a base.
+    - `reaction`: names of the ideal joint and of the body on which its force acts.
+    - `window`: instants between which to draw, s; the whole observation unless given.
+
+    **Returns:** the axes; time in ms, forces in N.
+    """
+    axes = axes_or_new(axes)
+    shown = inside(observation.times, window)
+    times = observation.times[shown] * 1e3
+    force = observation.contacts[contact[0]][contact[1]].normal_force[shown]
+    load = np.linalg.norm(observation.reactions[reaction[0]][reaction[1]].force[shown], axis=1)
+    curves = {
+        f"contact force at base {contact[1]}: peak {force.max():.0f} N": force,
+        f"reaction at the {reaction[0]}: peak {load.max():.0f} N": load,
+    }
+    for (label, values), (colour, style) in zip(curves.items(), lines(), strict=False):
+        axes.plot(times, values, color=colour, linestyle=style, linewidth=2, label=label)
+    axes.set_ylim(0.0, 1.3 * max(force.max(), load.max()))
+    axes.legend(loc="upper center", frameon=False)
+    return dress(axes, "time, ms", "force, N")
+
+
+def hysteresis(
+    observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
+) -> Axes:
+    """Normal force over penetration in the first impacts of one contact (Fig. 13b).
+
+    The area inside a loop is the energy that the impact dissipates there; the legend gives it.
+
+    **Arguments:**
+
+    - `observation`: at instants that resolve the impacts.
+    - `impacts`: those of one contact, from `Impacts.of`.
+    - `count`: how many loops to draw.
+
+    **Returns:** the axes; penetration in micrometres, force in N.
+    """
+    axes = axes_or_new(axes)
+    for k, (colour, style) in zip(range(min(count, len(impacts))), lines(), strict=False):
+        depth, force = _loop(observation, impacts, k)
+        energy = enclosed_energy(observation, impacts, k)
+        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * 1e3:.2f} mJ"
+        axes.plot(depth * 1e6, force, color=colour, linestyle=style, linewidth=2, label=label)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="upper left", frameon=False)
+    return dress(axes, "penetration, µm", "contact force, N")
+
+
+def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
+    """Area inside the hysteresis loop of one impact, J: what is dissipated at that contact."""
+    depth, force = _loop(observation, impacts, index)
+    return float(np.trapezoid(force, depth))
+
+
+def _loop(
+    observation: Observation, impacts: Impacts, index: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
+    seen = observation.contacts[impacts.joint[index]][impacts.contact[index]]
+    shown = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
+    depth = np.maximum(seen.penetration[shown], 0.0)
+    return np.pad(depth, 1), np.pad(seen.normal_force[shown], 1)

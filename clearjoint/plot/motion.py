@@ -1,0 +1,108 @@
+"""Motion of a body's centre of mass, several runs side by side."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..observables import Observation
+from ..solution import Trajectory
+from .style import Window, axes_or_new, dress, inside, lines
+
+COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
+
+
+def position(
+    trajectories: Mapping[str, Trajectory],
+    body: str,
+    component: str = "Y",
+    *,
+    axes: Axes | None = None,
+) -> Axes:
+    """One coordinate of a body's centre of mass over time (Fig. 14a).
+
+    **Arguments:**
+
+    - `trajectories`: of each run, by its label; later ones are drawn over earlier ones.
+    - `component`: "X", "Y" or "Z" of the global frame.
+
+    **Returns:** the axes; time in s, position in m.
+    """
+    curves = {
+        label: (trajectory.times, _centre(trajectory, body)[:, COMPONENTS[component]])
+        for label, trajectory in trajectories.items()
+    }
+    return dress(
+        _over_time(curves, axes), "time, s", f"{component}-position of {body}'s centre, m"
+    )
+
+
+def acceleration(
+    observations: Mapping[str, Observation],
+    body: str,
+    component: str = "Y",
+    *,
+    axes: Axes | None = None,
+) -> Axes:
+    """One component of the acceleration of a body's centre of mass over time (Fig. 14b).
+
+    **Arguments:**
+
+    - `observations`: of each run, by its label; along every accepted step, so that no peak is
+      missed. Later ones are drawn over earlier ones.
+    - `component`: "X", "Y" or "Z" of the global frame.
+
+    **Returns:** the axes; time in s, acceleration in m/s^2.
+    """
+    curves = {
+        label: (seen.times, seen.accelerations[body].linear[:, COMPONENTS[component]])
+        for label, seen in observations.items()
+    }
+    return dress(
+        _over_time(curves, axes), "time, s", f"{component}-acceleration of {body}'s centre, m/s²"
+    )
+
+
+def path(
+    trajectories: Mapping[str, Trajectory],
+    body: str,
+    plane: tuple[str, str] = ("X", "Y"),
+    *,
+    window: Window | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Path of a body's centre of mass, projected on a plane of the global frame (Fig. 15).
+
+    **Arguments:**
+
+    - `trajectories`: of each run, by its label; later ones are drawn over earlier ones.
+    - `plane`: the coordinates to the right and upwards, of "X", "Y" and "Z".
+    - `window`: instants between which to draw, s; the whole trajectories unless given.
+
+    **Returns:** the axes, of equal scale; positions in m. A dot marks the beginning.
+    """
+    axes = axes_or_new(axes, (5.0, 5.0))
+    right, up = (COMPONENTS[name] for name in plane)
+    for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
+        centre = _centre(trajectory, body)[inside(np.asarray(trajectory.times), window)]
+        axes.plot(
+            centre[:, right], centre[:, up],
+            color=colour, linestyle=style, linewidth=1.3, label=label,
+        )
+        axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
+    axes.set_aspect("equal")
+    return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
+
+
+def _over_time(
+    curves: Mapping[str, tuple[np.ndarray, np.ndarray]], axes: Axes | None
+) -> Axes:
+    axes = axes_or_new(axes)
+    for (label, (times, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
+        axes.plot(times, values, color=colour, linestyle=style, linewidth=1.3, label=label)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(curves), frameon=False)
+    return axes
+
+
+def _centre(trajectory: Trajectory, body: str) -> np.ndarray:
+    return np.asarray(trajectory.states.bodies[body].position)

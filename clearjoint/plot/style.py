@@ -1,0 +1,49 @@
+"""What all figures share: colours, sizes, and plain axes."""
+
+from collections.abc import Iterator
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+DARK, LIGHT, GREY = "#16324F", "#BBDDF2", "#8C8C8C"
+
+LINES = ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-."), (PURPLE, ":"))
+"""Colours (after M. Okabe and K. Ito, told apart by colour-blind people) with line styles."""
+
+SIZE = (6.4, 4.0)
+"""Width and height of a new figure, inches."""
+
+Window = tuple[float, float]
+"""First and last instant to show, s."""
+
+
+def lines() -> Iterator[tuple[str, str]]:
+    """Colours and line styles for one curve after the other, without end."""
+    while True:
+        yield from LINES
+
+
+def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
+    """The given axes, or those of a new figure of the given size in inches."""
+    if axes is not None:
+        return axes
+    return plt.subplots(figsize=size, layout="constrained")[1]
+
+
+def dress(axes: Axes, x: str, y: str) -> Axes:
+    """Label the axes, draw a faint grid behind the curves, and drop the frame's idle sides."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(True, color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def inside(times: np.ndarray, window: Window | None) -> np.ndarray:
+    """Which of the (N,) times lie in the window; all of them without one."""
+    if window is None:
+        return np.full(np.shape(times), True)
+    return (times >= window[0]) & (times <= window[1])

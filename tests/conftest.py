@@ -1,0 +1,22 @@
+"""Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
+
+import clearjoint as cj  # noqa: E402
+
+cj.configure()
+
+REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
+
+
+@pytest.fixture(scope="session")
+def reference_folder() -> Path:
+    """The folder of reference trajectories, which lies beside the checkout."""
+    if not REFERENCE.is_dir():
+        pytest.skip(f"the reference trajectories are not there: {REFERENCE} is missing")
+    return REFERENCE

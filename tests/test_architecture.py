@@ -1,0 +1,120 @@
+"""The floors of the package: who may import whom, and what an import may do."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import clearjoint
+
+PACKAGE = Path(clearjoint.__file__).parent
+FLOORS = (
+    ("vectors", "rotations", "smoothing", "linear", "restitution", "results", "runtime", "fields"),
+    ("bodies", "contact", "friction"),
+    (
+        "joints.base", "joints.primitives", "joints.axial", "joints.ideal", "joints.forces",
+        "joints.clearance",
+    ),
+    ("scene", "parameters"),
+    ("coordinates", "dynamics", "projection", "structure", "assembly", "mechanisms"),
+    ("impacts", "stepping", "segments", "impact_table", "solution", "simulate"),
+    ("observables", "testing", "bias"),
+    ("sweep", "identify", "plot"),
+)
+"""A module may import those above it, and on its own floor those before it."""
+THIRD_PARTY = {
+    "jax": 0, "equinox": 0, "numpy": 0, "diffrax": 5, "tqdm": 5,
+    "matplotlib": 7, "optax": 7, "optimistix": 7, "xarray": 7,
+}
+"""The first floor that may import a package."""
+
+ORDER = [name for floor in FLOORS for name in floor]
+FLOOR_OF = {name: number for number, floor in enumerate(FLOORS) for name in floor}
+PATHS = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+    if path.name != "__init__.py"
+}
+
+
+def imports(module: str) -> list[str]:
+    """Absolute names of all that a module imports, wherever in its text."""
+    parts = ("clearjoint", *module.split("."))
+    found = []
+    for node in ast.walk(ast.parse(PATHS[module].read_text())):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            source = [node.module] if node.module else []
+            found.append(".".join([*parts[: -node.level], *source] if node.level else source))
+    return found
+
+
+def within_package(module: str) -> list[str]:
+    return [name.removeprefix("clearjoint.") for name in imports(module) if "clearjoint" in name]
+
+
+@pytest.mark.parametrize("module", PATHS)
+def test_module_has_a_floor(module):
+    assert module in FLOOR_OF
+
+
+@pytest.mark.parametrize("module", PATHS)
+def test_module_imports_only_what_stands_before_it(module):
+    above = ORDER[: ORDER.index(module)]
+    assert [name for name in within_package(module) if name not in above] == []
+
+
+@pytest.mark.parametrize("module", PATHS)
+def test_third_party_packages_keep_to_their_floors(module):
+    packages = {name.split(".")[0] for name in imports(module)}
+    foreign = packages - sys.stdlib_module_names - {"clearjoint"}
+    allowed = {name for name, floor in THIRD_PARTY.items() if floor <= FLOOR_OF[module]}
+    assert foreign <= allowed
+
+
+@pytest.mark.parametrize("module", PATHS)
+def test_annotations_are_not_postponed(module):
+    """Postponed annotations turn an `eqx.AbstractVar` into a field."""
+    assert "__future__" not in imports(module)
+
+
+def test_classes_are_abstract_or_final():
+    trees = {name: ast.parse(path.read_text()) for name, path in PATHS.items()}
+    classes = [
+        node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
+    ]
+    assert len(classes) > 30
+    concrete = {node.name for node in classes if not node.name.startswith("Abstract")}
+    subclassed = {ast.unparse(base).split(".")[-1] for node in classes for base in node.bases}
+    assert concrete & subclassed == set()
+
+
+IMPORT_EVERYTHING = """
+import importlib, json, os, sys
+import jax, equinox, diffrax, tqdm.auto
+from jax._src import xla_bridge
+
+def snapshot():
+    return {name: repr(value) for name, value in jax.config.values.items()}, dict(os.environ)
+
+before = snapshot()
+for name in sys.argv[1:]:
+    importlib.import_module("clearjoint." + name)
+assert snapshot() == before, "an import changed the configuration or the environment"
+assert not jax.config.jax_enable_x64, "an import enabled 64-bit floats"
+assert not xla_bridge.backends_are_initialized(), "an import started a backend"
+"""
+
+
+def test_import_starts_no_backend_and_changes_no_setting():
+    settings = ("JAX_ENABLE_X64", "XLA_FLAGS", "JAX_NUM_CPU_DEVICES", "JAX_COMPILATION_CACHE_DIR")
+    environment = {name: value for name, value in os.environ.items() if name not in settings}
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORT_EVERYTHING, *PATHS],
+        env=environment, capture_output=True, text=True, check=False,
+    )
+    assert done.returncode == 0, done.stderr
