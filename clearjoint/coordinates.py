@@ -10,17 +10,17 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
 from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from .joints.base import Row
-from .linear import Factorisation, LeastNorm
+from .linear import LARGEST_UNROLLED, AbstractSolver
 from .rotations import euler_parameter_rates, rotation_matrix, turned
 from .scene import Scene
 from .vectors import ZERO, Matrix, Scalar, Vector, add
 
 Wrenches = dict[str, Wrench]
 Motions = dict[str, Motion]
-Solver = type[Factorisation] | type[LeastNorm]
 
 
 @jax.tree_util.register_dataclass
@@ -62,7 +62,7 @@ class AbstractCoordinates(eqx.Module):
     @abc.abstractmethod
     def response(
         self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
-        solver: Solver,
+        solver: AbstractSolver,
     ) -> tuple[dict[str, Acceleration], list[Scalar]]:
         """The change M^-1 J^T lambda of the accelerations with J times it equal to the targets.
 
@@ -120,7 +120,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
     def response(
         self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
-        solver: Solver,
+        solver: AbstractSolver,
     ) -> tuple[dict[str, Acceleration], list[Scalar]]:
         """Solves the KKT system (eqs 30 and 32) by its Schur complement J M^-1 J^T."""
         del motions
@@ -133,10 +133,12 @@ class AbsoluteCoordinates(AbstractCoordinates):
             }
             for row in rows
         ]
+        if len(rows) > LARGEST_UNROLLED:
+            return _dense_response(list(scene.bodies), rows, weighted, targets, solver)
         schur = [
             [along(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)
         ]
-        multipliers = solver(schur).solve(targets)
+        multipliers = solver.unrolled(schur, targets)
         still = dict.fromkeys(scene.bodies, STILL)
         return _combined(still, weighted, multipliers), multipliers
 
@@ -244,3 +246,28 @@ def _combined(
                 part.linear * multiplier, part.angular * multiplier
             )
     return result
+
+
+def _dense_response(
+    names: list[str], rows: list[Row], weighted: list[dict[str, Acceleration]],
+    targets: list[Scalar], solver: AbstractSolver,
+) -> tuple[dict[str, Acceleration], list[Scalar]]:
+    """`AbsoluteCoordinates.response` in arrays, for systems too large to be unrolled."""
+    jacobian = jnp.stack([
+        _gathered([row.jacobian.get(name, NO_WRENCH) for name in names]) for row in rows
+    ])
+    inverse = jnp.stack([_gathered([row.get(name, STILL) for name in names]) for row in weighted])
+    multipliers = solver.dense(jacobian @ inverse.T, _gathered(targets))
+    change = multipliers @ inverse
+    accelerations = {
+        name: Acceleration(
+            Vector(*(change[6 * k + i] for i in range(3))),
+            Vector(*(change[6 * k + i] for i in range(3, 6))),
+        )
+        for k, name in enumerate(names)
+    }
+    return accelerations, [multipliers[i] for i in range(len(rows))]
+
+
+def _gathered(tree: Any) -> jax.Array:
+    return jnp.stack([jnp.asarray(leaf, dtype=float) for leaf in jax.tree.leaves(tree)])

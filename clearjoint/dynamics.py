@@ -26,7 +26,7 @@ from .coordinates import (
 )
 from .fields import quantity, require_positive
 from .joints.base import Contact, Row
-from .linear import Factorisation, LeastNorm
+from .linear import AbstractSolver, Exact, LeastNorm
 from .scene import Scene
 from .vectors import Scalar, Vector, add
 
@@ -90,9 +90,9 @@ class Formulation(eqx.Module):
     redundant: bool = eqx.field(default=False, static=True)
     ledger: bool = eqx.field(default=False, static=True)
 
-    def solver(self) -> type[Factorisation] | type[LeastNorm]:
+    def solver(self) -> AbstractSolver:
         """The solver for the multipliers."""
-        return LeastNorm if self.redundant else Factorisation
+        return LeastNorm() if self.redundant else Exact()
 
 
 @jax.tree_util.register_dataclass

@@ -1,13 +1,24 @@
-"""Solution of small symmetric systems, unrolled into scalar arithmetic."""
+"""Solution of symmetric positive semidefinite systems.
+
+Small systems, rows of scalars, are unrolled into scalar arithmetic, which keeps the stepping loop
+native. Unrolled code grows with the cube of the size and so does its compile time (over a minute
+for 30 rows), so larger systems are arrays and go to LAPACK.
+"""
 
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+
 from .vectors import Scalar, add, multiply, subtract
+
+LARGEST_UNROLLED = 12
 
 Rows = Sequence[Sequence[Scalar]]
 
 
-class Factorisation:
+class UnrolledFactorisation:
     """L D L^T of a symmetric positive definite matrix given by its lower triangle.
 
     Entries that are Python zeros are structural and cost nothing, fill-in excepted, so a sparse
@@ -47,47 +58,74 @@ class Factorisation:
         return x
 
 
+class AbstractSolver:
+    """A way to solve matrix x = right in either form."""
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """The solution for a matrix given by its lower triangle, row by row."""
+        raise NotImplementedError
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """The solution for arrays of shapes (n, n) and (n,)."""
+        raise NotImplementedError
+
+
+class Exact(AbstractSolver):
+    """For regular matrices."""
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """By L D L^T."""
+        return UnrolledFactorisation(matrix).solve(right)
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """By Cholesky factorisation."""
+        return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
+
+
+class LeastNorm(AbstractSolver):
+    """The solution of least norm of a singular but consistent system.
+
+    The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
+    converges to the solution of least norm by a factor eps/(eps + sigma) a sweep (E. Bayo, A.
+    Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
+    decomposition it can be differentiated where eigenvalues coincide.
+    """
+
+    relative_shift = 1e-9
+    sweeps = 3
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """By L D L^T of the shifted matrix."""
+        trace: Scalar = 0.0
+        for i in range(len(matrix)):
+            trace = add(trace, matrix[i][i])
+        shift = trace * (self.relative_shift / len(matrix))
+        shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
+        factorisation = UnrolledFactorisation(shifted)
+        x = factorisation.solve(right)
+        for _ in range(self.sweeps - 1):
+            image = product(matrix, x)
+            rest = [subtract(b, s) for b, s in zip(right, image, strict=True)]
+            x = [add(a, d) for a, d in zip(x, factorisation.solve(rest), strict=True)]
+        return x
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """By Cholesky factorisation of the shifted matrix."""
+        n = matrix.shape[0]
+        shift = jnp.trace(matrix) * (self.relative_shift / n)
+        factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
+        x = jnp.zeros(n)
+        for _ in range(self.sweeps):
+            x = x + jax.scipy.linalg.cho_solve(factor, right - matrix @ x)
+        return x
+
+
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
     """The product of a symmetric matrix, given by its lower triangle, with a vector."""
     n = len(vector)
     result: list[Scalar] = [0.0] * n
     for i in range(n):
         for j in range(n):
-            entry = matrix[i][j] if j <= i else matrix[j][i]
+            entry = matrix[max(i, j)][min(i, j)]
             result[i] = add(result[i], multiply(entry, vector[j]))
     return result
-
-
-class LeastNorm:
-    """Solution of least norm of a singular but consistent system.
-
-    The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
-    converges to the solution of least norm by a factor eps/(eps + sigma) a sweep (E. Bayo, A.
-    Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
-    decomposition it compiles to scalar arithmetic, and it can be differentiated where
-    eigenvalues coincide.
-    """
-
-    relative_shift = 1e-9
-    sweeps = 3
-
-    def __init__(self, matrix: Rows):
-        n = len(matrix)
-        trace: Scalar = 0.0
-        for i in range(n):
-            trace = add(trace, matrix[i][i])
-        shift = trace * (self.relative_shift / n)
-        self._matrix = matrix
-        shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(n)]
-        self._factorisation = Factorisation(shifted)
-
-    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """The x of least norm with matrix x = right."""
-        x = self._factorisation.solve(right)
-        for _ in range(self.sweeps - 1):
-            image = product(self._matrix, x)
-            correction = self._factorisation.solve(
-                [subtract(b, s) for b, s in zip(right, image, strict=True)]
-            )
-            x = [add(a, d) for a, d in zip(x, correction, strict=True)]
-        return x

@@ -1,8 +1,11 @@
 """Ready scenes."""
 
+import math
 from typing import Any
 
-from .bodies import Body, State, body_state
+import numpy as np
+
+from .bodies import GROUND, Body, State, body_state
 from .contact import AbstractContactLaw, LankaraniNikravesh, RavnStiffness
 from .friction import AbstractFriction
 from .joints.axial import AbstractAxialPolicy
@@ -54,3 +57,57 @@ def double_pendulum(
     scene = Scene(bodies, {"shoulder": shoulder, "elbow": elbow}, gravity=(0.0, 9.81, 0.0))
     state = State({"arm 2": body_state((0.5, 0.0, 0.0)), "arm 3": body_state((1.0, 0.0, 0.5))})
     return scene, state
+
+
+def double_four_bar() -> tuple[Scene, State]:
+    """Two four-bar linkages in a row, the IFToMM benchmark A02 with five rods of 1 m and 1 kg.
+
+    Rods 1, 3 and 5 stand on the ground, 2 and 4 join their tips; gravity 9.81 along -Y, and the tips
+    start at 1 m/s along +X. A planar mechanism of seven spatial revolute joints, so that 6 of 35
+    constraints are redundant; with the rods in one line it passes singular positions.
+    """
+    names = [f"rod {k}" for k in range(1, 6)]
+    bodies = {name: Body(1.0, (1e-3, 1.0 / 12, 1.0 / 12)) for name in names}
+    joints, states = {}, {}
+    turned = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    near, far, axis = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+    def hinge(name: str, first: str, second: str, here: Any, there: Any) -> None:
+        joints[name] = RevoluteJoint(first, second, here, there, axis, axis)
+
+    for k in (0, 1, 2):
+        post = names[2 * k]
+        states[post] = body_state((k, 0.5, 0.0), turned, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0))
+        hinge(f"foot {k + 1}", GROUND, post, (float(k), 0.0, 0.0), near)
+    for k in (0, 1):
+        beam = names[2 * k + 1]
+        states[beam] = body_state((k + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0))
+        hinge(f"left {k + 1}", names[2 * k], beam, far, near)
+        hinge(f"right {k + 1}", beam, names[2 * k + 2], far, far)
+    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), State(states)
+
+
+def bricard() -> tuple[Scene, State]:
+    """Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m and 1 kg in a closed chain.
+
+    Six revolute joints, each at a right angle to the next: 30 constraints on 30 velocities of which
+    one is redundant, which leaves one degree of freedom. Starts at rest; gravity 9.81 along -Y.
+    """
+    corners = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
+    axes = ((0, 1, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 0))
+    corners = [np.array(corner, dtype=float) for corner in corners]
+    across, along = 1.01 / 12, 0.02 / 12
+    names = [GROUND, *(f"rod {k}" for k in range(1, 6)), GROUND]
+    centres: dict[str, np.ndarray] = {GROUND: np.zeros(3)}
+    bodies, states, joints = {}, {}, {}
+    for k in range(5):
+        direction = corners[k + 1] - corners[k]
+        name, centre = names[k + 1], 0.5 * (corners[k] + corners[k + 1])
+        bodies[name] = Body(1.0, np.where(direction != 0, along, across))
+        centres[name], states[name] = centre, body_state(centre)
+    for k, (corner, axis) in enumerate(zip(corners, axes, strict=True)):
+        first, second = names[k], names[k + 1]
+        joints[f"hinge {k + 1}"] = RevoluteJoint(
+            first, second, corner - centres[first], corner - centres[second], axis, axis
+        )
+    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), State(states)

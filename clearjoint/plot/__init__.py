@@ -9,11 +9,11 @@ the axes show the units that suit them.
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
+from .frames import animate_journal as animate_journal
+from .frames import journal_frames as journal_frames
 from .journal import XY as XY
-from .journal import animate_journal as animate_journal
 from .journal import eccentricities as eccentricities
 from .journal import eccentricity_vectors as eccentricity_vectors
-from .journal import journal_frames as journal_frames
 from .journal import journal_orbit as journal_orbit
 from .motion import acceleration as acceleration
 from .motion import path as path

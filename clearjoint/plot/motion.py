@@ -59,7 +59,9 @@ def acceleration(
         for label, seen in observations.items()
     }
     return dress(
-        _over_time(curves, axes), "time, s", f"{component}-acceleration of {body}'s centre, m/s²"
+        _over_time(curves, axes, width=1.0),
+        "time, s",
+        f"{component}-acceleration of {body}'s centre, m/s²",
     )
 
 
@@ -95,11 +97,11 @@ def path(
 
 
 def _over_time(
-    curves: Mapping[str, tuple[np.ndarray, np.ndarray]], axes: Axes | None
+    curves: Mapping[str, tuple[np.ndarray, np.ndarray]], axes: Axes | None, width: float = 1.5
 ) -> Axes:
     axes = axes_or_new(axes)
     for (label, (times, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(times, values, color=colour, linestyle=style, linewidth=1.3, label=label)
+        axes.plot(times, values, color=colour, linestyle=style, linewidth=width, label=label)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(curves), frameon=False)
     return axes
 

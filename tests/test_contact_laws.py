@@ -1,0 +1,198 @@
+"""Normal contact laws against closed forms, quadrature and published numbers."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from clearjoint import (
+    Flores2011,
+    Gap,
+    GivenStiffness,
+    Hertz,
+    HuntCrossley,
+    LankaraniNikravesh,
+    RavnStiffness,
+)
+
+STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
+RADII = {"bearing_radius": 10e-3, "journal_radius": 9.5e-3}
+K = 6.6e10
+DAMPED = (LankaraniNikravesh, HuntCrossley, Flores2011)
+CHI = {
+    LankaraniNikravesh: lambda c: 3 * (1 - c**2) / 4,
+    HuntCrossley: lambda c: 3 * (1 - c) / 2,
+    Flores2011: lambda c: 8 * (1 - c) / (5 * c),
+}
+DEPTH = np.array([-1e-3, -1e-9, 0.0, 1e-9, 8e-6, 1e-3])[:, None]
+RATE = np.array([-0.5, -0.09, 0.0, 0.09, 0.5])
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.2])
+@pytest.mark.parametrize("law", DAMPED)
+def test_damped_force_is_the_closed_form(law, exponent):
+    c, entry = 0.7, 0.1
+    force = law(c, K, exponent).force(Gap(DEPTH, RATE), entry)
+    hysteresis = 1 + CHI[law](c) * RATE / entry
+    expected = K * np.maximum(DEPTH, 0.0) ** exponent * np.maximum(hysteresis, 0.0)
+    np.testing.assert_allclose(force, expected, rtol=1e-13)
+
+
+def test_clamp_is_reached_by_the_closed_form_above():
+    assert 1 + CHI[LankaraniNikravesh](0.7) * RATE[0] / 0.1 < 0
+
+
+def test_hertz_force_depends_on_the_depth_only():
+    law = Hertz(K)
+    force = law.force(Gap(DEPTH, RATE), None)
+    expected = np.broadcast_to(K * np.maximum(DEPTH, 0.0) ** 1.5, force.shape)
+    np.testing.assert_allclose(force, expected, rtol=1e-13)
+    assert not law.has_memory and all(law.has_memory for law in DAMPED)
+
+
+def test_elastic_restitution_leaves_no_damping():
+    for law in DAMPED:
+        gap = Gap(DEPTH, RATE)
+        np.testing.assert_array_equal(law(1.0, K).force(gap, 0.1), Hertz(K).force(gap, 0.1) + 0 * RATE)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_smooth_force_is_the_closed_form(exponent):
+    """Depth and clamp become parabolas of half widths w and w/(w + depth)."""
+
+    def parabola(x, w):
+        return np.where(x > w, x, np.where(x > -w, (x + w) ** 2 / (4 * w), 0.0))
+
+    w, c, entry = 1e-5, 0.7, 0.1
+    law = LankaraniNikravesh(c, K, exponent, smoothing=w)
+    depth = np.array([-2e-5, -1e-5, -4e-6, 0.0, 4e-6, 1e-5, 3e-5, 1e-3])[:, None]
+    rate = np.array([-0.5, -0.265, -0.1, 0.0, 0.1])
+    factor = parabola(1 + CHI[type(law)](c) * rate / entry, w / (w + np.maximum(depth, 0.0)))
+    expected = K * parabola(depth, w) ** exponent * factor
+    np.testing.assert_allclose(law.force(Gap(depth, rate), entry), expected, rtol=1e-12, atol=1e-9)
+    assert law.reach() == w and Hertz(K).reach() == 0.0
+
+
+def test_smooth_law_tends_to_the_exact_one():
+    gap = Gap(DEPTH[3:], RATE)
+    exact = LankaraniNikravesh(0.7, K).force(gap, 0.1)
+    smooth = LankaraniNikravesh(0.7, K, smoothing=1e-15).force(gap, 0.1)
+    np.testing.assert_allclose(smooth, exact, rtol=1e-4)
+
+
+@pytest.mark.parametrize("smoothing", [None, 4e-6])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("depth", [-1e-6, 2e-6, 4e-6, 3e-5])
+def test_stored_energy_is_the_integral_of_the_elastic_force(depth, exponent, smoothing):
+    law = LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
+    work, _ = quad(
+        lambda x: float(law.elastic_force(Gap(x, 0.0))), -1e-5, depth,
+        points=[x for x in (-4e-6, 0.0, 4e-6) if x < depth], epsabs=0.0, epsrel=1e-10,
+    )
+    np.testing.assert_allclose(law.stored_energy(Gap(depth, 0.0)), work, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("smoothing", [None, 1e-6])
+@pytest.mark.parametrize("law", DAMPED)
+def test_force_never_pulls(law, smoothing):
+    random = np.random.default_rng(4)
+    depth = random.normal(size=500) * 1e-5
+    rate = random.normal(size=500) * 10.0
+    force = law(0.1, K, smoothing=smoothing).force(Gap(depth, rate), 1e-3)
+    assert np.isfinite(force).all() and (force >= 0.0).all() and (force > 0.0).any()
+
+
+@pytest.mark.parametrize("smoothing", [None, 1e-6])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_derivatives_are_finite_at_touch(exponent, smoothing):
+    """By depth, rate and entry speed, at the instant of touch and with the clamp at its kink."""
+    law = LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
+
+    def force(x):
+        return law.force(Gap(x[0], x[1]), x[2])
+
+    for point in ([0.0, 0.1, 0.1], [0.0, 0.0, 0.0], [0.0, -0.1 / 0.5625, 0.1]):
+        assert np.isfinite(jax.grad(force)(jnp.array(point))).all()
+
+
+def test_derivative_by_depth_right_of_touch():
+    """K (1 + chi) for a linear law entered just now."""
+    law = LankaraniNikravesh(0.5, K, 1.0)
+    slope = jax.grad(lambda depth: law.force(Gap(depth, 0.1), 0.1))(1e-15)
+    assert slope == pytest.approx(K * 1.5625, rel=1e-12)
+
+
+def test_entry_speed_is_floored():
+    law = LankaraniNikravesh(0.5, K, entry_speed_floor=1e-3)
+    gap = Gap(1e-6, 2e-3)
+    expected = K * 1e-9 * (1 + 0.5625 * 2.0)
+    for entry in (0.0, -0.3, 1e-12, 1e-3):
+        assert law.force(gap, entry) == pytest.approx(expected, rel=1e-12)
+    assert law.force(gap, 2e-3) == pytest.approx(K * 1e-9 * 1.5625, rel=1e-12)
+    assert np.isfinite(jax.grad(lambda entry: law.force(gap, entry))(0.0))
+
+
+def test_ravn_stiffness_of_the_paper():
+    """physics.md section 1.2, internal contact, consistent pair."""
+    assert RavnStiffness(**STEEL).value(Gap(0.0, 0.0, **RADII)) == pytest.approx(
+        6.610198e10, rel=1e-7
+    )
+
+
+@pytest.mark.parametrize(
+    ("clearance", "stiffness"), [(0.1e-3, 1.51e11), (10e-6, 4.79e11), (1e-6, 1.52e12), (1e-9, 4.8e13)]
+)
+def test_ravn_stiffness_follows_the_clearance(clearance, stiffness):
+    gap = Gap(0.0, 0.0, 10e-3, 10e-3 - clearance)
+    assert RavnStiffness(**STEEL).value(gap) == pytest.approx(stiffness, rel=3e-3)
+
+
+def test_ravn_stiffness_of_two_materials():
+    """Steel on bronze; the compliances (1 - nu^2)/E add."""
+    mixed = RavnStiffness(207e9, 0.3, 110e9, 0.34).value(Gap(0.0, 0.0, **RADII))
+    compliance = 0.91 / 207e9 + (1 - 0.34**2) / 110e9
+    expected = 4 / (3 * compliance) * (10e-3 * 9.5e-3 / 0.5e-3) ** 0.5
+    assert mixed == pytest.approx(expected, rel=1e-13)
+    assert RavnStiffness(207e9, 0.3, 207e9, 0.3).value(Gap(0.0, 0.0, **RADII)) == pytest.approx(
+        6.610198e10, rel=1e-7
+    )
+
+
+def test_a_number_is_a_given_stiffness():
+    law = LankaraniNikravesh(0.9, K)
+    assert isinstance(law.stiffness, GivenStiffness)
+    assert law.stiffness.value(Gap(0.0, 0.0)) == K
+
+
+SPHERES = {
+    "glass": (48e9, 0.2, 2800.0, 10696.9, 274.11e-6, 40.34e-6),
+    "limestone": (20e9, 0.25, 2500.0, 7108.2, 368.3e-6, 54.20e-6),
+}
+
+
+@pytest.mark.parametrize("material", SPHERES)
+def test_impact_of_two_spheres(material):
+    """Chung and Ooi 2011, test 1: radius 10 mm, 10 m/s each (numbers in physics.md section 4).
+
+    Largest depth from the law's energy, largest force from its force, duration by quadrature of
+    d(depth)/speed, with depth = depth_max sin^2 to take out the singular end.
+    """
+    modulus, ratio, density, peak_force, largest_depth, duration = SPHERES[material]
+    radius, speed = 10e-3, 20.0
+    mass = density * 4 / 3 * np.pi * radius**3 / 2
+    law = Hertz(4 / 3 * modulus / (2 * (1 - ratio**2)) * np.sqrt(radius / 2))
+
+    def remaining(depth):
+        return mass * speed**2 / 2 - float(law.stored_energy(Gap(depth, 0.0)))
+
+    depth = brentq(remaining, 1e-6, 1e-3, xtol=1e-16)
+
+    def time(angle):
+        x = depth * np.sin(angle) ** 2
+        return depth * np.sin(2 * angle) / np.sqrt(2 * remaining(x) / mass)
+
+    assert depth == pytest.approx(largest_depth, rel=2e-4)
+    assert float(law.force(Gap(depth, 0.0), None)) == pytest.approx(peak_force, rel=2e-5)
+    assert 2 * quad(time, 0, np.pi / 2 - 1e-6, epsrel=1e-6)[0] == pytest.approx(duration, rel=2e-4)
