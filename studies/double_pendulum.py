@@ -15,6 +15,7 @@ from pathlib import Path
 import diffrax
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 import clearjoint as cj
@@ -54,8 +55,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Run:
-    """One simulation: states and observation at the saved instants, observation along every accepted
-    step, and the finished contacts."""
+    """One simulation: states and observation at the saved instants, observation along every
+    accepted step, and the finished contacts."""
 
     trajectory: cj.Trajectory
     saved: cj.Observation
@@ -127,29 +128,34 @@ def simulate_clearance(settings: Settings) -> Run:
     """The pendulum with clearance; a first pass over the early part tells where impacts are."""
     scene, state = cj.double_pendulum(settings.clearance, settings.restitution)
     early = _simulate(settings, scene, state, np.linspace(0.0, settings.early, SAVED))
-    impacts = early.of("V")
+    assert early.impacts is not None
+    impacts = early.impacts.of(SHOULDER, "V")
     if len(impacts) < 3:
         raise ValueError(
             f"duration = {settings.duration} s holds {len(impacts)} impacts of base V, but the "
             "figures show three: raise --duration."
         )
-    return _simulate(settings, scene, state, _instants(settings, impacts))
+    return _observed(scene, _simulate(settings, scene, state, _instants(settings, impacts)))
 
 
 def simulate_ideal(settings: Settings) -> Run:
     """The pendulum with an ideal joint in place of the clearance joint."""
     scene, state = cj.double_pendulum(clearance=None)
-    return _simulate(settings, scene, state, np.linspace(0.0, settings.duration, SAVED))
+    instants = np.linspace(0.0, settings.duration, SAVED)
+    return _observed(scene, _simulate(settings, scene, state, instants))
 
 
 def _simulate(
     settings: Settings, scene: cj.Scene, state: cj.State, instants: np.ndarray
-) -> Run:
-    solution = cj.simulate(
+) -> cj.Solution:
+    return cj.simulate(
         scene, state, instants[-1], save_at=instants, rtol=settings.rtol,
         solver=SOLVERS[settings.solver](),
         ledger=True, record_steps=True, record_impacts=True,
     )
+
+
+def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
     assert solution.saved is not None and solution.impacts is not None
     return Run(
         trajectory=solution.saved,
@@ -185,7 +191,7 @@ def figures(settings: Settings, clearance: Run, ideal: Run) -> dict[str, Figure]
 
 
 def _figure_13(clearance: Run) -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(10.0, 4.0), layout=ConstrainedLayoutEngine(wspace=0.05))
     left, right = figure.subplots(1, 2)
     impacts = clearance.of("V")
     margin = 0.2 * impacts.duration[0]
@@ -204,7 +210,7 @@ def _labels(settings: Settings) -> tuple[str, str]:
 
 
 def _figure_14(settings: Settings, clearance: Run, ideal: Run) -> Figure:
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(10.0, 4.0), layout=ConstrainedLayoutEngine(wspace=0.05))
     left, right = figure.subplots(1, 2)
     with_clearance, without = _labels(settings)
     trajectories = {with_clearance: clearance.trajectory, without: ideal.trajectory}
@@ -274,7 +280,7 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     """Evaluate everything that the paper states and leaves open."""
     impacts, saved, steps = clearance.of("V"), clearance.saved, clearance.steps
     reactions = [_peak_reaction(saved, impacts, k) for k in range(3)]
-    touching = steps.modes[SHOULDER][1:] != cj.MotionMode.FREE_FLIGHT
+    touching = steps.modes[SHOULDER][:-1] != cj.MotionMode.FREE_FLIGHT
     end = settings.duration
     return Findings(
         reaction_share=reactions[0] / impacts.peak_force[0],
@@ -362,7 +368,7 @@ def _stated(found: Findings) -> list[tuple[str, str]]:
         ),
         (
             "Each impact dissipates energy: the area of its hysteresis loop",
-            f"{_list(found.loop_energies * 1e3, '.2f')} mJ at base V",
+            f"{_list(found.loop_energies * 1e3, '.3g')} mJ at base V",
         ),
         ("The first impacts of both bases coincide", f"onsets differ by {gaps} µs"),
         ("Then only one base touches at a time", f"first strike of one base alone: {alone}"),
@@ -417,7 +423,10 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the study from a command line, and print its table."""
     settings = parse(arguments)
     cj.configure()
-    print(report(run(settings)))
+    try:
+        print(report(run(settings)))
+    except ValueError as error:
+        raise SystemExit(f"error: {error}") from error
     print(
         "The motion is chaotic: from about 0.15 s on (0.5 mm, 0.9), what depends on single impacts "
         "holds for this run only."

@@ -53,9 +53,9 @@ def test_hertz_force_depends_on_the_depth_only():
 
 
 def test_elastic_restitution_leaves_no_damping():
+    gap = Gap(DEPTH, RATE)
     for law in DAMPED:
-        gap = Gap(DEPTH, RATE)
-        np.testing.assert_array_equal(law(1.0, K).force(gap, 0.1), Hertz(K).force(gap, 0.1) + 0 * RATE)
+        np.testing.assert_array_equal(law(1.0, K).force(gap, 0.1), Hertz(K).force(gap, 0.1))
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
@@ -142,7 +142,7 @@ def test_ravn_stiffness_of_the_paper():
 
 
 @pytest.mark.parametrize(
-    ("clearance", "stiffness"), [(0.1e-3, 1.51e11), (10e-6, 4.79e11), (1e-6, 1.52e12), (1e-9, 4.8e13)]
+    ("clearance", "stiffness"), [(1e-4, 1.51e11), (1e-5, 4.79e11), (1e-6, 1.52e12), (1e-9, 4.8e13)]
 )
 def test_ravn_stiffness_follows_the_clearance(clearance, stiffness):
     gap = Gap(0.0, 0.0, 10e-3, 10e-3 - clearance)

@@ -1,4 +1,4 @@
-"""Delivered restitution: the table of physics.md section 3, limits, derivatives, and integration."""
+"""Delivered restitution: the table of physics.md section 3, limits, derivatives, integration."""
 
 import jax
 import jax.numpy as jnp

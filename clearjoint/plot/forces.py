@@ -62,7 +62,7 @@ def hysteresis(
     for k, (colour, style) in zip(range(min(count, len(impacts))), lines(), strict=False):
         depth, force = _loop(observation, impacts, k)
         energy = enclosed_energy(observation, impacts, k)
-        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * 1e3:.2f} mJ"
+        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * 1e3:.3g} mJ"
         axes.plot(depth * 1e6, force, color=colour, linestyle=style, linewidth=2, label=label)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)

@@ -1,0 +1,51 @@
+"""The exact restitution relation, Hertz's closed forms and the smoothing bias, by free impacts."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.free_impact import free_impact, smoothing_bias
+
+MASS, SPEED, STIFFNESS = 2.0, 0.1, 6.6e10
+
+LAWS = {
+    "Hertz": (cj.Hertz(STIFFNESS), 0.0),
+    "Hunt-Crossley": (cj.HuntCrossley(0.5, STIFFNESS), 0.75),
+    "Lankarani-Nikravesh": (cj.LankaraniNikravesh(0.9, STIFFNESS), 0.1425),
+    "Lankarani-Nikravesh plastic": (cj.LankaraniNikravesh(0.0, STIFFNESS), 0.75),
+    "Flores": (cj.Flores2011(0.3, STIFFNESS), 1.6 * 0.7 / 0.3),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_restitution_satisfies_the_exact_relation(name):
+    law, chi = LAWS[name]
+    e = free_impact(law, MASS, SPEED).restitution
+    assert chi * (1 + e) == pytest.approx(np.log((1 + chi) / (1 - chi * e)), rel=1e-6, abs=1e-9)
+    assert e == pytest.approx(float(law.delivered_restitution()), abs=1e-6)
+
+
+def test_hertz_impact_matches_closed_forms():
+    found = free_impact(LAWS["Hertz"][0], MASS, SPEED)
+    scale = (MASS * SPEED**2 / STIFFNESS) ** 0.4
+    assert found.restitution == pytest.approx(1.0, abs=1e-8)
+    assert found.largest_penetration == pytest.approx(1.25**0.4 * scale, rel=1e-7)
+    assert found.peak_force == pytest.approx(1.14326 * MASS * SPEED**2 / scale, rel=1e-5)
+    assert found.duration == pytest.approx(3.2181 * scale / SPEED, rel=2e-5)
+
+
+def test_smoothing_bias_falls_with_the_width():
+    widths = (4e-7, 1e-7)
+    biases = [
+        smoothing_bias(cj.LankaraniNikravesh(0.9, STIFFNESS, smoothing=w), MASS, SPEED)
+        for w in widths
+    ]
+    for name in ("restitution", "peak_force", "duration"):
+        wide, narrow = (abs(getattr(bias, name)) for bias in biases)
+        assert narrow < 0.5 * wide
+    assert abs(biases[1].peak_force) < 1e-2
+
+
+def test_smoothing_bias_needs_a_width():
+    with pytest.raises(ValueError, match="smoothing width"):
+        smoothing_bias(cj.LankaraniNikravesh(0.9, STIFFNESS), MASS, SPEED)
