@@ -17,6 +17,7 @@ from .contact import Hertz as Hertz
 from .contact import HuntCrossley as HuntCrossley
 from .contact import LankaraniNikravesh as LankaraniNikravesh
 from .contact import RavnStiffness as RavnStiffness
+from .dynamics import AbstractStabilisation as AbstractStabilisation
 from .dynamics import Baumgarte as Baumgarte
 from .dynamics import Projection as Projection
 from .dynamics import Unstabilised as Unstabilised

@@ -70,10 +70,11 @@ class Run:
 
 @dataclass(frozen=True)
 class Findings:
-    """What the study finds, in SI units; arrays hold one entry for each of the first impacts.
+    """What the study finds, in SI units; arrays hold one entry an impact.
 
     - `reaction_share`: peak of the elbow's reaction over the peak force at base V, first impact.
-    - `peak_forces`, `peak_reactions`: N; `loop_energies`: J at base V; `rebounds`: m, base V.
+    - `peak_forces`: N at base V, first four impacts. `peak_reactions`: N at the elbow,
+      `loop_energies`: J and `rebounds`: m at base V, first three.
     - `onset_gaps`: s between the bases' onsets of the same impact, until one base strikes alone.
     - `lone_strike`: s, begin of the first contact during which the other base stays in flight.
     - `acceleration`, `ideal_acceleration`: m/s^2, largest of the end arm's centre along Y.
@@ -284,7 +285,7 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     end = settings.duration
     return Findings(
         reaction_share=reactions[0] / impacts.peak_force[0],
-        peak_forces=impacts.peak_force[:3],
+        peak_forces=impacts.peak_force[:4],
         peak_reactions=np.array(reactions),
         loop_energies=np.array([plot.enclosed_energy(saved, impacts, k) for k in range(3)]),
         rebounds=_rebounds(settings, saved, impacts),
@@ -355,6 +356,7 @@ def report(findings: Findings) -> str:
 def _stated(found: Findings) -> list[tuple[str, str]]:
     ratio = found.acceleration / found.ideal_acceleration
     gaps = ", ".join(f"{gap * 1e6:.3g}" for gap in found.onset_gaps)
+    rising = found.peak_forces[3:][found.peak_forces[3:] > found.peak_forces[2]]
     alone = "not in this run" if found.lone_strike is None else f"{found.lone_strike * 1e3:.1f} ms"
     return [
         (
@@ -364,7 +366,8 @@ def _stated(found: Findings) -> list[tuple[str, str]]:
         ),
         (
             "The contact force decreases from impact to impact",
-            f"{_list(found.peak_forces, '.0f')} N at base V",
+            f"{_list(found.peak_forces[:3], '.0f')} N at base V in the first three"
+            + "".join(f", but {force:.0f} N in the fourth" for force in rising),
         ),
         (
             "Each impact dissipates energy: the area of its hysteresis loop",

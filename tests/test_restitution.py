@@ -107,6 +107,11 @@ def test_derivative_in_the_limits():
     np.testing.assert_allclose(slopes(large) * large**2, -1.0, rtol=1e-6)
 
 
+def test_derivative_is_finite_and_negative_everywhere():
+    found = np.asarray(slopes(np.logspace(-9, 8, 5001)))
+    assert np.isfinite(found).all() and (found < 0).all()
+
+
 def test_restitution_of_a_law_has_a_gradient():
     """Chain rule by hand: de/dc = de/dchi dchi/dc."""
     by_requested = jax.grad(lambda c: LankaraniNikravesh(c, 1e9).delivered_restitution())(0.9)

@@ -48,8 +48,7 @@ def journal_frames(
     """
     blocks = -(-len(instants) // columns)
     if figure is None:
-        size = (1.3 * columns, 2.75 * blocks + 0.3)
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=(1.3 * columns, 2.75 * blocks + 0.3), layout="constrained")
     grid = figure.subplots(2 * blocks, columns, squeeze=False)
     for axes in grid.flat:
         axes.set_axis_off()

@@ -1,0 +1,40 @@
+"""The energy ledger closes over four seconds, and constraints stay where they belong."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+
+def _observed(restitution: float, stabilisation: cj.AbstractStabilisation) -> cj.Observation:
+    scene, state = cj.double_pendulum(restitution=restitution)
+    solution = cj.simulate(
+        scene, state, 4.0, rtol=1e-8, ledger=True, record_steps=True, stabilisation=stabilisation
+    )
+    return cj.observe(scene, solution, solution.steps)
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.5, 0.9, 1.0])
+def test_ledger_closes(restitution):
+    observed = _observed(restitution, cj.Projection())
+    exchanged = np.ptp(observed.energies["gravity"])
+    assert exchanged > 50.0
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
+    dissipated = observed.energies["normal damping"][-1]
+    if restitution == 1.0:
+        change = np.abs(observed.energies["mechanical"] - observed.energies["mechanical"][0])
+        assert change.max() < 1e-6 * exchanged
+    else:
+        assert dissipated > 1.0
+    assert observed.drift["elbow"].max() < 1e-8
+
+
+def test_friction_dissipates_and_is_booked():
+    """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
+    scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))
+    solution = cj.simulate(scene, state, 0.5, rtol=1e-8, ledger=True, save_at=np.linspace(0, 0.5, 50))
+    observed = cj.observe(scene, solution)
+    exchanged = np.ptp(observed.energies["gravity"])
+    assert observed.energies["friction"][-1] > 1e-3 * exchanged
+    assert (np.diff(observed.energies["friction"]) >= -1e-12).all()
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
