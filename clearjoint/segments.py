@@ -28,37 +28,74 @@ from .vectors import Scalar, pack, unpack
 BLOCK_ROWS = 64
 
 
-class Saved(eqx.Module):
-    """States at requested times; `count` of them are there."""
+class Rows(eqx.Module):
+    """A table that grows by rows.
 
-    times: Any
-    states: Any
-    count: Any
-
-
-class Record(eqx.Module):
-    """Accepted steps: `count` rows are filled.
-
-    The inner loop writes into a small `block`, since a native loop copies its buffers at every
-    step; the outer loop moves full blocks into the large one.
+    A loop copies the buffers it writes into at every turn, so rows go into a small `block` first,
+    and full blocks into the large `table`.
     """
 
-    times: Any
-    states: Any
+    table: Any
     count: Any
-    block_times: Any
-    block_states: Any
+    block: Any
     block_count: Any
+
+    @staticmethod
+    def like(row: Any, length: int) -> "Rows":
+        """An empty table with room for `length` rows like the given one."""
+        none = jnp.zeros((), int)
+        return Rows(_buffer(row, length + BLOCK_ROWS), none, _buffer(row, BLOCK_ROWS), none)
+
+    def with_row(self, row: Any, kept: Any) -> "Rows":
+        """The row written behind the last one, and counted if it is to be kept."""
+        block = jax.tree.map(
+            lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
+            self.block, row,
+        )
+        return Rows(self.table, self.count, block, self.block_count + kept)
+
+    def flushed(self) -> "Rows":
+        """The block moved into the table; what of it is not filled is overwritten later."""
+        table = jax.tree.map(
+            lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
+            self.table, self.block,
+        )
+        return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
+
+    def total(self) -> Any:
+        """Rows in table and block."""
+        return self.count + self.block_count
+
+    def block_is_full(self) -> Any:
+        """Whether the block must be moved before another row is written."""
+        return self.block_count >= BLOCK_ROWS
+
+
+class Row(eqx.Module):
+    """A time and the state there."""
+
+    t: Any
+    state: State
+
+
+class Saved(eqx.Module):
+    """The requested times, and the states saved at the first of them."""
+
+    times: Any
+    rows: Rows
 
 
 class Progress(eqx.Module):
-    """A run between two segments. `last` is the latest accepted step, kept while states are still
-    to be saved; `saved` and `record` are ``None`` where nothing was asked for."""
+    """A run between two segments.
+
+    `last` is the latest accepted step, kept while states are still to be saved. `saved` and `record`
+    (of accepted steps) are ``None`` where nothing was asked for.
+    """
 
     step: Step
     last: Attempt | None
     saved: Saved | None
-    record: Record | None
+    record: Rows | None
 
 
 def begin(
@@ -70,16 +107,15 @@ def begin(
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
     step = start(method, scene, t0, t_end, first_step, y, state.memory)
-    row = _row(method, scene, step.y, step.memory)
+    row = _row(method, scene, step)
     last = saved = record = None
     if save_times is not None:
         shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end))
         last = eqx.tree_at(lambda a: a.step, _zeros(shapes), step)
-        saved = Saved(save_times, _buffer(row, save_times.shape[0]), jnp.zeros((), int))
+        saved = Saved(save_times, Rows.like(row.state, save_times.shape[0]))
     if record_rows is not None:
-        record = _new_record(row, record_rows)
-        record = _recorded(record, t0, row, True)
-    return Progress(step, last, saved, record)
+        record = Rows.like(row, record_rows).with_row(row, 1)
+    return _strongly_typed(Progress(step, last, saved, record))
 
 
 def segment(
@@ -91,17 +127,19 @@ def segment(
         return _run(method, scene, progress, t_end, t_end, attempts)
 
     def goes(now: Progress) -> Scalar:
-        return _due(now) | (_running(now, t_end, attempts) & _has_room(now.record))
+        return (_due(now) | running(now.step, t_end, attempts)) & _has_room(now.record)
+
+    def goes_without_flush(now: Progress) -> Scalar:
+        return goes(now) & ~_must_flush(now)
 
     def go(now: Progress) -> Progress:
         now = _run(method, scene, now, _next_save(now, t_end), t_end, attempts)
-        if now.saved is not None:
-            now = _save(method, scene, now)
-        if now.record is not None:
-            now = eqx.tree_at(lambda p: p.record, now, _flushed(now.record))
-        return now
+        return now if now.saved is None else _save(method, scene, now)
 
-    return jax.lax.while_loop(goes, go, progress)
+    def go_and_flush(now: Progress) -> Progress:
+        return _flushed(jax.lax.while_loop(goes_without_flush, go, now))
+
+    return jax.lax.while_loop(goes, go_and_flush, progress)
 
 
 def rewound(progress: Progress) -> Progress:
@@ -110,34 +148,44 @@ def rewound(progress: Progress) -> Progress:
     return eqx.tree_at(lambda p: p.record.count, progress, jnp.zeros((), int))
 
 
-def _running(now: Progress, t_end: Any, attempts: Any) -> Scalar:
-    goes = running(now.step, t_end, attempts)
-    if now.record is not None:
-        goes = goes & (now.record.block_count < BLOCK_ROWS)
-    return goes
+def _must_flush(now: Progress) -> Any:
+    tables = [now.record, now.saved and now.saved.rows]
+    full = [table.block_is_full() for table in tables if table is not None]
+    return jnp.any(jnp.stack(full))
 
 
-def _has_room(record: Record | None) -> Any:
-    return True if record is None else record.count + 2 * BLOCK_ROWS <= record.times.shape[0]
+def _flushed(now: Progress) -> Progress:
+    saved = now.saved and Saved(now.saved.times, now.saved.rows.flushed())
+    return Progress(now.step, now.last, saved, now.record and now.record.flushed())
 
 
-def _next_index(saved: Saved) -> Any:
-    return jnp.minimum(saved.count, saved.times.shape[0] - 1)
+def _has_room(record: Rows | None) -> Any:
+    return True if record is None else record.count + BLOCK_ROWS <= _length(record.table.t)
+
+
+def _length(buffer: Any) -> int:
+    return buffer.shape[0] - BLOCK_ROWS
+
+
+def _next_time(saved: Saved) -> tuple[Any, Any]:
+    """Whether a time is left to save at, and which."""
+    index = jnp.minimum(saved.rows.total(), saved.times.shape[0] - 1)
+    return saved.rows.total() < saved.times.shape[0], saved.times[index]
 
 
 def _next_save(now: Progress, t_end: Any) -> Any:
     if now.saved is None:
         return t_end
-    left = now.saved.count < now.saved.times.shape[0]
-    return jnp.where(left, now.saved.times[_next_index(now.saved)], t_end)
+    left, time = _next_time(now.saved)
+    return jnp.where(left, time, t_end)
 
 
 def _due(now: Progress) -> Scalar:
     """Whether the next time to save is already behind."""
     if now.saved is None:
         return jnp.asarray(False)
-    left = now.saved.count < now.saved.times.shape[0]
-    return left & (now.saved.times[_next_index(now.saved)] <= now.step.t)
+    left, time = _next_time(now.saved)
+    return left & (time <= now.step.t)
 
 
 def _run(
@@ -146,7 +194,8 @@ def _run(
     """The inner loop: steps until one passes `stop`; none but the last is cut at `t_end`."""
 
     def goes(now: Progress) -> Scalar:
-        return (now.step.t < stop) & _running(now, t_end, attempts)
+        more = (now.step.t < stop) & running(now.step, t_end, attempts)
+        return more if now.record is None else more & ~now.record.block_is_full()
 
     def go(now: Progress) -> Progress:
         tried = attempt(method, scene, now.step, t_end)
@@ -155,8 +204,7 @@ def _run(
             last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
         record = now.record
         if record is not None:
-            row = _row(method, scene, tried.step.y, tried.step.memory)
-            record = _recorded(record, tried.step.t, row, tried.kept)
+            record = record.with_row(_row(method, scene, tried.step), tried.kept)
         return Progress(tried.step, last, now.saved, record)
 
     return jax.lax.while_loop(goes, go, progress)
@@ -165,50 +213,19 @@ def _run(
 def _save(method: Method, scene: Scene, now: Progress) -> Progress:
     """Write the state at the next requested time, if it has been reached."""
     assert now.saved is not None and now.last is not None
-    saved, due, index = now.saved, _due(now), _next_index(now.saved)
-    y, memory = look_inside(method, scene, now.last, saved.times[index])
-    row = _row(method, scene, y, memory)
-    old = jax.tree.map(lambda buffer: buffer[index], saved.states)
-    row = jax.tree.map(lambda new, was: jnp.where(due, new, was), row, old)
-    states = _written(saved.states, row, index)
-    return Progress(now.step, now.last, Saved(saved.times, states, saved.count + due), now.record)
+    _, time = _next_time(now.saved)
+    y, memory = look_inside(method, scene, now.last, time)
+    state = _state(method, scene, y, memory)
+    saved = Saved(now.saved.times, now.saved.rows.with_row(state, _due(now)))
+    return Progress(now.step, now.last, saved, now.record)
 
 
-def _new_record(row: Any, rows: int) -> Record:
-    none = jnp.zeros((), int)
-    return Record(
-        jnp.zeros(rows), _buffer(row, rows), none,
-        jnp.zeros(BLOCK_ROWS), _buffer(row, BLOCK_ROWS), none,
-    )
+def _row(method: Method, scene: Scene, step: Step) -> Row:
+    return Row(step.t, _state(method, scene, step.y, step.memory))
 
 
-def _recorded(record: Record, t: Any, row: Any, kept: Any) -> Record:
-    index = record.block_count
-    return Record(
-        record.times, record.states, record.count,
-        _written(record.block_times, t, index), _written(record.block_states, row, index),
-        index + kept,
-    )
-
-
-def _flushed(record: Record) -> Record:
-    """The block moved behind the rows that are there; what is not filled is overwritten later."""
-    states = jax.tree.map(
-        lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, record.count, 0),
-        record.states, record.block_states,
-    )
-    times = jax.lax.dynamic_update_slice_in_dim(
-        record.times, record.block_times, record.count, 0
-    )
-    return Record(
-        times, states, record.count + record.block_count,
-        record.block_times, record.block_states, jnp.zeros((), int),
-    )
-
-
-def _row(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
-    bodies = method.formulation.coordinates.decode(scene, y.motion)
-    return State(bodies, memory, y.work)
+def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
+    return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
 
 
 def _zeros(shapes: Any) -> Any:
@@ -219,7 +236,6 @@ def _buffer(row: Any, length: int) -> Any:
     return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)
 
 
-def _written(buffer: Any, row: Any, index: Any) -> Any:
-    return jax.tree.map(
-        lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, index, 0), buffer, row
-    )
+def _strongly_typed(tree: Any) -> Any:
+    """No weak types, which a loop's result does not have: the next segment would compile anew."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), tree)

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from .assembly import check_names, require_assembled
 from .bodies import State
@@ -18,7 +18,7 @@ from .impacts import Landing
 from .results import RESULTS
 from .runtime import SlowRunNotice
 from .scene import Scene
-from .segments import Progress, begin, rewound, segment
+from .segments import Progress, Row, begin, rewound, segment
 from .solution import SimulationError, Solution, Trajectory
 from .stepping import Method
 from .structure import constraint_report
@@ -145,7 +145,7 @@ class _Run:
         self._scene, self._method, self._names = scene, method, names
         self._end = jnp.asarray(end_time, dtype=float)
         self._max_steps = max_steps
-        self._steps: list[tuple[Any, State]] = []
+        self._steps: list[Row] = []
 
     def in_one_piece(self, now: Progress) -> Solution:
         """The whole run inside one traced computation."""
@@ -187,7 +187,7 @@ class _Run:
     def _ended(self, now: Progress) -> bool:
         if now.step.result != RESULTS.successful or int(now.step.attempts) >= self._max_steps:
             return True
-        saved = now.saved is None or int(now.saved.count) == now.saved.times.shape[0]
+        saved = now.saved is None or int(now.saved.rows.count) == now.saved.times.shape[0]
         return bool(now.step.t >= self._end) and saved
 
     def _collect(
@@ -196,17 +196,16 @@ class _Run:
         if now.record is None:
             return now
         count = int(now.record.count)
+        rows = now.record.table
         if collector is not None:
-            collector.add(np.asarray(now.record.times), now.record.states, count)
+            collector.add(rows.t, rows.state, count)
         if record_steps:
-            rows = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], now.record.states)
-            self._steps.append((np.asarray(now.record.times)[:count], rows))
+            self._steps.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:count], rows))
         return rewound(now)
 
     def _trajectory(self) -> Trajectory:
-        times = np.concatenate([times for times, _ in self._steps])
-        states = jax.tree.map(lambda *pieces: np.concatenate(pieces), *(s for _, s in self._steps))
-        return Trajectory(times, pack(states))
+        rows = jax.tree.map(lambda *pieces: np.concatenate(pieces), *self._steps)
+        return Trajectory(rows.t, pack(rows.state))
 
     def _solution(self, now: Progress, steps: Trajectory | None, impacts: Any) -> Solution:
         step, saved = now.step, now.saved
@@ -218,9 +217,9 @@ class _Run:
         final = pack(State(bodies, step.memory, step.y.work))
         requested, count = None, None
         if saved is not None:
-            count = saved.count
-            rows = None if _is_traced(count) else int(count)
-            states = jax.tree.map(lambda leaf: leaf[:rows], saved.states)
+            count = saved.rows.count
+            rows = saved.times.shape[0] if _is_traced(count) else int(count)
+            states = jax.tree.map(lambda leaf: leaf[:rows], saved.rows.table)
             requested = Trajectory(saved.times[:rows], pack(states))
         return Solution(
             step.t, final, result, step.attempts, step.accepted, requested, count, steps, impacts,
