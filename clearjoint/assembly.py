@@ -24,18 +24,27 @@ ACCEPTED_VIOLATION = 1e-6
 def check_names(scene: Scene, state: State) -> None:
     """Check that a state has exactly the scene's bodies."""
     require(
-        isinstance(state, State), "state", type(state).__name__, "a State",
+        isinstance(state, State),
+        "state",
+        type(state).__name__,
+        "a State",
         "pass State({name: body_state(...)})",
     )
     require(
-        set(state.bodies) == set(scene.bodies), "state", sorted(state.bodies),
-        f"of the scene's bodies {sorted(scene.bodies)}", "give each body of the scene one state",
+        set(state.bodies) == set(scene.bodies),
+        "state",
+        sorted(state.bodies),
+        f"of the scene's bodies {sorted(scene.bodies)}",
+        "give each body of the scene one state",
     )
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
             value = np.asarray(getattr(body, field))
             require(
-                bool(np.isfinite(value).all()), f"state.bodies[{name!r}].{field}", value, "finite",
+                bool(np.isfinite(value).all()),
+                f"state.bodies[{name!r}].{field}",
+                value,
+                "finite",
                 "replace the NaN or infinite entries",
             )
 
@@ -77,11 +86,14 @@ def _require_satisfied(
         return
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
     remedy = (
-        "call assemble(scene, state) first" if wish == "consistent"
+        "call assemble(scene, state) first"
+        if wish == "consistent"
         else "start from a better guess, or check the joints' points and axes against each other"
     )
     require(
-        bool(np.abs(residuals[worst]) <= tolerance), "state", float(residuals[worst]),
+        bool(np.abs(residuals[worst]) <= tolerance),
+        "state",
+        float(residuals[worst]),
         f"{wish} in its {what} (residual of constraint {names[worst]!r} at most {tolerance:g})",
         remedy,
     )

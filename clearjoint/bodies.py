@@ -40,10 +40,15 @@ class Body(eqx.Module):
     inertia: Any = quantity("kg m^2")
 
     def __check_init__(self):
-        require_positive("mass", self.mass, 'give the mass in kg, and use "ground" for a fixed body')
+        require_positive(
+            "mass", self.mass, 'give the mass in kg, and use "ground" for a fixed body'
+        )
         shape = np.shape(self.inertia)
         require(
-            shape in ((3,), (3, 3)), "inertia", self.inertia, "of shape (3,) or (3, 3)",
+            shape in ((3,), (3, 3)),
+            "inertia",
+            self.inertia,
+            "of shape (3,) or (3, 3)",
             "give three principal moments or the whole inertia matrix in kg m^2",
         )
         require_finite("inertia", self.inertia)
@@ -58,11 +63,16 @@ def _check_moments(inertia: np.ndarray) -> None:
         require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
     require(
-        bool(moments[0] > 0), "inertia", inertia, "positive definite",
+        bool(moments[0] > 0),
+        "inertia",
+        inertia,
+        "positive definite",
         "give every body a positive moment of inertia about each axis",
     )
     require(
-        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)), "inertia", inertia,
+        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)),
+        "inertia",
+        inertia,
         "such that no principal moment exceeds the sum of the other two",
         "check the order of the moments and their units (kg m^2)",
     )
@@ -157,6 +167,7 @@ class Motion:
 
 
 GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO, NO_WRENCH)
+
 
 def body_state(
     position: Any,

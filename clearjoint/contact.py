@@ -88,9 +88,7 @@ class RavnStiffness(AbstractStiffness):
         if self.journal_young_modulus is not None:
             require_positive("journal_young_modulus", self.journal_young_modulus, "give E in Pa")
         if self.journal_poisson_ratio is not None:
-            require_range(
-                "journal_poisson_ratio", self.journal_poisson_ratio, -1.0, 0.5, "give nu"
-            )
+            require_range("journal_poisson_ratio", self.journal_poisson_ratio, -1.0, 0.5, "give nu")
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^1.5."""
@@ -155,9 +153,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
         """chi, the hysteresis damping factor times the entry speed over K."""
 
     def __check_init__(self):
-        require(
-            self.exponent >= 1.0, "exponent", self.exponent, "at least 1", "use 1.5 for Hertz"
-        )
+        require(self.exponent >= 1.0, "exponent", self.exponent, "at least 1", "use 1.5 for Hertz")
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
 
@@ -277,7 +273,10 @@ class Flores2011(AbstractDampedLaw):
         restitution = concrete(self.restitution)
         if restitution is not None:
             require(
-                bool(restitution > 0), "restitution", float(restitution), "positive for this law",
+                bool(restitution > 0),
+                "restitution",
+                float(restitution),
+                "positive for this law",
                 "its damping is infinite at 0; use a small value such as 0.01",
             )
 

@@ -61,7 +61,11 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def response(
-        self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
+        self,
+        scene: Scene,
+        motions: Motions,
+        rows: list[Row],
+        targets: list[Scalar],
         solver: AbstractSolver,
     ) -> tuple[dict[str, Acceleration], list[Scalar]]:
         """The change M^-1 J^T lambda of the accelerations with J times it equal to the targets.
@@ -71,9 +75,7 @@ class AbstractCoordinates(eqx.Module):
         """
 
     @abc.abstractmethod
-    def rates(
-        self, scene: Scene, variables: Any, accelerations: dict[str, Acceleration]
-    ) -> Any:
+    def rates(self, scene: Scene, variables: Any, accelerations: dict[str, Acceleration]) -> Any:
         """Time derivative of the variables."""
 
     @abc.abstractmethod
@@ -103,7 +105,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
         del scene
         motions = {
             name: Motion(
-                body.position, rotation_matrix(body.orientation), body.velocity, body.spin, NO_WRENCH
+                body.position,
+                rotation_matrix(body.orientation),
+                body.velocity,
+                body.spin,
+                NO_WRENCH,
             )
             for name, body in variables.items()
         }
@@ -119,7 +125,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
         }
 
     def response(
-        self, scene: Scene, motions: Motions, rows: list[Row], targets: list[Scalar],
+        self,
+        scene: Scene,
+        motions: Motions,
+        rows: list[Row],
+        targets: list[Scalar],
         solver: AbstractSolver,
     ) -> tuple[dict[str, Acceleration], list[Scalar]]:
         """Solves the KKT system (eqs 30 and 32) by its Schur complement J M^-1 J^T."""
@@ -135,27 +145,28 @@ class AbsoluteCoordinates(AbstractCoordinates):
         ]
         if len(rows) > LARGEST_UNROLLED:
             return _dense_response(list(scene.bodies), rows, weighted, targets, solver)
-        schur = [
-            [along(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)
-        ]
+        schur = [[along(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)]
         multipliers = solver.unrolled(schur, targets)
         still = dict.fromkeys(scene.bodies, STILL)
         return _combined(still, weighted, multipliers), multipliers
 
     def rates(
-        self, scene: Scene, variables: dict[str, BodyState],
+        self,
+        scene: Scene,
+        variables: dict[str, BodyState],
         accelerations: dict[str, Acceleration],
     ) -> dict[str, BodyState]:
         """Velocity, Euler parameter rates, and accelerations."""
         del scene
         return {
             name: BodyState(
-                body.velocity, euler_parameter_rates(body.orientation, body.spin),
-                accelerations[name].linear, accelerations[name].angular,
+                body.velocity,
+                euler_parameter_rates(body.orientation, body.spin),
+                accelerations[name].linear,
+                accelerations[name].angular,
             )
             for name, body in variables.items()
         }
-
 
     def moved(
         self, variables: dict[str, BodyState], displacements: dict[str, Acceleration]
@@ -165,7 +176,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
             name: BodyState(
                 body.position + displacements[name].linear,
                 turned(body.orientation, displacements[name].angular),
-                body.velocity, body.spin,
+                body.velocity,
+                body.spin,
             )
             for name, body in variables.items()
         }
@@ -176,8 +188,10 @@ class AbsoluteCoordinates(AbstractCoordinates):
         """Velocities and spins changed."""
         return {
             name: BodyState(
-                body.position, body.orientation,
-                body.velocity + changes[name].linear, body.spin + changes[name].angular,
+                body.position,
+                body.orientation,
+                body.velocity + changes[name].linear,
+                body.spin + changes[name].angular,
             )
             for name, body in variables.items()
         }
@@ -196,6 +210,7 @@ class InverseMass:
             self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
 
     def __call__(self, wrench: Wrench) -> Acceleration:
+        """Acceleration of the centre of mass, and of the spin in body axes."""
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:
@@ -249,13 +264,16 @@ def _combined(
 
 
 def _dense_response(
-    names: list[str], rows: list[Row], weighted: list[dict[str, Acceleration]],
-    targets: list[Scalar], solver: AbstractSolver,
+    names: list[str],
+    rows: list[Row],
+    weighted: list[dict[str, Acceleration]],
+    targets: list[Scalar],
+    solver: AbstractSolver,
 ) -> tuple[dict[str, Acceleration], list[Scalar]]:
     """`AbsoluteCoordinates.response` in arrays, for systems too large to be unrolled."""
-    jacobian = jnp.stack([
-        _gathered([row.jacobian.get(name, NO_WRENCH) for name in names]) for row in rows
-    ])
+    jacobian = jnp.stack(
+        [_gathered([row.jacobian.get(name, NO_WRENCH) for name in names]) for row in rows]
+    )
     inverse = jnp.stack([_gathered([row.get(name, STILL) for name in names]) for row in weighted])
     multipliers = solver.dense(jacobian @ inverse.T, _gathered(targets))
     change = multipliers @ inverse

@@ -118,9 +118,7 @@ class Dynamics:
     multipliers: dict[str, dict[str, Scalar]]
 
 
-def contact_normal_force(
-    law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None
-) -> Scalar:
+def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Normal force of a contact, N. Without an entry speed on record (memory zero) the present rate
     stands for it, which it is at the onset."""
     if law.has_memory:
@@ -198,7 +196,8 @@ def evaluate(
     if rows:
         targets = [
             formulation.stabilisation.target(row.value, row_rate(row, motions))
-            - row.bias - along(row, accelerations)
+            - row.bias
+            - along(row, accelerations)
             for row in flattened(rows)
         ]
         change, solved = formulation.coordinates.response(
@@ -245,7 +244,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-    """Kinetic, gravitational and elastic energies in J; those absent from the scene are left out."""
+    """Kinetic, gravitational and elastic energies in J; those a scene lacks are left out."""
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]
@@ -266,4 +265,3 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
             stored_energy = laws[label].stored_energy(contact.gap)
             energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
     return energies
-

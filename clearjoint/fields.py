@@ -10,6 +10,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 
 
 def as_number(value: Any) -> Any:
@@ -41,7 +42,7 @@ def optional_quantity(unit: str) -> Any:
 
 def concrete(value: Any) -> np.ndarray | None:
     """The value as a numpy array, or ``None`` while JAX traces it."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    return None if isinstance(value, Tracer) else np.asarray(value)
 
 
 def require(condition: bool, argument: str, value: Any, expected: str, remedy: str) -> None:
@@ -62,7 +63,10 @@ def require_finite(argument: str, value: Any) -> None:
     numbers = concrete(value)
     if numbers is not None:
         require(
-            bool(np.isfinite(numbers).all()), argument, numbers, "finite",
+            bool(np.isfinite(numbers).all()),
+            argument,
+            numbers,
+            "finite",
             "replace the NaN or infinite entries",
         )
 
@@ -73,7 +77,9 @@ def require_positive(argument: str, value: Any, remedy: str, *, zero: bool = Fal
     number = concrete(value)
     if number is not None:
         expected = "zero or positive" if zero else "positive"
-        require(bool(number >= 0 if zero else number > 0), argument, float(number), expected, remedy)
+        require(
+            bool(number >= 0 if zero else number > 0), argument, float(number), expected, remedy
+        )
 
 
 def require_range(argument: str, value: Any, lower: float, upper: float, remedy: str) -> None:
@@ -96,7 +102,10 @@ def require_axis(argument: str, value: Any) -> None:
     numbers = concrete(value)
     if numbers is not None:
         require(
-            float(np.linalg.norm(numbers)) > 1e-12, argument, numbers, "a vector of non-zero length",
+            float(np.linalg.norm(numbers)) > 1e-12,
+            argument,
+            numbers,
+            "a vector of non-zero length",
             "give a direction, for example (0, 0, 1)",
         )
 
@@ -107,8 +116,11 @@ def require_euler_parameters(argument: str, value: Any) -> None:
     parameters = concrete(value)
     if parameters is not None:
         require(
-            abs(float(np.linalg.norm(parameters)) - 1.0) < 1e-6, argument, parameters,
-            "Euler parameters of unit norm, scalar part first", "divide them by their norm",
+            abs(float(np.linalg.norm(parameters)) - 1.0) < 1e-6,
+            argument,
+            parameters,
+            "Euler parameters of unit norm, scalar part first",
+            "divide them by their norm",
         )
 
 

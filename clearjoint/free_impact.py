@@ -1,4 +1,4 @@
-"""A free mass against a wall by a normal law alone: what the law delivers, and what smoothing costs."""
+"""A free mass against a wall: what a law delivers, and what its smoothing costs."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +20,11 @@ LONGEST = 100.0
 
 @dataclass(frozen=True)
 class FreeImpact:
-    """One impact: `restitution` (rebound over entry speed), `peak_force` N, `largest_penetration` m,
-    and `duration` s, from where the force begins to where it ends."""
+    """One impact.
+
+    `restitution`: rebound over entry speed; `peak_force` N; `largest_penetration` m; `duration` s,
+    from where the force begins to where it ends.
+    """
 
     restitution: float
     peak_force: float
@@ -30,8 +33,11 @@ class FreeImpact:
 
 
 def free_impact(
-    law: AbstractContactLaw, mass: float, entry_speed: float,
-    bearing_radius: float | None = None, journal_radius: float | None = None,
+    law: AbstractContactLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    journal_radius: float | None = None,
 ) -> FreeImpact:
     """Throw a free mass (kg) at a wall with an entry speed (m/s).
 
@@ -44,7 +50,9 @@ def free_impact(
     whole = _contact(law, *numbers, *radii, jnp.asarray(jnp.inf))
     duration = float(np.max(whole.ts, where=np.isfinite(whole.ts), initial=0.0))
     require(
-        bool(whole.result == diffrax.RESULTS.event_occurred), "law", law,
+        bool(whole.result == diffrax.RESULTS.event_occurred),
+        "law",
+        law,
         f"one from which a mass rebounds at {entry_speed} m/s",
         "raise the entry speed or the law's floor on it",
     )
@@ -53,15 +61,17 @@ def free_impact(
     depth, rate = np.asarray(fine.ys)[finite].T
     gap = Gap(depth, rate, *radii)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
-    return FreeImpact(
-        -float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration
-    )
+    return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
 
 
 @eqx.filter_jit
 def _contact(
-    law: AbstractContactLaw, mass: Any, entry_speed: Any, bearing_radius: Any,
-    journal_radius: Any, longest_step: Any,
+    law: AbstractContactLaw,
+    mass: Any,
+    entry_speed: Any,
+    bearing_radius: Any,
+    journal_radius: Any,
+    longest_step: Any,
 ) -> diffrax.Solution:
     def field(t: Any, y: Any, args: Any) -> Any:
         del t, args
@@ -71,11 +81,19 @@ def _contact(
     reach = jnp.asarray(law.reach(), dtype=float)
     leaving = diffrax.Event(
         lambda t, y, args, **_: y[0] + reach,
-        optimistix.Newton(TOLERANCE, 1e-16), direction=False,
+        optimistix.Newton(TOLERANCE, 1e-16),
+        direction=False,
     )
     return diffrax.diffeqsolve(
-        diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, LONGEST, 1e-9,
-        jnp.stack([-reach, entry_speed]), event=leaving, throw=False, max_steps=16384,
+        diffrax.ODETerm(field),
+        diffrax.Dopri8(),
+        0.0,
+        LONGEST,
+        1e-9,
+        jnp.stack([-reach, entry_speed]),
+        event=leaving,
+        throw=False,
+        max_steps=16384,
         saveat=diffrax.SaveAt(steps=True, t1=True),
         stepsize_controller=diffrax.PIDController(TOLERANCE, 1e-18, dtmax=longest_step),
     )
@@ -108,8 +126,11 @@ class SmoothingBias:
 
 
 def smoothing_bias(
-    law: AbstractHertzianLaw, mass: float, entry_speed: float,
-    bearing_radius: float | None = None, journal_radius: float | None = None,
+    law: AbstractHertzianLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    journal_radius: float | None = None,
 ) -> SmoothingBias:
     """Compare a smoothed law with its exact form in one free impact (see `free_impact`).
 
@@ -117,7 +138,10 @@ def smoothing_bias(
     """
     width = law.smoothing
     require(
-        width is not None, "law", width, "one with a smoothing width",
+        width is not None,
+        "law",
+        width,
+        "one with a smoothing width",
         "pass smoothing=... in m to the law",
     )
     assert width is not None

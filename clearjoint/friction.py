@@ -59,8 +59,11 @@ class Ambrosio(AbstractFriction):
         lower, upper = concrete(self.lower_speed), concrete(self.upper_speed)
         if lower is not None and upper is not None:
             require(
-                bool(upper > lower), "upper_speed", float(upper),
-                f"above lower_speed = {float(lower)}", "give v1 > v0 in m/s",
+                bool(upper > lower),
+                "upper_speed",
+                float(upper),
+                f"above lower_speed = {float(lower)}",
+                "give v1 > v0 in m/s",
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:

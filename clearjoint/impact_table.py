@@ -22,7 +22,7 @@ RESOLVED_TRAVEL = 1e-8
 
 @dataclass(frozen=True)
 class Impacts:
-    """Finished contacts in the order of their onsets; each field is an array with one entry a contact.
+    """Finished contacts in the order of their onsets; each field is an array over the contacts.
 
     - `joint`, `contact`: names.
     - `onset`, `separation`, `duration`, `peak_time`: s.
@@ -93,7 +93,8 @@ def contact_histories(
         return {
             name: {
                 label: Sample(
-                    jax.tree.map(jnp.asarray, force.contact.gap), seconds[name][label],
+                    jax.tree.map(jnp.asarray, force.contact.gap),
+                    seconds[name][label],
                     state.memory.get(name, {}).get(label),
                 )
                 for label, force in family.items()
@@ -104,13 +105,15 @@ def contact_histories(
     samples = jax.vmap(at)(times, states)
     laws = scene.laws()
     return {
-        name: {label: _history(laws[name][label], times, sample) for label, sample in family.items()}
+        name: {
+            label: _history(laws[name][label], times, sample) for label, sample in family.items()
+        }
         for name, family in samples.items()
     }
 
 
 def _history(law: AbstractContactLaw, times: Any, sample: Sample) -> History:
-    """The contact between the instants, by the quintic through depth, rate and second derivative."""
+    """The contact, between the instants by a quintic through depth and its two derivatives."""
     following = jax.tree.map(lambda leaf: jnp.concatenate([leaf[1:], leaf[-1:]]), sample)
     h = jnp.concatenate([jnp.diff(times), jnp.zeros(1)])
     x = jnp.linspace(0.0, 1.0, SAMPLES_A_STEP)[:, None]
@@ -121,17 +124,21 @@ def _history(law: AbstractContactLaw, times: Any, sample: Sample) -> History:
     force = contact_normal_force(law, gap, sample.entry_speed)
     peak_force, where = _peak(force)
     depth_here, rate_here = sample.gap.depth, sample.gap.rate
-    remembers = sample.entry_speed is not None
+    touching, entry_speed = depth_here + law.reach() > 0.0, rate_here
+    if sample.entry_speed is not None:
+        touching, entry_speed = sample.entry_speed > 0.0, sample.entry_speed
     return History(
-        sample.entry_speed > 0.0 if remembers else depth_here + law.reach() > 0.0,
-        depth_here, rate_here, sample.entry_speed if remembers else rate_here,
-        peak_force, times + h * where, _peak(depth)[0],
+        touching,
+        depth_here,
+        rate_here,
+        entry_speed,
+        peak_force,
+        times + h * where,
+        _peak(depth)[0],
     )
 
 
-def _interpolated(
-    x: Any, h: Any, start: Sample, end: Sample, speed: Any
-) -> tuple[Any, Any]:
+def _interpolated(x: Any, h: Any, start: Sample, end: Sample, speed: Any) -> tuple[Any, Any]:
     """Depth and rate at fractions x of steps of length h.
 
     The rate is the quintic's slope, or in steps so short that rounding of the depth would spoil it
@@ -146,10 +153,15 @@ def _interpolated(
     c5 = 6 * rise - 3 * slope + 0.5 * bend
     depth = a + x * (da + x * (0.5 * dda + x * (c3 + x * (c4 + x * c5))))
     slopes = da + x * (dda + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
-    bent = start.gap.rate + x * (h * start.second_rate + x * (
-        3 * (end.gap.rate - start.gap.rate) - h * (2 * start.second_rate + end.second_rate)
-        + x * (h * (start.second_rate + end.second_rate) - 2 * (end.gap.rate - start.gap.rate))
-    ))
+    bent = start.gap.rate + x * (
+        h * start.second_rate
+        + x
+        * (
+            3 * (end.gap.rate - start.gap.rate)
+            - h * (2 * start.second_rate + end.second_rate)
+            + x * (h * (start.second_rate + end.second_rate) - 2 * (end.gap.rate - start.gap.rate))
+        )
+    )
     moves = h * jnp.abs(speed) > RESOLVED_TRAVEL
     return depth, jnp.where(moves, slopes / jnp.where(moves, h, 1.0), bent)
 
@@ -223,8 +235,13 @@ def _impact(times: np.ndarray, history: History, onset: int, end: int) -> tuple[
     steps = slice(onset, end)
     strongest = onset + int(np.argmax(history.peak_force[steps]))
     return (
-        begun, over, over - begun, float(history.entry_speed[onset]), -float(history.rate[end]),
-        float(history.peak_force[strongest]), float(history.peak_time[strongest]),
+        begun,
+        over,
+        over - begun,
+        float(history.entry_speed[onset]),
+        -float(history.rate[end]),
+        float(history.peak_force[strongest]),
+        float(history.peak_time[strongest]),
         float(history.largest_depth[steps].max()),
     )
 

@@ -56,9 +56,8 @@ def has_memory(scene: Scene) -> bool:
 def initial_memory(scene: Scene, found: Reaches) -> Memory:
     """Zero in flight. A contact present at the start counts as elastic: its impact is unknown."""
     return _for_each_memory(
-        scene, lambda name, label: jnp.where(
-            found[name][label].depth > 0.0, UNKNOWN_ENTRY_SPEED, 0.0
-        )
+        scene,
+        lambda name, label: jnp.where(found[name][label].depth > 0.0, UNKNOWN_ENTRY_SPEED, 0.0),
     )
 
 
@@ -125,9 +124,8 @@ def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
         past = sign * value > 0.0
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         y = 1.0 - x
-        slope = (
-            6.0 * x * y * (end.depth - start.depth)
-            + h * (y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate)
+        slope = 6.0 * x * y * (end.depth - start.depth) + h * (
+            y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
         )
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
         inside = (newton > lower) & (newton < upper)
@@ -160,9 +158,7 @@ def updated_memory(
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
         entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, 1e-12))
-        return jnp.where(
-            end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0
-        )
+        return jnp.where(end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0)
 
     return _for_each_memory(scene, update)
 
@@ -175,7 +171,8 @@ def second_rates(
     def rates(variables: Any) -> Any:
         motions = formulation.coordinates.motions(scene, variables)
         return jax.tree.map(
-            lambda reach: reach.rate, reaches(scene, motions),
+            lambda reach: reach.rate,
+            reaches(scene, motions),
             is_leaf=lambda node: isinstance(node, Reach),
         )
 

@@ -48,11 +48,15 @@ def double_pendulum(
         shoulder = RevoluteJoint("ground", "arm 2", origin, near_end, axis, axis)
     else:
         shoulder = ClearanceJoint(
-            "ground", "arm 2",
+            "ground",
+            "arm 2",
             journal_point=(-0.5, 0.0, 0.0),
-            bearing_radius=bearing_radius, clearance=clearance, journal_length=journal_length,
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
             law=LankaraniNikravesh(restitution, STEEL) if law is None else law,
-            friction=friction, axial=axial,
+            friction=friction,
+            axial=axial,
         )
     scene = Scene(bodies, {"shoulder": shoulder, "elbow": elbow}, gravity=(0.0, 9.81, 0.0))
     state = State({"arm 2": body_state((0.5, 0.0, 0.0)), "arm 3": body_state((1.0, 0.0, 0.5))})
@@ -62,8 +66,8 @@ def double_pendulum(
 def double_four_bar() -> tuple[Scene, State]:
     """Two four-bar linkages in a row, the IFToMM benchmark A02 with five rods of 1 m and 1 kg.
 
-    Rods 1, 3 and 5 stand on the ground, 2 and 4 join their tips; gravity 9.81 along -Y, and the tips
-    start at 1 m/s along +X. A planar mechanism of seven spatial revolute joints, so that 6 of 35
+    Rods 1, 3 and 5 stand on the ground, 2 and 4 join their tips; gravity 9.81 along -Y, and the
+    tips start at 1 m/s along +X. A planar mechanism of seven spatial revolute joints, so that 6 of 35
     constraints are redundant; with the rods in one line it passes singular positions.
     """
     names = [f"rod {k}" for k in range(1, 6)]

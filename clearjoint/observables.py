@@ -1,4 +1,4 @@
-"""What an engineer looks at: contacts, motion modes, reactions, accelerations, drift and energies."""
+"""What an engineer looks at: contacts, modes, reactions, accelerations, drift and energies."""
 
 import enum
 from typing import Any
@@ -48,16 +48,21 @@ class ContactObservation(eqx.Module):
 
 
 class Load(eqx.Module):
-    """What an ideal joint does to a body: `force` (N, 3) global, N; `moment` (N, 3) about the body's
-    centre of mass in body axes, N m."""
+    """What an ideal joint does to a body.
+
+    `force`: (N, 3) global, N; `moment`: (N, 3) about the centre of mass, in body axes, N m.
+    """
 
     force: Any
     moment: Any
 
 
 class BodyAcceleration(eqx.Module):
-    """`linear` (N, 3) of the centre of mass, global, m/s^2; `angular` (N, 3) of the spin, body axes,
-    rad/s^2."""
+    """Acceleration of a body over time.
+
+    `linear`: (N, 3) of the centre of mass, global, m/s^2; `angular`: (N, 3) of the spin, body axes,
+    rad/s^2.
+    """
 
     linear: Any
     angular: Any
@@ -107,15 +112,19 @@ def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = No
     """
     trajectory = solution.saved if trajectory is None else trajectory
     require(
-        trajectory is not None, "solution", "without saved states", "one with states to observe",
+        trajectory is not None,
+        "solution",
+        "without saved states",
+        "one with states to observe",
         "pass `save_at` or `record_steps=True` to simulate()",
     )
     assert trajectory is not None
+    times = np.asarray(trajectory.times)
     parts = jax.device_get(
-        _observe(scene, solution.formulation, jnp.asarray(trajectory.times), trajectory.states)
+        _observe(scene, solution.formulation, jnp.asarray(times), trajectory.states)
     )
     unique = not solution.redundant_constraints
-    return Observation(np.asarray(trajectory.times), *parts, reactions_unique=unique)
+    return Observation(times, *parts, reactions_unique=unique)
 
 
 @eqx.filter_jit
@@ -133,8 +142,13 @@ def _observe(scene: Scene, formulation: Formulation, times: Any, states: State) 
             for name, part in dynamics.accelerations.items()
         }
         parts = (
-            _contacts(scene, dynamics), _modes(scene, dynamics), _reactions(dynamics),
-            accelerations, drift, drift_rate, {**energies, **state.work},
+            _contacts(scene, dynamics),
+            _modes(scene, dynamics),
+            _reactions(dynamics),
+            accelerations,
+            drift,
+            drift_rate,
+            {**energies, **state.work},
         )
         return jax.tree.map(jnp.asarray, parts)
 
@@ -152,9 +166,13 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
             if isinstance(joint, ClearanceJoint) and label in BASES:
                 eccentricity = gap.depth + joint.clearance
             observed[name][label] = ContactObservation(
-                gap.depth, gap.rate, eccentricity, force.normal_force,
+                gap.depth,
+                gap.rate,
+                eccentricity,
+                force.normal_force,
                 None if force.friction is None else pack(force.friction),
-                pack(force.contact.normal), pack(force.contact.point_first),
+                pack(force.contact.normal),
+                pack(force.contact.point_first),
                 pack(force.contact.point_second),
             )
     return observed
@@ -192,7 +210,7 @@ def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
 
 
 def _dense(vector: Vector) -> Any:
-    return pack(Vector(*(jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z))))
+    return jnp.stack([jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z)])
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -8,9 +8,7 @@ from .scene import Scene
 from .vectors import Scalar
 
 
-def project_positions(
-    scene: Scene, formulation: Formulation, variables: Any, t: Scalar
-) -> Any:
+def project_positions(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:
     """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
     motions = formulation.coordinates.motions(scene, variables)
     rows = flattened(constraint_rows(scene, motions, t))
@@ -20,9 +18,7 @@ def project_positions(
     return formulation.coordinates.moved(variables, change)
 
 
-def project_velocities(
-    scene: Scene, formulation: Formulation, variables: Any, t: Scalar
-) -> Any:
+def project_velocities(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:
     """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy the
     rate of Phi = 0."""
     motions = formulation.coordinates.motions(scene, variables)

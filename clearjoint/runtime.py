@@ -1,8 +1,8 @@
 """Runtime settings that speed and accuracy need, set by one call before JAX starts.
 
 Nothing here happens at import. Without these settings everything works, up to twenty times slower:
-XLA's CPU compiler then starts one kernel for each fusion of a step instead of compiling the stepping
-loop to one native function.
+XLA's CPU compiler then starts one kernel for each fusion of a step instead of compiling the
+stepping loop to one native function.
 
 ``python -m clearjoint.runtime`` prints the same settings as shell variables.
 """
@@ -70,7 +70,7 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     **Raises:** `RuntimeError` if JAX has already started.
     """
     variables = settings(devices, cache)
-    if jax.config.jax_num_cpu_devices != int(variables["JAX_NUM_CPU_DEVICES"]):
+    if jax.config.read("jax_num_cpu_devices") != int(variables["JAX_NUM_CPU_DEVICES"]):
         try:
             jax.config.update("jax_num_cpu_devices", int(variables["JAX_NUM_CPU_DEVICES"]))
         except RuntimeError as error:
@@ -88,7 +88,7 @@ def missing() -> list[str]:
     """Names of the settings for speed that are not in force."""
     flags = os.environ.get("XLA_FLAGS", "")
     absent = [name for name, _ in _BACKEND_OPTIONS if name not in flags]
-    if not jax.config.jax_compilation_cache_dir:
+    if not jax.config.read("jax_compilation_cache_dir"):
         absent.append("jax_compilation_cache_dir")
     return absent
 

@@ -35,11 +35,17 @@ class Scene(eqx.Module):
 
     def __check_init__(self):
         require(
-            isinstance(self.bodies, dict) and len(self.bodies) > 0, "bodies", self.bodies,
-            "a dictionary with at least one body", "pass {name: Body(...)}",
+            isinstance(self.bodies, dict) and len(self.bodies) > 0,
+            "bodies",
+            self.bodies,
+            "a dictionary with at least one body",
+            "pass {name: Body(...)}",
         )
         require(
-            GROUND not in self.bodies, "bodies", GROUND, "without the name of the fixed body",
+            GROUND not in self.bodies,
+            "bodies",
+            GROUND,
+            "without the name of the fixed body",
             "rename the body",
         )
         _check_kinds("bodies", self.bodies, Body)
@@ -57,7 +63,10 @@ class Scene(eqx.Module):
         known = {GROUND, *self.bodies}
         for name in element.body_names():
             require(
-                name in known, argument, name, f"between known bodies {sorted(known)}",
+                name in known,
+                argument,
+                name,
+                f"between known bodies {sorted(known)}",
                 "correct the name, or add the body to the scene",
             )
 
@@ -77,14 +86,17 @@ class Scene(eqx.Module):
 def _check_kinds(argument: str, family: dict[str, Any], kinds: Any) -> None:
     for name, element in family.items():
         require(
-            isinstance(name, str) and name != "", argument, name, "named by non-empty strings",
+            isinstance(name, str) and name != "",
+            argument,
+            name,
+            "named by non-empty strings",
             "name every element",
         )
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         require(
-            isinstance(element, allowed), f"{argument}[{name!r}]", type(element).__name__,
+            isinstance(element, allowed),
+            f"{argument}[{name!r}]",
+            type(element).__name__,
             "one of " + ", ".join(kind.__name__ for kind in allowed),
             "pass an element of that kind",
         )
-
-

@@ -22,8 +22,7 @@ from .stepping import (
     running,
     start,
 )
-from .vectors import Scalar, pack, unpack
-
+from .vectors import Scalar, unpack
 
 BLOCK_ROWS = 64
 
@@ -50,7 +49,8 @@ class Rows(eqx.Module):
         """The row written behind the last one, and counted if it is to be kept."""
         block = jax.tree.map(
             lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
-            self.block, row,
+            self.block,
+            row,
         )
         return Rows(self.table, self.count, block, self.block_count + kept)
 
@@ -58,7 +58,8 @@ class Rows(eqx.Module):
         """The block moved into the table; what of it is not filled is overwritten later."""
         table = jax.tree.map(
             lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
-            self.table, self.block,
+            self.table,
+            self.block,
         )
         return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
 
@@ -88,8 +89,8 @@ class Saved(eqx.Module):
 class Progress(eqx.Module):
     """A run between two segments.
 
-    `last` is the latest accepted step, kept while states are still to be saved. `saved` and `record`
-    (of accepted steps) are ``None`` where nothing was asked for.
+    `last` is the latest accepted step, kept while states are still to be saved. `saved` and
+    `record` (of accepted steps) are ``None`` where nothing was asked for.
     """
 
     step: Step
@@ -99,8 +100,14 @@ class Progress(eqx.Module):
 
 
 def begin(
-    method: Method, scene: Scene, state: State, t0: Any, t_end: Any, first_step: Any,
-    save_times: Any | None, record_rows: int | None,
+    method: Method,
+    scene: Scene,
+    state: State,
+    t0: Any,
+    t_end: Any,
+    first_step: Any,
+    save_times: Any | None,
+    record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, the scene and state in packed form."""
     scene = unpack(scene)

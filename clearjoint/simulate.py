@@ -12,7 +12,7 @@ from tqdm import tqdm
 from .assembly import check_names, require_assembled
 from .bodies import State
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
-from .fields import recheck, require, require_positive
+from .fields import concrete, recheck, require, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
 from .results import RESULTS
@@ -112,7 +112,8 @@ def simulate(
         redundant = bool(names)
     formulation = Formulation(
         stabilisation=Baumgarte() if stabilisation is None else stabilisation,
-        redundant=redundant, ledger=ledger,
+        redundant=redundant,
+        ledger=ledger,
     )
     if controller is None:
         controller = default_controller(rtol, rtol * 1e-3 if atol is None else atol)
@@ -123,7 +124,11 @@ def simulate(
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
     now = begin_compiled(
-        method, scene, state, *_arrays(start_time, end_time, first_step), _array(save_at),
+        method,
+        scene,
+        state,
+        *_arrays(start_time, end_time, first_step),
+        _array(save_at),
         RECORD_ROWS if record else None,
     )
     run = _Run(scene, method, end_time, max_steps, names)
@@ -161,7 +166,11 @@ class _Run:
             collector = ImpactCollector(self._scene, self._method.formulation)
         notice, start = SlowRunNotice(), float(now.step.t)
         bar = tqdm(
-            total=float(self._end) - start, unit="s", delay=2.0, leave=False, disable=not progress,
+            total=float(self._end) - start,
+            unit="s",
+            delay=2.0,
+            leave=False,
+            disable=not progress,
             desc="simulated",
         )
         with bar:
@@ -222,13 +231,22 @@ class _Run:
             states = jax.tree.map(lambda leaf: leaf[:rows], saved.rows.table)
             requested = Trajectory(saved.times[:rows], pack(states))
         return Solution(
-            step.t, final, result, step.attempts, step.accepted, requested, count, steps, impacts,
-            self._method.formulation, self._names,
+            step.t,
+            final,
+            result,
+            step.attempts,
+            step.accepted,
+            requested,
+            count,
+            steps,
+            impacts,
+            self._method.formulation,
+            self._names,
         )
 
 
 def _is_traced(tree: Any) -> bool:
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+    return any(concrete(leaf) is None for leaf in jax.tree.leaves(tree))
 
 
 def _array(value: Any) -> Any:
@@ -253,7 +271,7 @@ def _kept(leaf: Any) -> Any:
 
 
 def _check_precision(allow_float32: bool) -> None:
-    if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
+    if not (jax.config.read("jax_enable_x64") or allow_float32):
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
             "clearjoint.configure() before JAX starts, or pass allow_float32=True."
@@ -269,20 +287,29 @@ def _check_values(
     if atol is not None:
         require_positive("atol", atol, "give an absolute tolerance such as 1e-9", zero=True)
     require(
-        bool(np.isfinite(end)) and bool(end > start), "end_time", end,
-        f"finite and after start_time = {start}", "give times in s",
+        bool(np.isfinite(end)) and bool(end > start),
+        "end_time",
+        end,
+        f"finite and after start_time = {start}",
+        "give times in s",
     )
     if save_at is None:
         return None
     times = np.asarray(save_at, dtype=np.float64)
     fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
     require(
-        fine and bool((np.diff(times) >= 0).all()), "save_at", times,
-        "a rising one-dimensional array of finite times", "sort the times",
+        fine and bool((np.diff(times) >= 0).all()),
+        "save_at",
+        times,
+        "a rising one-dimensional array of finite times",
+        "sort the times",
     )
     require(
-        bool(times[0] >= start) and bool(times[-1] <= end), "save_at", [times[0], times[-1]],
-        f"between start_time = {start} and end_time = {end}", "leave out the times outside",
+        bool(times[0] >= start) and bool(times[-1] <= end),
+        "save_at",
+        [times[0], times[-1]],
+        f"between start_time = {start} and end_time = {end}",
+        "leave out the times outside",
     )
     return times
 

@@ -2,8 +2,8 @@
 
 It calls the solver's `step` and the controller's `adapt_step_size` (diffrax, "manual stepping")
 rather than `diffeqsolve`: landing on impacts, the memory of the entry speed, projection and
-the record of accepted steps belong between a trial step and its acceptance, where wrappers of solver
-and controller reach only by hiding state in each other. The loop's body is scalar arithmetic
+the record of accepted steps belong between a trial step and its acceptance, where wrappers of
+solver and controller reach only by hiding state in each other. The loop's body is scalar arithmetic
 without callbacks, custom calls or scatters, so that XLA compiles it to one native function.
 """
 
@@ -87,8 +87,13 @@ def _term(method: Method) -> diffrax.ODETerm:
 
 
 def start(
-    method: Method, scene: Scene, t0: Scalar, t_end: Scalar, first_step: Scalar | None,
-    y: Variables, memory: Memory,
+    method: Method,
+    scene: Scene,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar | None,
+    y: Variables,
+    memory: Memory,
 ) -> Step:
     """What there is before the first step; `memory` is found unless it is given."""
     found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
@@ -96,7 +101,7 @@ def start(
     y = Variables(y.motion, _ledger(method, scene, t0, y, memory))
     term, args = _term(method), (scene, memory)
     t_next, controller_state = method.controller.wrap(1).init(
-        term, t0, t_end, y, first_step, args, method.solver.func, method.solver.error_order(term)
+        term, t0, t_end, y, first_step, args, method.solver.func, _error_order(method, term)
     )
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
@@ -104,19 +109,30 @@ def start(
     return jax.tree.map(
         jnp.asarray,
         Step(
-            t0, t_next, y, memory, found, solver_state, controller_state, False,
-            RESULTS.successful, count, count,
+            t0,
+            t_next,
+            y,
+            memory,
+            found,
+            solver_state,
+            controller_state,
+            False,
+            RESULTS.successful,
+            count,
+            count,
         ),
     )
+
+
+def _error_order(method: Method, term: diffrax.ODETerm) -> Any:
+    return method.solver.error_order(term)
 
 
 def _ledger(
     method: Method, scene: Scene, t: Scalar, y: Variables, memory: Memory
 ) -> dict[str, Scalar]:
     """The ledger's integrals at the start: those given, and zero for the others the scene has."""
-    _, powers = jax.eval_shape(
-        lambda: state_rates(scene, method.formulation, y.motion, memory, t)
-    )
+    _, powers = jax.eval_shape(lambda: state_rates(scene, method.formulation, y.motion, memory, t))
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
@@ -133,11 +149,17 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     if isinstance(method.formulation.stabilisation, Projection):
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    keep, _, t_next, jumped, controller_state, controller_result = (
-        method.controller.wrap(1).adapt_step_size(
-            step.t, t1, step.y, y1, args, error, method.solver.error_order(term),
-            step.controller_state,
-        )
+    keep, _, t_next, jumped, controller_state, controller_result = method.controller.wrap(
+        1
+    ).adapt_step_size(
+        step.t,
+        t1,
+        step.y,
+        y1,
+        args,
+        error,
+        _error_order(method, term),
+        step.controller_state,
     )
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     if method.landing is not None and after:
@@ -148,11 +170,17 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
     memory = _memory_after(method, scene, step, y1, after, t1, keep)
     advanced = Step(
-        jnp.where(keep, t1, step.t), t_next, _choose(keep, y1, step.y),
-        _choose(keep, memory, step.memory), _choose(keep, after, step.reaches),
-        _choose(keep, solver_state, step.solver_state), controller_state,
-        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped), result,
-        step.attempts + 1, step.accepted + keep,
+        jnp.where(keep, t1, step.t),
+        t_next,
+        _choose(keep, y1, step.y),
+        _choose(keep, memory, step.memory),
+        _choose(keep, after, step.reaches),
+        _choose(keep, solver_state, step.solver_state),
+        controller_state,
+        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
+        result,
+        step.attempts + 1,
+        step.accepted + keep,
     )
     return Attempt(advanced, keep, step.t, step.memory, information)
 
@@ -167,14 +195,20 @@ def _may_jump(method: Method, scene: Scene) -> bool:
 
 
 def _memory_after(
-    method: Method, scene: Scene, step: Step, y1: Variables, after: Reaches, t1: Scalar,
+    method: Method,
+    scene: Scene,
+    step: Step,
+    y1: Variables,
+    after: Reaches,
+    t1: Scalar,
     keep: Scalar,
 ) -> Memory:
     """The memory if the step is accepted; costly only where a contact begins."""
     if not has_memory(scene):
         return step.memory
     none = jax.tree.map(
-        lambda reach: jnp.zeros_like(reach.rate), after,
+        lambda reach: jnp.zeros_like(reach.rate),
+        after,
         is_leaf=lambda node: isinstance(node, Reach),
     )
     seconds = jax.lax.cond(
@@ -185,9 +219,7 @@ def _memory_after(
     return updated_memory(scene, step.memory, step.reaches, after, seconds)
 
 
-def _second_rates(
-    method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar
-) -> Any:
+def _second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar) -> Any:
     """Second derivatives of the gaps at the end of a step."""
     rates = _term(method).vf(t1, y1, (scene, step.memory))
     return second_rates(scene, method.formulation, y1.motion, rates.motion)
@@ -211,8 +243,14 @@ def _energy(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -
 
 
 def _result(
-    step: Step, keep: Scalar, finite: Scalar, t1: Scalar, t_next: Scalar, t_end: Scalar,
-    solver_result: Any, controller_result: Any,
+    step: Step,
+    keep: Scalar,
+    finite: Scalar,
+    t1: Scalar,
+    t_next: Scalar,
+    t_end: Scalar,
+    solver_result: Any,
+    controller_result: Any,
 ) -> RESULTS:
     now = jnp.where(keep, t1, step.t)
     stuck = (t_next - now <= 2.0 * _ULP * jnp.abs(now)) & (now < t_end)
@@ -251,6 +289,4 @@ def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tupl
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:
     """Whether to try another step before `t_end` and within the number of attempts."""
-    return (
-        (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)
-    )
+    return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

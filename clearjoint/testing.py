@@ -135,7 +135,11 @@ def check_constraint(
 
 
 def _check_bias(
-    label: str, row: Row, motions: dict[str, Motion], around: tuple[Row, Row], step: float,
+    label: str,
+    row: Row,
+    motions: dict[str, Motion],
+    around: tuple[Row, Row],
+    step: float,
     tolerance: float,
 ) -> None:
     rates = [
@@ -154,7 +158,10 @@ def _moved(motions: dict[str, Motion], time: float) -> dict[str, Motion]:
     return {
         name: Motion(
             motion.position + motion.velocity * time,
-            _turned(motion, motion.spin * time), motion.velocity, motion.spin, motion.bias,
+            _turned(motion, motion.spin * time),
+            motion.velocity,
+            motion.spin,
+            motion.bias,
         )
         for name, motion in motions.items()
     }
@@ -164,10 +171,12 @@ def _turned(motion: Motion, angle: Vector) -> Any:
     turn = rotation_matrix(_exponential(angle))
     m = motion.rotation
     columns = turn.T
-    return type(m)(*(
-        Vector(row.dot(columns.row_x), row.dot(columns.row_y), row.dot(columns.row_z))
-        for row in (m.row_x, m.row_y, m.row_z)
-    ))
+    return type(m)(
+        *(
+            Vector(row.dot(columns.row_x), row.dot(columns.row_y), row.dot(columns.row_z))
+            for row in (m.row_x, m.row_y, m.row_z)
+        )
+    )
 
 
 def _exponential(angle: Vector) -> EulerParameters:

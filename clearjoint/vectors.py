@@ -151,14 +151,14 @@ class EulerParameters:
     e3: Scalar
 
 
-_SHAPES = {(3,): Vector, (4,): EulerParameters}
 _KINDS = (Vector, EulerParameters, Matrix)
 
 
 def _unpack_leaf(leaf: Any) -> Any:
     shape = jnp.shape(leaf)
-    if shape in _SHAPES:
-        return _SHAPES[shape](*(leaf[k] for k in range(shape[0])))
+    if shape in ((3,), (4,)):
+        kind = Vector if shape == (3,) else EulerParameters
+        return kind(*(leaf[k] for k in range(shape[0])))
     if shape == (3, 3):
         return Matrix(*(Vector(*(leaf[i, j] for j in range(3))) for i in range(3)))
     return leaf

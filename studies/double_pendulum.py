@@ -109,8 +109,12 @@ def run(settings: Settings) -> Findings:
     for name, figure in figures(settings, clearance, ideal).items():
         _save(figure, settings.output / f"{name}.png", 100 if settings.quick else 150)
     plot.animate_journal(
-        clearance.saved, SHOULDER, settings.clearance, settings.output / "journal.gif",
-        _animated_instants(settings, clearance), section=UPWARDS,
+        clearance.saved,
+        SHOULDER,
+        settings.clearance,
+        settings.output / "journal.gif",
+        _animated_instants(settings, clearance),
+        section=UPWARDS,
     )
     findings = find(settings, clearance, ideal)
     (settings.output / "claims.md").write_text(report(findings), encoding="utf-8")
@@ -150,9 +154,15 @@ def _simulate(
     settings: Settings, scene: cj.Scene, state: cj.State, instants: np.ndarray
 ) -> cj.Solution:
     return cj.simulate(
-        scene, state, instants[-1], save_at=instants, rtol=settings.rtol,
+        scene,
+        state,
+        instants[-1],
+        save_at=instants,
+        rtol=settings.rtol,
         solver=SOLVERS[settings.solver](),
-        ledger=True, record_steps=True, record_impacts=True,
+        ledger=True,
+        record_steps=True,
+        record_impacts=True,
     )
 
 
@@ -184,7 +194,10 @@ def figures(settings: Settings, clearance: Run, ideal: Run) -> dict[str, Figure]
         "figure_15": _figure_15(settings, clearance, ideal),
         "figure_16": _figure_16(settings, clearance),
         "figure_17": plot.journal_frames(
-            clearance.saved, SHOULDER, settings.clearance, _frame_instants(clearance),
+            clearance.saved,
+            SHOULDER,
+            settings.clearance,
+            _frame_instants(clearance),
             section=UPWARDS,
         ),
         "orbit": _orbit(settings, clearance),
@@ -197,7 +210,10 @@ def _figure_13(clearance: Run) -> Figure:
     impacts = clearance.of("V")
     margin = 0.2 * impacts.duration[0]
     plot.contact_and_reaction(
-        clearance.saved, (SHOULDER, "V"), (ELBOW, END_ARM), axes=left,
+        clearance.saved,
+        (SHOULDER, "V"),
+        (ELBOW, END_ARM),
+        axes=left,
         window=(impacts.onset[0] - margin, impacts.separation[0] + margin),
     )
     plot.hysteresis(clearance.saved, impacts, axes=right)
@@ -245,7 +261,10 @@ def _figure_15(settings: Settings, clearance: Run, ideal: Run) -> Figure:
 def _figure_16(settings: Settings, clearance: Run) -> Figure:
     figure = Figure(figsize=(8.0, 3.6), layout="constrained")
     plot.eccentricities(
-        clearance.saved, SHOULDER, settings.clearance, window=(0.0, settings.early),
+        clearance.saved,
+        SHOULDER,
+        settings.clearance,
+        window=(0.0, settings.early),
         axes=figure.subplots(),
     )
     return figure
@@ -254,8 +273,12 @@ def _figure_16(settings: Settings, clearance: Run) -> Figure:
 def _orbit(settings: Settings, clearance: Run) -> Figure:
     figure = Figure(figsize=(4.8, 5.0), layout="constrained")
     plot.journal_orbit(
-        clearance.saved, SHOULDER, settings.clearance, section=UPWARDS,
-        window=(0.0, settings.early), axes=figure.subplots(),
+        clearance.saved,
+        SHOULDER,
+        settings.clearance,
+        section=UPWARDS,
+        window=(0.0, settings.early),
+        axes=figure.subplots(),
     )
     return figure
 

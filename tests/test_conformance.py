@@ -18,8 +18,11 @@ STEEL = cj.RavnStiffness(207e9, 0.3)
 @pytest.mark.parametrize(
     "law",
     [
-        cj.Hertz(STEEL), cj.HuntCrossley(0.5, STEEL), cj.LankaraniNikravesh(0.9, STEEL),
-        cj.LankaraniNikravesh(0.0, 1e8, exponent=1.0), cj.Flores2011(0.2, STEEL, exponent=2.0),
+        cj.Hertz(STEEL),
+        cj.HuntCrossley(0.5, STEEL),
+        cj.LankaraniNikravesh(0.9, STEEL),
+        cj.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
+        cj.Flores2011(0.2, STEEL, exponent=2.0),
         cj.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )
@@ -127,9 +130,7 @@ class Rod(cj.AbstractConstraint):
             apart = first[0] - second[0]
             return (0.5 * (apart.dot(apart) - self.length**2),)
 
-        return cj.rows_from_residual(
-            ("a", "b"), ("length",), residual, motions["a"], motions["b"]
-        )
+        return cj.rows_from_residual(("a", "b"), ("length",), residual, motions["a"], motions["b"])
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,9 @@ def test_ledger_closes(restitution):
 def test_friction_dissipates_and_is_booked():
     """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
     scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))
-    solution = cj.simulate(scene, state, 0.5, rtol=1e-8, ledger=True, save_at=np.linspace(0, 0.5, 50))
+    solution = cj.simulate(
+        scene, state, 0.5, rtol=1e-8, ledger=True, save_at=np.linspace(0, 0.5, 50)
+    )
     observed = cj.observe(scene, solution)
     exchanged = np.ptp(observed.energies["gravity"])
     assert observed.energies["friction"][-1] > 1e-3 * exchanged

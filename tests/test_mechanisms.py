@@ -33,18 +33,23 @@ class PendulumRod(cj.AbstractConstraint):
 def test_iftomm_simple_pendulum():
     """Benchmark A01: a point mass on a massless bar, released from the horizontal."""
     scene = cj.Scene(
-        {"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"bar": PendulumRod("mass", 1.0)},
+        {"mass": cj.Body(1.0, (1.0, 1.0, 1.0))},
+        {"bar": PendulumRod("mass", 1.0)},
         gravity=(0.0, -9.81, 0.0),
     )
     state = cj.State({"mass": cj.body_state((-1.0, 0.0, 0.0))})
     solution = cj.simulate(
-        scene, state, 10.0, save_at=[9.99, 10.0], rtol=1e-12, atol=1e-12,
-        stabilisation=cj.Projection(), solver=diffrax.Dopri8(),
+        scene,
+        state,
+        10.0,
+        save_at=[9.99, 10.0],
+        rtol=1e-12,
+        atol=1e-12,
+        stabilisation=cj.Projection(),
+        solver=diffrax.Dopri8(),
     )
     expected = [(-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099)]
-    np.testing.assert_allclose(
-        solution.states.bodies["mass"].position[:, :2], expected, atol=1e-8
-    )
+    np.testing.assert_allclose(solution.states.bodies["mass"].position[:, :2], expected, atol=1e-8)
 
 
 def _end_point(body: Any, local: tuple[float, float, float]) -> np.ndarray:
@@ -57,7 +62,12 @@ def test_double_four_bar():
     """Benchmark A02 through its singular positions: tip of the first rod at 10 s."""
     scene, state = double_four_bar()
     solution = cj.simulate(
-        scene, state, 10.0, save_at=[10.0], rtol=1e-10, stabilisation=cj.Projection(),
+        scene,
+        state,
+        10.0,
+        save_at=[10.0],
+        rtol=1e-10,
+        stabilisation=cj.Projection(),
         solver=diffrax.Dopri8(),
     )
     assert len(solution.redundant_constraints) == 6
@@ -76,7 +86,12 @@ def test_bricard():
     assert len(report.redundant) == 1
     assert report.degrees_of_freedom() == 1
     solution = cj.simulate(
-        scene, state, 2.0, save_at=[0.5, 1.0, 2.0], rtol=1e-10, stabilisation=cj.Projection(),
+        scene,
+        state,
+        2.0,
+        save_at=[0.5, 1.0, 2.0],
+        rtol=1e-10,
+        stabilisation=cj.Projection(),
         solver=diffrax.Dopri8(),
     )
     corner = _end_point(solution.states.bodies["rod 2"], (0.0, -0.5, 0.0))

@@ -8,15 +8,23 @@ from reference import CASES, Case
 import clearjoint as cj
 
 COLUMNS = {
-    "onset": "t_on", "entry_speed": "v_minus", "peak_force": "F_peak", "duration": "duration",
+    "onset": "t_on",
+    "entry_speed": "v_minus",
+    "peak_force": "F_peak",
+    "duration": "duration",
 }
 
 
 def _run(case: Case, times: np.ndarray, rtol: float) -> cj.Solution:
     scene, state = cj.double_pendulum(case.clearance, case.restitution)
     return cj.simulate(
-        scene, state, case.safe, save_at=np.minimum(times, case.safe), rtol=rtol,
-        record_impacts=True, solver=diffrax.Dopri8(),
+        scene,
+        state,
+        case.safe,
+        save_at=np.minimum(times, case.safe),
+        rtol=rtol,
+        record_impacts=True,
+        solver=diffrax.Dopri8(),
     )
 
 
@@ -50,8 +58,11 @@ def test_trajectories_and_impacts(case, reference_folder):
 
 @pytest.mark.parametrize(
     ("solver", "order", "exponents"),
-    [(diffrax.Heun(), 2, (4, 5, 6, 7)), (diffrax.Bosh3(), 3, (4, 5, 6, 7, 8)),
-     (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9, 10))],
+    [
+        (diffrax.Heun(), 2, (4, 5, 6, 7)),
+        (diffrax.Bosh3(), 3, (4, 5, 6, 7, 8)),
+        (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9, 10)),
+    ],
     ids=["Heun", "Bosh3", "Tsit5"],
 )
 def test_error_falls_at_the_order_of_the_solver_across_impacts(
@@ -64,9 +75,7 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
     tolerances = 10.0 ** -np.array(exponents)
     errors, steps = [], []
     for rtol in tolerances:
-        solution = cj.simulate(
-            scene, state, 0.1, save_at=reference["t"], rtol=rtol, solver=solver
-        )
+        solution = cj.simulate(scene, state, 0.1, save_at=reference["t"], rtol=rtol, solver=solver)
         errors.append(_position_errors(solution, reference).max())
         steps.append(int(solution.accepted))
     by_steps = -np.polyfit(np.log(steps), np.log(errors), 1)[0]

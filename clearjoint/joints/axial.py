@@ -39,8 +39,10 @@ class EndPlay(AbstractAxialPolicy):
         require_positive("play", self.play, "give the axial travel in m", zero=True)
         if isinstance(self.law, AbstractHertzianLaw):
             require(
-                isinstance(self.law.stiffness, GivenStiffness), "law",
-                type(self.law.stiffness).__name__, "a law with a given stiffness",
+                isinstance(self.law.stiffness, GivenStiffness),
+                "law",
+                type(self.law.stiffness).__name__,
+                "a law with a given stiffness",
                 "shoulders are flat, so pass a number in N/m^n as the law's stiffness",
             )
 

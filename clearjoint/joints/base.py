@@ -7,7 +7,6 @@ registered. All methods work on the scalar form of `clearjoint.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -118,5 +117,3 @@ class AbstractContactJoint(AbstractElement):
         """Constraint equations that the joint adds to its contacts; none by default."""
         del motions, t
         return {}
-
-

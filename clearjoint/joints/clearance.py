@@ -85,15 +85,20 @@ class ClearanceJoint(AbstractContactJoint):
         axial: AbstractAxialPolicy | None = None,
     ):
         require(
-            (journal_radius is None) != (clearance is None), "clearance", clearance,
-            "given if and only if `journal_radius` is not", "pass one of the two, in m",
+            (journal_radius is None) != (clearance is None),
+            "clearance",
+            clearance,
+            "given if and only if `journal_radius` is not",
+            "pass one of the two, in m",
         )
         if clearance is None:
             clearance = as_number(bearing_radius) - as_number(journal_radius)
             number = concrete(clearance)
             if number is not None and number.shape == ():
                 require(
-                    not number <= 0.0, "journal_radius", journal_radius,
+                    not number <= 0.0,
+                    "journal_radius",
+                    journal_radius,
                     f"smaller than the bearing's {float(bearing_radius)} m",
                     "swap the radii, or use an ideal RevoluteJoint for no clearance",
                 )
@@ -117,13 +122,19 @@ class ClearanceJoint(AbstractContactJoint):
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
             require(
-                bool(clearance < radius), "clearance", float(clearance),
-                f"smaller than the bearing's radius {float(radius)} m", "check the units (m)",
+                bool(clearance < radius),
+                "clearance",
+                float(clearance),
+                f"smaller than the bearing's radius {float(radius)} m",
+                "check the units (m)",
             )
         for name, kind in (("law", AbstractContactLaw), ("axial", AbstractAxialPolicy)):
             require(
-                isinstance(getattr(self, name), kind), name, getattr(self, name),
-                f"an {kind.__name__}", f"subclass {kind.__name__} or pass one of clearjoint's",
+                isinstance(getattr(self, name), kind),
+                name,
+                getattr(self, name),
+                f"an {kind.__name__}",
+                f"subclass {kind.__name__} or pass one of clearjoint's",
             )
 
     @property
@@ -137,9 +148,9 @@ class ClearanceJoint(AbstractContactJoint):
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The law of each base, and of each shoulder where there is end play."""
-        laws = dict.fromkeys(BASES, self.law)
+        laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
         if isinstance(self.axial, EndPlay):
-            laws |= dict.fromkeys(SHOULDERS, self.axial.law)
+            laws.update(dict.fromkeys(SHOULDERS, self.axial.law))
         return laws
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -168,9 +179,7 @@ class ClearanceJoint(AbstractContactJoint):
         """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
         eccentricity, normal = norm_and_direction(offset)
         rate = relative.dot(normal)
-        gap = Gap(
-            eccentricity - self.clearance, rate, self.bearing_radius, self.journal_radius
-        )
+        gap = Gap(eccentricity - self.clearance, rate, self.bearing_radius, self.journal_radius)
         on_bearing = base - offset + normal * self.bearing_radius
         on_journal = base + normal * self.journal_radius
         slip = None

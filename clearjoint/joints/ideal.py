@@ -48,9 +48,7 @@ class AbstractPairJoint(AbstractConstraint):
 def require_distinct(first: str, second: str) -> None:
     """Check that a joint connects two different bodies by name."""
     for argument, name in (("first", first), ("second", second)):
-        require(
-            isinstance(name, str), argument, name, "the name of a body", "pass the body's name"
-        )
+        require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")
 
 
@@ -123,7 +121,8 @@ class FixedJoint(AbstractPairJoint):
         rows = self._coincidence(motions)
         relative = rotation_matrix(self.orientation)
         for label, a, b in (
-            ("rotation x", UNIT_Y, UNIT_Z), ("rotation y", UNIT_Z, UNIT_X),
+            ("rotation x", UNIT_Y, UNIT_Z),
+            ("rotation y", UNIT_Z, UNIT_X),
             ("rotation z", UNIT_X, UNIT_Y),
         ):
             rows[label] = self._perpendicular(motions, a, relative.transposed_times(b))

@@ -34,9 +34,7 @@ def coincident_points(
         wrench_first, bias_first = _along(first, local_first, axis)
         wrench_second, bias_second = _along(second, local_second, axis)
         jacobian = {names[0]: wrench_first, names[1]: _negative(wrench_second)}
-        rows[f"translation {label}"] = Row(
-            axis.dot(separation), jacobian, bias_first - bias_second
-        )
+        rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
     return rows
 
 

@@ -76,9 +76,7 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
     return float(np.trapezoid(force, depth))
 
 
-def _loop(
-    observation: Observation, impacts: Impacts, index: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
     seen = observation.contacts[impacts.joint[index]][impacts.contact[index]]
     shown = inside(observation.times, (impacts.onset[index], impacts.separation[index]))

@@ -32,9 +32,7 @@ def position(
         label: (trajectory.times, _centre(trajectory, body)[:, COMPONENTS[component]])
         for label, trajectory in trajectories.items()
     }
-    return dress(
-        _over_time(curves, axes), "time, s", f"{component}-position of {body}'s centre, m"
-    )
+    return dress(_over_time(curves, axes), "time, s", f"{component}-position of {body}'s centre, m")
 
 
 def acceleration(
@@ -88,8 +86,12 @@ def path(
     for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
         centre = _centre(trajectory, body)[inside(np.asarray(trajectory.times), window)]
         axes.plot(
-            centre[:, right], centre[:, up],
-            color=colour, linestyle=style, linewidth=1.3, label=label,
+            centre[:, right],
+            centre[:, up],
+            color=colour,
+            linestyle=style,
+            linewidth=1.3,
+            label=label,
         )
         axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")

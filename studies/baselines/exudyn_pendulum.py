@@ -90,14 +90,14 @@ def _bearing(system: Any, journal: int, z: float) -> int:
     node = system.AddNode(eu.Node1D(referenceCoordinates=[0.0]))
     slider = system.AddObject(
         eu.Mass1D(
-            mass=SLIDER_MASS, nodeNumber=node, referencePosition=[0.0, 0.0, z],
+            mass=SLIDER_MASS,
+            nodeNumber=node,
+            referencePosition=[0.0, 0.0, z],
             referenceRotation=eu.RotationMatrixY(-0.5 * np.pi),
         )
     )
     bearing = system.AddMarker(eu.MarkerBodyRigid(bodyNumber=slider))
-    system.AddObject(
-        eu.SphericalJoint(markerNumbers=[bearing, journal], constrainedAxes=[0, 0, 1])
-    )
+    system.AddObject(eu.SphericalJoint(markerNumbers=[bearing, journal], constrainedAxes=[0, 0, 1]))
     return bearing
 
 
@@ -106,9 +106,7 @@ def _base(system: Any, arm: int, z: float, clearance: float, restitution: float)
     law = ravn_contact(clearance, restitution)
     journal = system.AddMarker(eu.MarkerBodyRigid(bodyNumber=arm, localPosition=[-0.5, 0.0, z]))
     memory = system.AddNode(
-        eu.NodeGenericData(
-            initialCoordinates=[clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
-        )
+        eu.NodeGenericData(initialCoordinates=[clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
     )
     contact = system.AddObject(
         eu.ObjectContactSphereSphere(
@@ -170,9 +168,7 @@ def run(
         for arm in model.arms
     )
     iterations = model.system.sys["dynamicSolver"].it
-    return BaselineRun(
-        r2, r3, iterations.currentStepIndex, iterations.newtonStepsCount, seconds
-    )
+    return BaselineRun(r2, r3, iterations.currentStepIndex, iterations.newtonStepsCount, seconds)
 
 
 def first_impact(step: float) -> FirstImpact:
@@ -182,11 +178,13 @@ def first_impact(step: float) -> FirstImpact:
         model.system.AddSensor(sensor)
         for sensor in (
             eu.SensorObject(
-                objectNumber=model.contact, storeInternal=True,
+                objectNumber=model.contact,
+                storeInternal=True,
                 outputVariableType=exu.OutputVariableType.Force,
             ),
             eu.SensorNode(
-                nodeNumber=model.memory, storeInternal=True,
+                nodeNumber=model.memory,
+                storeInternal=True,
                 outputVariableType=exu.OutputVariableType.Coordinates,
             ),
         )

@@ -248,7 +248,12 @@ def run(
     def begin(t: float, y: np.ndarray) -> DOP853:
         return DOP853(
             lambda t, y: right_hand_side(t, y, entry, contact),
-            t, y, duration, max_step=MAX_STEP, rtol=rtol, atol=atol,
+            t,
+            y,
+            duration,
+            max_step=MAX_STEP,
+            rtol=rtol,
+            atol=atol,
         )
 
     solver = begin(0.0, initial_state())

@@ -1,0 +1,192 @@
+"""A scene's program holds only what the scene requires: jaxprs with and without each feature."""
+
+from collections import Counter
+
+import diffrax
+import jax
+import numpy as np
+import pytest
+
+from clearjoint import (
+    AppliedLoad,
+    Baumgarte,
+    Body,
+    ClearanceJoint,
+    EndPlay,
+    FixedAxially,
+    Hertz,
+    LankaraniNikravesh,
+    RegularisedCoulomb,
+    RevoluteJoint,
+    Scene,
+    SphericalJoint,
+    State,
+    body_state,
+)
+from clearjoint.coordinates import AbsoluteCoordinates
+from clearjoint.dynamics import Formulation, Unstabilised, evaluate, state_rates
+from clearjoint.impacts import Landing, has_memory
+from clearjoint.segments import begin
+from clearjoint.stepping import Method, attempt
+from clearjoint.vectors import unpack
+
+ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+BODY = Body(1.0, (1.0, 1.0, 1.0))
+STATE = State({"rod": body_state(ZERO)})
+BASES = {"pin": {"V": np.zeros(()), "W": np.zeros(())}}
+
+
+def scene(joint=None, **options):
+    return Scene({"rod": BODY}, {} if joint is None else {"pin": joint}, **options)
+
+
+def pin(law, **options):
+    return ClearanceJoint(
+        "ground", "rod", bearing_radius=0.01, clearance=1e-4, journal_length=0.02, law=law,
+        **options,
+    )
+
+
+DAMPED, ELASTIC = LankaraniNikravesh(0.9, 1e9), Hertz(1e9)
+FREE = scene()
+FORCED = pin(ELASTIC)
+ROUGH = pin(ELASTIC, friction=RegularisedCoulomb(0.1))
+BALL = SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))
+HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
+
+
+def primitives(jaxpr):
+    """How often each primitive occurs, inner jaxprs included."""
+    count = Counter()
+    for equation in jaxpr.eqns:
+        count[equation.primitive.name] += 1
+        parts = jax.tree.leaves(equation.params, is_leaf=lambda part: hasattr(part, "eqns"))
+        for inner in (part for part in parts if hasattr(part, "eqns")):
+            count += primitives(inner)
+    return count
+
+
+def operations(of, memory=None, **formulation):
+    """Primitives of the equations of motion of a scene."""
+
+    def rates(scene, state, memory):
+        return state_rates(
+            unpack(scene), Formulation(**formulation), unpack(state.bodies), memory, 0.0
+        )
+
+    return primitives(jax.make_jaxpr(rates)(of, STATE, memory or {}).jaxpr)
+
+
+def test_free_body_solves_no_constraints(monkeypatch):
+    """It divides by its mass, its three moments and the norm of its Euler parameters only."""
+    monkeypatch.setattr(AbsoluteCoordinates, "response", None)
+    free = operations(FREE)
+    assert free["div"] == 5
+    assert free["max"] == free["select_n"] == free["sqrt"] == free["tanh"] == 0
+    bodies = unpack(STATE.bodies)
+    assert evaluate(unpack(FREE), Formulation(), bodies, {}, 0.0).multipliers == {}
+    with pytest.raises(TypeError):
+        operations(scene(BALL))
+
+
+def test_constraints_cost_one_division_each_beside_the_masses():
+    free, ball = operations(FREE), operations(scene(BALL), stabilisation=Unstabilised())
+    assert ball["div"] == free["div"] + 4 + 3
+
+
+ADDED = {
+    "gravity": (FREE, scene(gravity=(0, -9.81, 0)), {}),
+    "load": (FREE, scene(forces={"push": AppliedLoad("rod", (1, 0, 0))}), {}),
+    "ball": (FREE, scene(BALL), {}),
+    "two more rows": (scene(BALL), scene(HINGE), {}),
+    "clearance joint": (FREE, scene(FORCED), {}),
+    "damping": (scene(FORCED), scene(pin(DAMPED)), BASES),
+    "friction": (scene(FORCED), scene(ROUGH), {}),
+    "smoothing": (scene(FORCED), scene(pin(Hertz(1e9, smoothing=1e-6))), {}),
+    "end play": (scene(FORCED), scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))), {}),
+    "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=FixedAxially())), {}),
+}
+
+
+@pytest.mark.parametrize("feature", ADDED)
+def test_feature_only_adds_operations(feature):
+    without, with_it, memory = ADDED[feature]
+    fewer, more = operations(without), operations(with_it, memory)
+    assert fewer - more == Counter()
+    assert more.total() > fewer.total()
+
+
+@pytest.mark.parametrize("options", [{"ledger": True}, {"redundant": True}])
+def test_choice_only_adds_operations(options):
+    fewer, more = operations(scene(HINGE)), operations(scene(HINGE), **options)
+    assert fewer - more == Counter() and more.total() > fewer.total()
+
+
+def test_absent_stabilisation_costs_nothing():
+    none = operations(scene(HINGE), stabilisation=Unstabilised())
+    feedback = operations(scene(HINGE), stabilisation=Baumgarte())
+    assert none - feedback == Counter() and feedback.total() > none.total()
+
+
+def test_tangent_of_the_friction_law_is_there_only_with_friction():
+    assert operations(scene(FORCED))["tanh"] == 0
+    assert operations(scene(ROUGH))["tanh"] == 2
+    assert operations(scene(ROUGH), ledger=True)["tanh"] == 2
+
+
+def test_ledger_of_a_free_body_is_empty():
+    assert operations(FREE, ledger=True) == operations(FREE)
+
+
+def test_power_of_the_ledger_is_only_what_the_scene_can_have():
+    def booked(of, memory):
+        formulation = Formulation(ledger=True)
+        return set(state_rates(unpack(of), formulation, unpack(STATE.bodies), memory, 0.0)[1])
+
+    assert booked(scene(BALL), {}) == {"stabilisation"}
+    assert booked(scene(pin(DAMPED)), BASES) == {"normal damping"}
+    assert booked(scene(ROUGH), {}) == {"normal damping", "friction"}
+
+
+def method():
+    controller = diffrax.PIDController(rtol=1e-6, atol=1e-9)
+    return Method(diffrax.Tsit5(), controller, Formulation(), Landing(1e-12))
+
+
+def started(of):
+    """The run before its first step, in shapes only."""
+    numbers = [np.float64(t) for t in (0.0, 1.0, 1e-6)]
+    return jax.eval_shape(
+        lambda of, state: begin(method(), of, state, *numbers, None, None).step, of, STATE
+    )
+
+
+def test_scene_without_memory_has_none_in_its_state():
+    assert not has_memory(scene(FORCED)) and has_memory(scene(pin(DAMPED)))
+    assert started(scene(FORCED)).memory == {}
+    memory = started(scene(pin(DAMPED))).memory
+    assert {name: set(family) for name, family in memory.items()} == {"pin": {"V", "W"}}
+
+
+def test_shoulder_without_memory_has_none_beside_bases_that_have():
+    joint = pin(DAMPED, axial=EndPlay(0.01, ELASTIC))
+    assert set(started(scene(joint)).memory["pin"]) == {"V", "W"}
+
+
+def test_step_without_memory_finds_no_second_rates():
+    """Only what begins with a contact is decided by a conditional of the step."""
+
+    def conditionals(of):
+        step = started(of)
+        jaxpr = jax.make_jaxpr(lambda of, step: attempt(method(), unpack(of), step, 1.0).step)
+        return primitives(jaxpr(of, step))["cond"]
+
+    assert conditionals(scene(FORCED)) == conditionals(FREE)
+    assert conditionals(scene(pin(DAMPED))) == conditionals(FREE) + 1
+
+
+def test_ground_is_not_in_the_state():
+    step = started(scene(FORCED))
+    assert set(step.y.motion) == {"rod"}
+    assert len(jax.tree.leaves(step.y)) == 13
+    assert len(jax.tree.leaves(started(FREE).reaches)) == 0

@@ -1,0 +1,186 @@
+"""Runtime settings: what they are, that one call sets them, and what is said without them."""
+
+import os
+import subprocess
+import sys
+
+import jax
+import pytest
+
+from clearjoint import runtime
+
+FUSION = "xla_cpu_use_multi_output_fusion"
+THRESHOLD = "xla_cpu_small_while_loop_byte_threshold"
+SETTINGS = {
+    "JAX_ENABLE_X64", "XLA_FLAGS", "JAX_NUM_CPU_DEVICES", "JAX_COMPILATION_CACHE_DIR",
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS",
+}
+
+
+def completed(*command, **variables):
+    """A process with none of the settings in its environment but those given."""
+    kept = {name: value for name, value in os.environ.items() if name not in SETTINGS}
+    return subprocess.run(
+        command, env=kept | variables, capture_output=True, text=True, check=False
+    )
+
+
+def python(code, **variables):
+    done = completed(sys.executable, "-c", code, **variables)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("\n")[:-1]
+
+
+def options(flags):
+    """The backend options among XLA's flags, by name."""
+    prefix = "--xla_backend_extra_options="
+    words = [word.removeprefix(prefix) for word in flags.split() if word.startswith(prefix)]
+    assert len(words) == 1
+    return dict(option.split("=") for option in words[0].split(","))
+
+
+def test_flags_turn_both_options_on():
+    flags = runtime.xla_flags()
+    assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"}
+    assert "--xla_cpu_prefer_vector_width=512" in flags.split()
+
+
+def test_flags_keep_what_is_present():
+    present = (
+        f"--xla_dump_to=/tmp/x --xla_backend_extra_options={THRESHOLD}=7,some=1 "
+        "--xla_backend_extra_options=other=2 --xla_cpu_prefer_vector_width=256"
+    )
+    flags = runtime.xla_flags(present)
+    assert options(flags) == {THRESHOLD: "7", "some": "1", "other": "2", FUSION: "true"}
+    assert flags.split()[:-1] == ["--xla_dump_to=/tmp/x", "--xla_cpu_prefer_vector_width=256"]
+
+
+def test_flags_do_not_grow_when_added_twice():
+    flags = runtime.xla_flags("--xla_dump_to=/tmp/x")
+    assert runtime.xla_flags(flags) == flags
+
+
+def test_cache_folder_follows_the_environment(monkeypatch):
+    monkeypatch.setenv("CLEARJOINT_CACHE", "/a")
+    assert str(runtime.default_cache()) == "/a"
+    monkeypatch.delenv("CLEARJOINT_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/b")
+    assert str(runtime.default_cache()) == "/b/clearjoint"
+
+
+SHELL = (
+    'eval "$("$0" -m clearjoint.runtime)" && "$0" -c "import os; '
+    "print(*(os.environ.get(name) for name in '{names}'.split()), sep='\\n')\""
+)
+
+
+@pytest.fixture(scope="module")
+def printed():
+    """What a shell has, and is told, after evaluating what the module prints."""
+    return completed(
+        "bash", "-c", SHELL.format(names=" ".join(sorted(SETTINGS))), sys.executable,
+        XLA_FLAGS="--xla_dump_to=/tmp/x", CLEARJOINT_CACHE="/tmp/a cache",
+    )
+
+
+def test_module_prints_exports_that_a_shell_understands(printed):
+    assert printed.returncode == 0, printed.stderr
+    assert dict(zip(sorted(SETTINGS), printed.stdout.split("\n"), strict=False)) == {
+        "JAX_ENABLE_X64": "1",
+        "XLA_FLAGS": runtime.xla_flags("--xla_dump_to=/tmp/x"),
+        "JAX_NUM_CPU_DEVICES": str(os.cpu_count()),
+        "JAX_COMPILATION_CACHE_DIR": "/tmp/a cache",
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    }
+
+
+def test_printing_the_settings_warns_of_nothing(printed):
+    assert printed.stderr == ""
+
+
+CONFIGURE = """
+import os, jax, clearjoint
+from clearjoint.runtime import missing
+print(*missing())
+clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+print(missing(), jax.numpy.zeros(1).dtype, jax.device_count())
+print(jax.config.jax_compilation_cache_dir)
+print(os.environ["XLA_FLAGS"])
+clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+try:
+    clearjoint.configure(devices=2)
+except RuntimeError as error:
+    print(error)
+"""
+
+
+def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses():
+    absent, state, cache, flags, refusal = python(CONFIGURE)
+    assert absent.split() == [FUSION, THRESHOLD, "jax_compilation_cache_dir"]
+    assert state == "[] float64 3"
+    assert cache == "/tmp/clearjoint-test"
+    assert flags == runtime.xla_flags()
+    assert "before JAX computes" in refusal and "python -m clearjoint.runtime" in refusal
+
+
+TOO_LATE = """
+import os, jax, clearjoint
+jax.numpy.zeros(1)
+try:
+    clearjoint.configure(devices=1)
+except RuntimeError as error:
+    print("refused", clearjoint.runtime.missing(), jax.config.jax_enable_x64)
+"""
+
+
+def test_configure_after_jax_has_started_with_as_many_devices_is_refused_too():
+    """The flags would come too late in silence, since `missing` reads the environment."""
+    assert python(TOO_LATE, JAX_NUM_CPU_DEVICES="1") == [
+        f"refused ['{FUSION}', '{THRESHOLD}', 'jax_compilation_cache_dir'] False"
+    ]
+
+
+@pytest.mark.parametrize("absent", [FUSION, THRESHOLD])
+def test_missing_names_what_is_missing(monkeypatch, absent):
+    monkeypatch.setenv("XLA_FLAGS", runtime.xla_flags())
+    assert runtime.missing() == []
+    monkeypatch.setenv("XLA_FLAGS", runtime.xla_flags().replace(absent, "something_else"))
+    assert runtime.missing() == [absent]
+
+
+def test_missing_names_the_cache(monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", runtime.xla_flags())
+    folder = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", None)
+    try:
+        assert runtime.missing() == ["jax_compilation_cache_dir"]
+    finally:
+        jax.config.update("jax_compilation_cache_dir", folder)
+
+
+@pytest.fixture
+def slow_run(monkeypatch):
+    monkeypatch.setattr(runtime, "SLOW_AFTER", 0.0)
+    monkeypatch.setattr(runtime, "_said", False)
+    return runtime.SlowRunNotice()
+
+
+def test_slow_run_names_missing_settings_once(slow_run, monkeypatch, recwarn):
+    monkeypatch.setenv("XLA_FLAGS", "")
+    slow_run.check()
+    slow_run.check()
+    (warning,) = recwarn
+    assert FUSION in str(warning.message) and "clearjoint.configure()" in str(warning.message)
+
+
+def test_slow_run_with_all_settings_says_nothing(slow_run, monkeypatch, recwarn):
+    monkeypatch.setenv("XLA_FLAGS", runtime.xla_flags())
+    slow_run.check()
+    assert not recwarn
+
+
+def test_short_run_says_nothing(slow_run, monkeypatch, recwarn):
+    monkeypatch.setattr(runtime, "SLOW_AFTER", 10.0)
+    monkeypatch.setenv("XLA_FLAGS", "")
+    slow_run.check()
+    assert not recwarn
