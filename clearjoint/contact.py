@@ -92,6 +92,7 @@ class RavnStiffness(AbstractStiffness):
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^1.5."""
+        assert gap.bearing_radius is not None and gap.journal_radius is not None
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
@@ -227,8 +228,7 @@ class AbstractDampedLaw(AbstractHertzianLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Normal force in N, with the entry speed floored."""
-        if entry_speed is None:
-            entry_speed = gap.rate
+        assert entry_speed is not None
         return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))
 
 

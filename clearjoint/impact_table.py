@@ -16,6 +16,7 @@ from .scene import Scene
 from .vectors import unpack
 
 SAMPLES_A_STEP = 17
+PIECE = 4096
 RESOLVED_TRAVEL = 1e-8
 """Distance in m that a step must cover at entry speed for depths to tell the rate within it."""
 
@@ -191,20 +192,36 @@ class ImpactCollector:
         self._scene, self._formulation = scene, formulation
         self._tails: dict[tuple[str, str], tuple[np.ndarray, History]] = {}
         self._rows: list[tuple[Any, ...]] = []
+        self._last_row: tuple[np.ndarray, State] | None = None
 
-    def add(self, times: np.ndarray, states: State, count: int) -> None:
-        """Take in the first `count` rows of a piece of the record."""
-        histories = contact_histories(self._scene, self._formulation, times, states)
+    def add(self, times: np.ndarray, states: State) -> None:
+        """Take in a piece of the record, in scalar form."""
+        rows = (times, states)
+        if self._last_row is not None:
+            rows = jax.tree.map(lambda a, b: np.concatenate([a, b]), self._last_row, rows)
+        # Pieces share a row, since a history looks from each row to the next.
+        for first in range(0, max(len(rows[0]) - 1, 1), PIECE - 1):
+            cut = slice(first, first + PIECE)
+            self._add_piece(*jax.tree.map(lambda leaf, cut=cut: leaf[cut], rows))
+        self._last_row = jax.tree.map(lambda leaf: leaf[-1:], rows)
+
+    def _add_piece(self, times: np.ndarray, states: State) -> None:
+        count = len(times)
+        full = jax.tree.map(
+            lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], PIECE - count)]),
+            (times, states),
+        )
+        histories = contact_histories(self._scene, self._formulation, *full)
         for joint, family in histories.items():
             for contact, history in family.items():
                 cut = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], history)
-                self._take((joint, contact), np.asarray(times)[:count], cut)
+                self._take((joint, contact), times, cut)
 
     def _take(self, key: tuple[str, str], times: np.ndarray, history: History) -> None:
         if key in self._tails:
             old_times, old = self._tails[key]
-            times = np.concatenate([old_times, times])
-            history = jax.tree.map(lambda a, b: np.concatenate([a, b]), old, history)
+            times = np.concatenate([old_times[:-1], times])
+            history = jax.tree.map(lambda a, b: np.concatenate([a[:-1], b]), old, history)
         touching = history.touching
         onsets = np.flatnonzero(~touching[:-1] & touching[1:]) + 1
         ends = np.flatnonzero(touching[:-1] & ~touching[1:]) + 1

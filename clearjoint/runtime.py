@@ -70,9 +70,10 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     **Raises:** `RuntimeError` if JAX has already started.
     """
     variables = settings(devices, cache)
-    if jax.config.read("jax_num_cpu_devices") != int(variables["JAX_NUM_CPU_DEVICES"]):
+    devices = int(variables["JAX_NUM_CPU_DEVICES"])
+    if jax.config.jax_num_cpu_devices != devices:  # pyright: ignore
         try:
-            jax.config.update("jax_num_cpu_devices", int(variables["JAX_NUM_CPU_DEVICES"]))
+            jax.config.update("jax_num_cpu_devices", devices)
         except RuntimeError as error:
             raise RuntimeError(
                 "configure() must be called before JAX computes anything: move the call to the top "
@@ -88,7 +89,7 @@ def missing() -> list[str]:
     """Names of the settings for speed that are not in force."""
     flags = os.environ.get("XLA_FLAGS", "")
     absent = [name for name, _ in _BACKEND_OPTIONS if name not in flags]
-    if not jax.config.read("jax_compilation_cache_dir"):
+    if not jax.config.jax_compilation_cache_dir:  # pyright: ignore
         absent.append("jax_compilation_cache_dir")
     return absent
 

@@ -43,7 +43,7 @@ class Rows(eqx.Module):
     def like(row: Any, length: int) -> "Rows":
         """An empty table with room for `length` rows like the given one."""
         none = jnp.zeros((), int)
-        return Rows(_buffer(row, length + BLOCK_ROWS), none, _buffer(row, BLOCK_ROWS), none)
+        return Rows(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
 
     def with_row(self, row: Any, kept: Any) -> "Rows":
         """The row written behind the last one, and counted if it is to be kept."""
@@ -63,13 +63,14 @@ class Rows(eqx.Module):
         )
         return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
 
-    def total(self) -> Any:
-        """Rows in table and block."""
-        return self.count + self.block_count
-
     def block_is_full(self) -> Any:
         """Whether the block must be moved before another row is written."""
         return self.block_count >= BLOCK_ROWS
+
+    def has_room(self) -> Any:
+        """Whether another full block fits into the table."""
+        length = jax.tree.leaves(self.table)[0].shape[0]
+        return self.count + BLOCK_ROWS <= length
 
 
 class Row(eqx.Module):
@@ -79,24 +80,23 @@ class Row(eqx.Module):
     state: State
 
 
-class Saved(eqx.Module):
-    """The requested times, and the states saved at the first of them."""
-
-    times: Any
-    rows: Rows
-
-
 class Progress(eqx.Module):
     """A run between two segments.
 
-    `last` is the latest accepted step, kept while states are still to be saved. `saved` and
-    `record` (of accepted steps) are ``None`` where nothing was asked for.
+    `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
+    steps, if they are asked for. Both are ``None`` otherwise.
     """
 
     step: Step
     last: Attempt | None
-    saved: Saved | None
     record: Rows | None
+
+
+class Saved(eqx.Module):
+    """States at the times of a segment, and which of these times were reached."""
+
+    states: State
+    reached: Any
 
 
 def begin(
@@ -106,7 +106,7 @@ def begin(
     t0: Any,
     t_end: Any,
     first_step: Any,
-    save_times: Any | None,
+    saves: bool,
     record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, the scene and state in packed form."""
@@ -114,117 +114,94 @@ def begin(
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
     step = start(method, scene, t0, t_end, first_step, y, state.memory)
-    row = _row(method, scene, step)
-    last = saved = record = None
-    if save_times is not None:
+    last = record = None
+    if saves:
         shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end))
-        last = eqx.tree_at(lambda a: a.step, _zeros(shapes), step)
-        saved = Saved(save_times, Rows.like(row.state, save_times.shape[0]))
+        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+        last = eqx.tree_at(lambda a: a.step, zeros, step)
     if record_rows is not None:
+        row = _row(method, scene, step)
         record = Rows.like(row, record_rows).with_row(row, 1)
-    return _strongly_typed(Progress(step, last, saved, record))
+    # A loop's result has no weak types: with them the next segment would compile anew.
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), Progress(step, last, record)
+    )
 
 
 def segment(
-    method: Method, scene: Scene, progress: Progress, t_end: Any, attempts: Any
-) -> Progress:
-    """Go on until the end time, a failure, `attempts` in all, or a full record."""
+    method: Method,
+    scene: Scene,
+    progress: Progress,
+    save_times: Any | None,
+    t_end: Any,
+    attempts: Any,
+) -> tuple[Progress, Saved | None]:
+    """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
+    times to save at (rising), whichever comes first."""
     scene = unpack(scene)
-    if progress.saved is None and progress.record is None:
-        return _run(method, scene, progress, t_end, t_end, attempts)
+    if save_times is None:
+        return _run_and_record(method, scene, progress, t_end, t_end, attempts), None
 
-    def goes(now: Progress) -> Scalar:
-        return (_due(now) | running(now.step, t_end, attempts)) & _has_room(now.record)
+    def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
+        now = _run_and_record(method, scene, now, time, t_end, attempts)
+        assert now.last is not None
+        state = _state(method, scene, *look_inside(method, scene, now.last, time))
+        return now, Saved(state, time <= now.step.t)
 
-    def goes_without_flush(now: Progress) -> Scalar:
-        return goes(now) & ~_must_flush(now)
-
-    def go(now: Progress) -> Progress:
-        now = _run(method, scene, now, _next_save(now, t_end), t_end, attempts)
-        return now if now.saved is None else _save(method, scene, now)
-
-    def go_and_flush(now: Progress) -> Progress:
-        return _flushed(jax.lax.while_loop(goes_without_flush, go, now))
-
-    return jax.lax.while_loop(goes, go_and_flush, progress)
+    return jax.lax.scan(save_next, progress, save_times)
 
 
 def rewound(progress: Progress) -> Progress:
     """The run with an empty record, after the host has taken the rows."""
-    assert progress.record is not None
-    return eqx.tree_at(lambda p: p.record.count, progress, jnp.zeros((), int))
+    none = jnp.zeros((), int)
+    return eqx.tree_at(lambda p: (p.record.count, p.record.block_count), progress, (none, none))
 
 
-def _must_flush(now: Progress) -> Any:
-    tables = [now.record, now.saved and now.saved.rows]
-    full = [table.block_is_full() for table in tables if table is not None]
-    return jnp.any(jnp.stack(full))
+def _run_and_record(
+    method: Method, scene: Scene, progress: Progress, stop: Any, t_end: Any, attempts: Any
+) -> Progress:
+    """Steps until one passes `stop`, emptying the record's block whenever it is full."""
+    if progress.record is None:
+        return _run(method, scene, progress, stop, t_end, attempts)
+
+    def goes(now: Progress) -> Scalar:
+        assert now.record is not None
+        return _running(now, stop, t_end, attempts) & now.record.has_room()
+
+    def go(now: Progress) -> Progress:
+        now = _run(method, scene, now, stop, t_end, attempts)
+        assert now.record is not None
+        record = jax.lax.cond(
+            now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
+        )
+        return Progress(now.step, now.last, record)
+
+    return jax.lax.while_loop(goes, go, progress)
 
 
-def _flushed(now: Progress) -> Progress:
-    saved = now.saved and Saved(now.saved.times, now.saved.rows.flushed())
-    return Progress(now.step, now.last, saved, now.record and now.record.flushed())
-
-
-def _has_room(record: Rows | None) -> Any:
-    return True if record is None else record.count + BLOCK_ROWS <= _length(record.table.t)
-
-
-def _length(buffer: Any) -> int:
-    return buffer.shape[0] - BLOCK_ROWS
-
-
-def _next_time(saved: Saved) -> tuple[Any, Any]:
-    """Whether a time is left to save at, and which."""
-    index = jnp.minimum(saved.rows.total(), saved.times.shape[0] - 1)
-    return saved.rows.total() < saved.times.shape[0], saved.times[index]
-
-
-def _next_save(now: Progress, t_end: Any) -> Any:
-    if now.saved is None:
-        return t_end
-    left, time = _next_time(now.saved)
-    return jnp.where(left, time, t_end)
-
-
-def _due(now: Progress) -> Scalar:
-    """Whether the next time to save is already behind."""
-    if now.saved is None:
-        return jnp.asarray(False)
-    left, time = _next_time(now.saved)
-    return left & (time <= now.step.t)
+def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
+    return (now.step.t < stop) & running(now.step, t_end, attempts)
 
 
 def _run(
     method: Method, scene: Scene, progress: Progress, stop: Any, t_end: Any, attempts: Any
 ) -> Progress:
-    """The inner loop: steps until one passes `stop`; none but the last is cut at `t_end`."""
+    """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
 
     def goes(now: Progress) -> Scalar:
-        more = (now.step.t < stop) & running(now.step, t_end, attempts)
+        more = _running(now, stop, t_end, attempts)
         return more if now.record is None else more & ~now.record.block_is_full()
 
     def go(now: Progress) -> Progress:
         tried = attempt(method, scene, now.step, t_end)
-        last = now.last
+        last, record = now.last, now.record
         if last is not None:
             last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
-        record = now.record
         if record is not None:
             record = record.with_row(_row(method, scene, tried.step), tried.kept)
-        return Progress(tried.step, last, now.saved, record)
+        return Progress(tried.step, last, record)
 
     return jax.lax.while_loop(goes, go, progress)
-
-
-def _save(method: Method, scene: Scene, now: Progress) -> Progress:
-    """Write the state at the next requested time, if it has been reached."""
-    assert now.saved is not None and now.last is not None
-    _, time = _next_time(now.saved)
-    y, memory = look_inside(method, scene, now.last, time)
-    state = _state(method, scene, y, memory)
-    saved = Saved(now.saved.times, now.saved.rows.with_row(state, _due(now)))
-    return Progress(now.step, now.last, saved, now.record)
 
 
 def _row(method: Method, scene: Scene, step: Step) -> Row:
@@ -235,14 +212,5 @@ def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
     return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
 
 
-def _zeros(shapes: Any) -> Any:
-    return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-
-
 def _buffer(row: Any, length: int) -> Any:
     return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)
-
-
-def _strongly_typed(tree: Any) -> Any:
-    """No weak types, which a loop's result does not have: the next segment would compile anew."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), tree)

@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm import tqdm
 
 from .assembly import check_names, require_assembled
 from .bodies import State
@@ -16,15 +15,13 @@ from .fields import concrete, recheck, require, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
 from .results import RESULTS
-from .runtime import SlowRunNotice
+from .running import HostLoop, OnePiece
 from .scene import Scene
-from .segments import Progress, Row, begin, rewound, segment
-from .solution import SimulationError, Solution, Trajectory
+from .segments import begin
+from .solution import SimulationError, Solution
 from .stepping import Method
 from .structure import constraint_report
-from .vectors import pack
 
-ATTEMPTS_A_SEGMENT = 50_000
 RECORD_ROWS = 16_384
 
 
@@ -127,122 +124,25 @@ def simulate(
         method,
         scene,
         state,
-        *_arrays(start_time, end_time, first_step),
-        _array(save_at),
+        *(_array(value) for value in (start_time, end_time, first_step)),
+        save_at is not None,
         RECORD_ROWS if record else None,
     )
-    run = _Run(scene, method, end_time, max_steps, names)
     if traced:
-        return run.in_one_piece(now)
-    return run.in_segments(now, record_steps, record_impacts, progress, throw)
+        run = OnePiece(scene, method, _array(end_time), names)
+        return run.solution(now, _array(save_at), max_steps)
+    host = HostLoop(scene, method, _array(end_time), names)
+    collector = ImpactCollector(scene, formulation) if record_impacts else None
+    solution = host.solution(now, save_at, max_steps, collector, record_steps, progress)
+    if throw and solution.result != RESULTS.successful:
+        raise SimulationError(
+            f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
+            solution,
+        )
+    return solution
 
 
 begin_compiled = eqx.filter_jit(begin)
-segment_compiled = eqx.filter_jit(segment)
-
-
-class _Run:
-    """The host's side of one run."""
-
-    def __init__(
-        self, scene: Scene, method: Method, end_time: Any, max_steps: int, names: tuple[str, ...]
-    ):
-        self._scene, self._method, self._names = scene, method, names
-        self._end = jnp.asarray(end_time, dtype=float)
-        self._max_steps = max_steps
-        self._steps: list[Row] = []
-
-    def in_one_piece(self, now: Progress) -> Solution:
-        """The whole run inside one traced computation."""
-        now = segment(self._method, self._scene, now, self._end, jnp.asarray(self._max_steps))
-        return self._solution(now, None, None)
-
-    def in_segments(
-        self, now: Progress, record_steps: bool, record_impacts: bool, progress: bool, throw: bool
-    ) -> Solution:
-        """Segment after segment, taking in what each recorded."""
-        collector = None
-        if record_impacts:
-            collector = ImpactCollector(self._scene, self._method.formulation)
-        notice, start = SlowRunNotice(), float(now.step.t)
-        bar = tqdm(
-            total=float(self._end) - start,
-            unit="s",
-            delay=2.0,
-            leave=False,
-            disable=not progress,
-            desc="simulated",
-        )
-        with bar:
-            while True:
-                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, self._max_steps)
-                now = segment_compiled(
-                    self._method, self._scene, now, self._end, jnp.asarray(limit)
-                )
-                now = self._collect(now, record_steps, collector)
-                bar.update(float(now.step.t) - start - bar.n)
-                notice.check()
-                if self._ended(now):
-                    break
-        steps = self._trajectory() if record_steps else None
-        solution = self._solution(now, steps, collector and collector.table())
-        if throw and solution.result != RESULTS.successful:
-            raise SimulationError(
-                f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
-                solution,
-            )
-        return solution
-
-    def _ended(self, now: Progress) -> bool:
-        if now.step.result != RESULTS.successful or int(now.step.attempts) >= self._max_steps:
-            return True
-        saved = now.saved is None or int(now.saved.rows.count) == now.saved.times.shape[0]
-        return bool(now.step.t >= self._end) and saved
-
-    def _collect(
-        self, now: Progress, record_steps: bool, collector: ImpactCollector | None
-    ) -> Progress:
-        if now.record is None:
-            return now
-        count = int(now.record.count)
-        rows = now.record.table
-        if collector is not None:
-            collector.add(rows.t, rows.state, count)
-        if record_steps:
-            self._steps.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:count], rows))
-        return rewound(now)
-
-    def _trajectory(self) -> Trajectory:
-        rows = jax.tree.map(lambda *pieces: np.concatenate(pieces), *self._steps)
-        return Trajectory(rows.t, pack(rows.state))
-
-    def _solution(self, now: Progress, steps: Trajectory | None, impacts: Any) -> Solution:
-        step, saved = now.step, now.saved
-        if not _is_traced(now):
-            step, saved = jax.device_get((step, saved))
-        unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
-        result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        bodies = self._method.formulation.coordinates.decode(self._scene, step.y.motion)
-        final = pack(State(bodies, step.memory, step.y.work))
-        requested, count = None, None
-        if saved is not None:
-            count = saved.rows.count
-            rows = saved.times.shape[0] if _is_traced(count) else int(count)
-            states = jax.tree.map(lambda leaf: leaf[:rows], saved.rows.table)
-            requested = Trajectory(saved.times[:rows], pack(states))
-        return Solution(
-            step.t,
-            final,
-            result,
-            step.attempts,
-            step.accepted,
-            requested,
-            count,
-            steps,
-            impacts,
-            self._method.formulation,
-            self._names,
-        )
 
 
 def _is_traced(tree: Any) -> bool:
@@ -251,10 +151,6 @@ def _is_traced(tree: Any) -> bool:
 
 def _array(value: Any) -> Any:
     return None if value is None else jnp.asarray(value, dtype=float)
-
-
-def _arrays(*values: Any) -> list[Any]:
-    return [_array(value) for value in values]
 
 
 def _with_arrays(method: Method) -> Method:
@@ -271,7 +167,7 @@ def _kept(leaf: Any) -> Any:
 
 
 def _check_precision(allow_float32: bool) -> None:
-    if not (jax.config.read("jax_enable_x64") or allow_float32):
+    if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
             "clearjoint.configure() before JAX starts, or pass allow_float32=True."

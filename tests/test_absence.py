@@ -134,6 +134,11 @@ def test_tangent_of_the_friction_law_is_there_only_with_friction():
     assert operations(scene(ROUGH), ledger=True)["tanh"] == 2
 
 
+def test_clamp_and_floor_are_there_only_with_damping():
+    assert operations(scene(FORCED))["max"] == 0
+    assert operations(scene(pin(DAMPED)), BASES)["max"] == 4
+
+
 def test_ledger_of_a_free_body_is_empty():
     assert operations(FREE, ledger=True) == operations(FREE)
 

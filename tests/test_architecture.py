@@ -18,9 +18,12 @@ FLOORS = (
     ),
     ("scene", "parameters"),
     ("coordinates", "dynamics", "projection", "structure", "assembly", "mechanisms"),
-    ("impacts", "stepping", "segments", "impact_table", "solution", "simulate"),
+    ("impacts", "stepping", "segments", "impact_table", "solution", "running", "simulate"),
     ("observables", "testing", "bias"),
-    ("sweep", "identify", "plot.style", "plot.motion", "plot.forces", "plot.journal"),
+    (
+        "free_impact", "sweep", "identify",
+        "plot.style", "plot.motion", "plot.forces", "plot.journal",
+    ),
 )
 """A module may import those above it, and on its own floor those before it."""
 THIRD_PARTY = {

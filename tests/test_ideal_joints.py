@@ -12,8 +12,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint import FixedJoint, RevoluteJoint, SphericalJoint, rows_from_residual
+from clearjoint import (
+    Body,
+    FixedJoint,
+    RevoluteJoint,
+    Scene,
+    SphericalJoint,
+    body_state,
+    coordinates,
+    rows_from_residual,
+)
 from clearjoint.bodies import GROUND_MOTION, NO_WRENCH, Motion
+from clearjoint.dynamics import Formulation, evaluate
 from clearjoint.joints.primitives import perpendicular, point_in_plane
 from clearjoint.rotations import transverse_axes
 from clearjoint.vectors import Matrix, Vector, pack, unpack
@@ -248,3 +258,27 @@ def test_a_tilted_joint_violates_its_rows(case):
         rows = unpack(joint).rows(joined(joint, (tilt * start).as_matrix()).motions(), 0.0)
         size = np.linalg.norm([np.ravel(row.value)[0] for row in rows.values()])
         assert size == pytest.approx(1e-3, rel=1e-2)
+
+
+@pytest.mark.parametrize("redundant", [False, True])
+def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
+    """Systems beyond the unrolled size go to LAPACK; here a small one is sent there as well.
+
+    The revolute joint is there twice where redundant multipliers of least norm are sought.
+    """
+    joints = {"hinge": REVOLUTE, "ball": SphericalJoint("ground", "b", P1, A1)}
+    joints |= {"again": REVOLUTE} if redundant else {}
+    scene = unpack(Scene({"a": Body(2.0, (1.0, 1.2, 1.4)), "b": Body(0.5, np.eye(3))}, joints))
+    variables = {
+        name: unpack(body_state(p, TURN.as_quat(scalar_first=True), A1, A2))
+        for name, p in (("a", P1), ("b", P2))
+    }
+    formulation = Formulation(redundant=redundant)
+    unrolled = evaluate(scene, formulation, variables, {}, 0.0)
+    monkeypatch.setattr(coordinates, "LARGEST_UNROLLED", 0)
+    dense = evaluate(scene, formulation, variables, {}, 0.0)
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
+    jax.tree.map(close if redundant else compare, unrolled.multipliers, dense.multipliers)
+    jax.tree.map(compare, unrolled.accelerations, dense.accelerations)
+    if redundant:
+        jax.tree.map(close, dense.multipliers["hinge"], dense.multipliers["again"])

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint.bodies import GROUND_MOTION, NO_WRENCH, Motion
-from clearjoint.linear import Factorisation, LeastNorm
+from clearjoint.linear import Exact, LeastNorm, UnrolledFactorisation
 from clearjoint.rotations import (
     euler_parameter_rates,
     normalised,
@@ -228,20 +228,31 @@ def lower_triangle(matrix):
     return [[float(matrix[i, j]) for j in range(i + 1)] for i in range(len(matrix))]
 
 
+def unrolled(solver, s, b):
+    return np.array(solver.unrolled(lower_triangle(s), list(b)))
+
+
+def dense(solver, s, b):
+    return np.asarray(solver.dense(jnp.asarray(s), jnp.asarray(b)))
+
+
+both_forms = pytest.mark.parametrize("solved", [unrolled, dense])
+
+
+@both_forms
 @pytest.mark.parametrize("pattern", [full, arrow, tridiagonal, np.eye])
 @pytest.mark.parametrize("n", [1, 2, 6])
-def test_factorisation_solves(n, pattern):
+def test_exact_solution_of_a_regular_system(n, pattern, solved):
     s = positive_definite(n, lambda n: np.asarray(pattern(n), dtype=bool))
     b = RANDOM.normal(size=n)
-    x = Factorisation(lower_triangle(s)).solve(list(b))
-    np.testing.assert_allclose(x, np.linalg.solve(s, b), rtol=1e-12)
+    np.testing.assert_allclose(solved(Exact(), s, b), np.linalg.solve(s, b), rtol=1e-12)
 
 
 def test_factorisation_of_a_sparse_matrix_is_sparse():
     def cost(pattern, n=6):
         def solve(x):
             rows = [[x if pattern(n)[i, j] else 0.0 for j in range(i + 1)] for i in range(n)]
-            return Factorisation(rows).solve([x] * n)
+            return UnrolledFactorisation(rows).solve([x] * n)
 
         return equations(solve, 1.0)
 
@@ -256,19 +267,20 @@ def singular_system(rank, n):
     return s, s @ RANDOM.normal(size=n)
 
 
+@both_forms
 @pytest.mark.parametrize(("rank", "n"), [(1, 2), (3, 5), (4, 6), (5, 5)])
-def test_least_norm_solution_of_a_singular_system(rank, n):
+def test_least_norm_solution_of_a_singular_system(rank, n, solved):
     s, b = singular_system(rank, n)
     assert np.linalg.matrix_rank(s) == rank
-    x = np.array(LeastNorm(lower_triangle(s)).solve(list(b)))
+    x = solved(LeastNorm(), s, b)
     expected = np.linalg.lstsq(s, b, rcond=1e-10)[0]
     np.testing.assert_allclose(s @ x, b, atol=1e-10 * np.abs(b).max())
     np.testing.assert_allclose(x, expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_least_norm_solution_where_the_system_is_nearly_singular_as_well():
+@both_forms
+def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved):
     basis = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
     s = basis @ np.diag([1.0, 1e-6, 0.0]) @ basis.T
     expected = basis @ [1.0, 1.0, 0.0]
-    x = LeastNorm(lower_triangle(s)).solve(list(s @ expected))
-    np.testing.assert_allclose(x, expected, atol=1e-5)
+    np.testing.assert_allclose(solved(LeastNorm(), s, s @ expected), expected, atol=1e-5)
