@@ -81,7 +81,7 @@ class Formulation(eqx.Module):
     """How the equations of motion are set up; the choices that are not the scene's.
 
     - `redundant`: whether constraints depend on each other, so that multipliers of least norm are
-      sought. `clearjoint.redundancy` finds out.
+      sought. `clearjoint.structure` finds out.
     - `ledger`: whether the dissipated energies are integrated with the state.
     """
 

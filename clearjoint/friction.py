@@ -4,6 +4,7 @@ import abc
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from .fields import concrete, quantity, require, require_positive
@@ -24,8 +25,12 @@ class AbstractFriction(eqx.Module):
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Tangential force in N on the body whose slip velocity (m/s) is given."""
-        speed, direction = norm_and_direction(slip)
-        return direction * (-normal_force * self.ratio(speed))
+        speed, _ = norm_and_direction(slip)
+        rests = speed == 0.0
+        _, slope = jax.jvp(self.ratio, (jnp.zeros_like(speed),), (jnp.ones_like(speed),))
+        # At rest the ratio over the speed is its limit, so that the derivatives are right there.
+        per_speed = jnp.where(rests, slope, self.ratio(speed) / jnp.where(rests, 1.0, speed))
+        return slip * (-normal_force * per_speed)
 
 
 class RegularisedCoulomb(AbstractFriction):

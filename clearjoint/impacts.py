@@ -89,7 +89,8 @@ class Landing(eqx.Module):
             for label, start in family.items():
                 crossing = self._crossing(start, after[name][label], h)
                 fraction = jnp.minimum(fraction, crossing)
-        landing = t0 + jnp.maximum(fraction * h, resolution)
+        # As diffrax's controllers do: where steps end is no function of the parameters.
+        landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:

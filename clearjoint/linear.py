@@ -91,7 +91,7 @@ class LeastNorm(AbstractSolver):
     decomposition it can be differentiated where eigenvalues coincide.
     """
 
-    relative_shift = 1e-9
+    relative_shift = 1e-8
     sweeps = 3
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:

@@ -44,7 +44,9 @@ def _delivered_restitution_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tup
     (chi,), (dchi,) = primals, tangents
     e = delivered_restitution(chi)
     safe = jnp.maximum(chi, _SERIES_BELOW)
-    by_chi = 1.0 + e - 1.0 / (1.0 + safe) - e / (1.0 - safe * e)
-    by_e = safe - safe / (1.0 - safe * e)
+    # Both slopes times 1 - chi e, which rounds to zero for strong damping.
+    left = 1.0 - safe * e
+    by_chi = left * (1.0 + e - 1.0 / (1.0 + safe)) - e
+    by_e = safe * (left - 1.0)
     slope = jnp.where(chi < _SERIES_BELOW, -2.0 / 3.0, -by_chi / by_e)
     return e, slope * dchi

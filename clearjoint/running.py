@@ -1,4 +1,4 @@
-"""Carrying out a run: on the host, segment after segment, or in one piece under a transformation."""
+"""Carrying out a run: segment after segment, or in one piece under a transformation."""
 
 from typing import Any
 

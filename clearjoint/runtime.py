@@ -4,7 +4,7 @@ Nothing here happens at import. Without these settings everything works, up to t
 XLA's CPU compiler then starts one kernel for each fusion of a step instead of compiling the
 stepping loop to one native function.
 
-``python -m clearjoint.runtime`` prints the same settings as shell variables.
+``python -m clearjoint`` prints the same settings as shell variables.
 """
 
 import os
@@ -71,13 +71,16 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     """
     variables = settings(devices, cache)
     devices = int(variables["JAX_NUM_CPU_DEVICES"])
-    if jax.config.jax_num_cpu_devices != devices:  # pyright: ignore
+    late = os.environ.get("XLA_FLAGS") != variables["XLA_FLAGS"]
+    if late or jax.config.jax_num_cpu_devices != devices:  # pyright: ignore
         try:
-            jax.config.update("jax_num_cpu_devices", devices)
+            # JAX refuses a change once it has started; setting an equal value would tell nothing.
+            for number in (devices + 1, devices):
+                jax.config.update("jax_num_cpu_devices", number)
         except RuntimeError as error:
             raise RuntimeError(
                 "configure() must be called before JAX computes anything: move the call to the top "
-                "of the program, or set the variables that `python -m clearjoint.runtime` prints."
+                "of the program, or set the variables that `python -m clearjoint` prints."
             ) from error
     os.environ["XLA_FLAGS"] = variables["XLA_FLAGS"]
     jax.config.update("jax_enable_x64", True)
@@ -112,8 +115,3 @@ class SlowRunNotice:
                 "clearjoint.configure() before JAX starts.",
                 stacklevel=3,
             )
-
-
-if __name__ == "__main__":
-    for variable, setting in settings().items():
-        print(f'export {variable}="{setting}"')

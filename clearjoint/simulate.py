@@ -19,27 +19,11 @@ from .running import HostLoop, OnePiece
 from .scene import Scene
 from .segments import begin
 from .solution import SimulationError, Solution
+from .solvers import default_controller, ready_solver
 from .stepping import Method
 from .structure import constraint_report
 
 RECORD_ROWS = 16_384
-
-
-def largest_component(tree: Any) -> Any:
-    """The largest absolute value of all leaves.
-
-    A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
-    gathered into an array, which keeps the loop native.
-    """
-    largest: Any = 0.0
-    for leaf in jax.tree.leaves(tree):
-        largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
-    return largest
-
-
-def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
-    """diffrax's controller, bounding the error of each component of the state."""
-    return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def simulate(
@@ -103,7 +87,8 @@ def simulate(
     traced = _is_traced((scene, state, end_time, start_time))
     names: tuple[str, ...] = ()
     if not traced:
-        save_at = _check_values(scene, state, start_time, end_time, save_at, rtol, atol)
+        save_at = _check_times(start_time, end_time, save_at)
+        _check_values(scene, state, rtol, atol, first_step, landing_tolerance)
         names = _check_structure(scene, state, start_time)
     if redundant is None:
         redundant = bool(names)
@@ -112,10 +97,11 @@ def simulate(
         redundant=redundant,
         ledger=ledger,
     )
+    atol = rtol * 1e-3 if atol is None else atol
     if controller is None:
-        controller = default_controller(rtol, rtol * 1e-3 if atol is None else atol)
+        controller = default_controller(rtol, atol)
     landing = None if landing_tolerance is None else Landing(landing_tolerance)
-    solver = diffrax.Tsit5() if solver is None else solver
+    solver = ready_solver(diffrax.Tsit5() if solver is None else solver, rtol, atol)
     method = _with_arrays(Method(solver, controller, formulation, landing))
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
@@ -175,13 +161,21 @@ def _check_precision(allow_float32: bool) -> None:
 
 
 def _check_values(
-    scene: Scene, state: State, start: Any, end: Any, save_at: Any, rtol: Any, atol: Any
-) -> np.ndarray | None:
+    scene: Scene, state: State, rtol: Any, atol: Any, first_step: Any, landing_tolerance: Any
+) -> None:
     recheck(scene)
     check_names(scene, state)
     require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)
-    if atol is not None:
-        require_positive("atol", atol, "give an absolute tolerance such as 1e-9", zero=True)
+    for name, value, remedy, zero in (
+        ("atol", atol, "give an absolute tolerance such as 1e-9", True),
+        ("first_step", first_step, "give a step in s, or None", False),
+        ("landing_tolerance", landing_tolerance, "give a penetration in m, or None", False),
+    ):
+        if value is not None:
+            require_positive(name, value, remedy, zero=zero)
+
+
+def _check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
     require(
         bool(np.isfinite(end)) and bool(end > start),
         "end_time",

@@ -254,7 +254,7 @@ def _result(
 ) -> RESULTS:
     now = jnp.where(keep, t1, step.t)
     stuck = (t_next - now <= 2.0 * _ULP * jnp.abs(now)) & (now < t_end)
-    gave_up = (solver_result != diffrax.RESULTS.successful) | (
+    gave_up = (keep & (solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)

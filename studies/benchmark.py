@@ -7,9 +7,7 @@ import argparse
 import json
 import os
 import platform
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,17 +18,9 @@ from statistics import median
 from typing import Any
 
 import diffrax
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.dynamics import Formulation
-from clearjoint.impacts import Landing
-from clearjoint.runtime import settings, xla_flags
-from clearjoint.segments import segment
-from clearjoint.simulate import begin_compiled, default_controller
-from clearjoint.stepping import Method
 
 ROOT = Path(__file__).resolve().parents[1]
 if not __package__:  # run as a file
@@ -178,9 +168,9 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def pendulum_table(series: list[Series]) -> str:
-    """The Markdown table; a step is an accepted one, spread the range over the median."""
-    rows = [COLUMNS, ("---",) * len(COLUMNS)]
+def pendulum_rows(series: list[Series]) -> list[tuple[str, ...]]:
+    """The table; a step is an accepted one, spread the range over the median."""
+    rows = [COLUMNS]
     for one in series:
         run, middle = one.runs[-1], median(one.seconds)
         rows.append((
@@ -198,12 +188,13 @@ def pendulum_table(series: list[Series]) -> str:
             f"{one.ratio:.3g}",
             f"{one.error:.1e}",
         ))  # fmt: skip
-    return markdown(rows)
+    return rows
 
 
 def markdown(rows: list[tuple[str, ...]]) -> str:
-    """A Markdown table of rows that are strings already."""
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    """A Markdown table; the first row is its head."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])
 
 
 def pendulum(options: argparse.Namespace) -> None:
@@ -214,13 +205,12 @@ def pendulum(options: argparse.Namespace) -> None:
     series = measure(ours + others, short, options.repeats)
     if short == SHORT:
         series = measure(ours, LONG, options.repeats) + series
-    print(pendulum_table(series))
+    _report(options.json, pendulum_rows(series), [_record(one) for one in series])
     print(
         f"\nError of r2 at {min(CHECKED, short):g} s, against clearjoint with Dopri8 at rtol 1e-11."
         "\nTimes clearjoint: per simulated second, against Tsit5 over the same span at the same "
         f"rtol (Exudyn: {RTOLS[0]:g}); median of {options.repeats} rounds."
     )
-    _write(options.json, [_record(one) for one in series])
 
 
 def _record(one: Series) -> dict[str, Any]:
@@ -239,7 +229,14 @@ def _record(one: Series) -> dict[str, Any]:
     }
 
 
-def _write(file: Path | None, rows: list[dict[str, Any]]) -> None:
+def _records(key: str, names: tuple[str, ...], found: dict[str, Any]) -> list[dict[str, Any]]:
+    """One dictionary a repeat."""
+    return [{key: k, **dict(zip(names, one, strict=True))} for k in found for one in found[k]]
+
+
+def _report(file: Path | None, rows: list[tuple[str, ...]], records: list[dict[str, Any]]) -> None:
+    """Print the rows as a table, and write the records as JSON if there is a file to write to."""
+    print(markdown(rows))
     if file is None:
         return
     packages = ("jax", "jaxlib", "diffrax", "numpy", "scipy", "exudyn")
@@ -249,108 +246,35 @@ def _write(file: Path | None, rows: list[dict[str, Any]]) -> None:
         "machine": f"{platform.platform()}, {os.cpu_count()} cores",
         "python": platform.python_version(),
         "packages": found,
-        "rows": rows,
+        "rows": records,
     }
     file.write_text(json.dumps(about, indent=1), encoding="utf-8")
 
 
-FIRST_RESULT = """
-import json, sys, time
-times = [time.perf_counter()]
-import clearjoint as cj
-times.append(time.perf_counter())
-cj.configure(cache=sys.argv[1])
-scene, state = cj.double_pendulum(0.5e-3, 0.9)
-for _ in range(2):
-    cj.simulate(scene, state, 4.0, rtol=1e-6, progress=False)
-    times.append(time.perf_counter())
-print(json.dumps([after - before for before, after in zip(times, times[1:])]))
-"""
-
-
-def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
-    """Run code in a fresh Python that has none of clearjoint's settings but the given variables.
-
-    Returns wall time of the process, s, and what it printed, as JSON.
-    """
-    known = {*settings(), "CLEARJOINT_CACHE"}
-    kept = {name: value for name, value in os.environ.items() if name not in known}
-    start = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        env=kept | variables, cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    seconds = time.perf_counter() - start
-    if done.returncode:
-        raise RuntimeError(f"A measuring process failed:\n{done.stderr}")
-    return seconds, json.loads(done.stdout.splitlines()[-1])
-
-
 def first_result(options: argparse.Namespace) -> None:
-    """Time until a fresh process has simulated 4 s at rtol 1e-6, without and with a filled cache."""
-    found: dict[str, list[list[float]]] = {"empty": [], "filled": []}
-    for _ in range(options.repeats):
-        with tempfile.TemporaryDirectory() as folder:
-            for cache in found:
-                process, parts = in_process(FIRST_RESULT, folder)
-                found[cache].append([process, *parts])
-    names = ("process", "import", "configure and first run", "second run")
-    rows = [("cache", *(f"{name}, s" for name in names), "least process, s"), ("---",) * 6]
+    """Time until a fresh process has simulated 4 s at rtol 1e-6, with empty and filled cache."""
+    from studies.fresh_process import FIRST_RESULT_TIMES, first_results
+
+    found = first_results(options.repeats)
+    rows = [("cache", *FIRST_RESULT_TIMES, "least process, s")]
     for cache, times in found.items():
         columns = list(zip(*times, strict=True))
         middles = [f"{median(column):.3f}" for column in columns]
         rows.append((cache, *middles, f"{min(columns[0]):.3f}"))
-    print(markdown(rows))
-    records = [{"cache": c, **dict(zip(names, t, strict=True))} for c in found for t in found[c]]
-    _write(options.json, records)
-
-
-FUSION, LOOP = "use_multi_output_fusion=true", "small_while_loop_byte_threshold=10000000"
-OPTIONS = {
-    "neither": "",
-    "loop option": f"--xla_backend_extra_options=xla_cpu_{LOOP}",
-    "fusion option": f"--xla_backend_extra_options=xla_cpu_{FUSION}",
-    "configure(): both": xla_flags(),
-}
-"""Values of ``XLA_FLAGS`` by name."""
-
-
-def native_calls() -> int:
-    """Native loops in the compiled segment of the pendulum; 0 if every kernel starts alone."""
-    scene, state = cj.double_pendulum(CLEARANCE, RESTITUTION)
-    landing = Landing(jnp.asarray(1e-12))
-    method = Method(diffrax.Tsit5(), default_controller(1e-6, 1e-9), Formulation(), landing)
-    start, end, step = (jnp.asarray(time) for time in (0.0, 1.0, 1e-6))
-    now = begin_compiled(method, scene, state, start, end, step, None, None)
-    lowered = eqx.filter_jit(segment).lower(method, scene, now, end, jnp.asarray(1000))
-    return (lowered.compile().as_text() or "").count("xla_cpu_small_call")
-
-
-def under_these_flags() -> None:
-    """Print what a run of 1 s costs with the compiler options of this process, as JSON."""
-    solver = diffrax.Tsit5()
-    compiling = clearjoint_run(solver, 1e-6, 1e-4).seconds
-    runs = [clearjoint_run(solver, 1e-6, 1.0) for _ in range(3)]
-    cost = min(run.seconds / (run.tried or 1) for run in runs)
-    print(json.dumps([compiling, 1e6 * cost, native_calls()]))
+    _report(options.json, rows, _records("cache", FIRST_RESULT_TIMES, found))
 
 
 def compiler_options(options: argparse.Namespace) -> None:
     """What XLA's options buy: time to compile, µs an attempt, native loops; in fresh processes."""
-    code = "from studies.benchmark import under_these_flags; under_these_flags()"
-    found: dict[str, list[Any]] = {name: [] for name in OPTIONS}
-    for _ in range(options.repeats):
-        for name, flags in OPTIONS.items():
-            found[name].append(in_process(code, JAX_ENABLE_X64="1", XLA_FLAGS=flags)[1])
-    rows = [("options", "first call, s", "µs an attempt", "least", "native loops"), ("---",) * 5]
+    from studies.fresh_process import OPTION_COSTS, option_costs
+
+    found = option_costs(options.repeats)
+    rows = [("options", *OPTION_COSTS, "least µs an attempt")]
     for name, results in found.items():
         first, cost, calls = zip(*results, strict=True)
-        numbers = (f"{median(first):.2f}", f"{median(cost):.3g}", f"{min(cost):.3g}")
-        rows.append((name, *numbers, str(max(calls))))
-    print(markdown(rows))
-    names = ("first_call_s", "microseconds_an_attempt", "native_loops")
-    records = [{"options": n, **dict(zip(names, r, strict=True))} for n in found for r in found[n]]
-    _write(options.json, records)
+        middles = (f"{median(first):.2f}", f"{median(cost):.3g}", str(max(calls)))
+        rows.append((name, *middles, f"{min(cost):.3g}"))
+    _report(options.json, rows, _records("options", OPTION_COSTS, found))
 
 
 def profile(options: argparse.Namespace) -> None:
@@ -358,14 +282,13 @@ def profile(options: argparse.Namespace) -> None:
     from studies.step_profile import PARTS, time_of_parts
 
     cj.configure()
-    rows = [("solver", *(f"{part}, µs" for part in PARTS)), ("---",) * (1 + len(PARTS))]
-    records = []
+    rows, found = [("solver", *PARTS)], {}
     for solver in (diffrax.Tsit5(), diffrax.Dopri8()):
-        times = time_of_parts(solver, options.repeats)
-        rows.append((type(solver).__name__, *(f"{1e6 * t:.3g}" for t in times)))
-        records.append({"solver": rows[-1][0], **dict(zip(PARTS, times, strict=True))})
-    print(markdown(rows))
-    _write(options.json, records)
+        name = type(solver).__name__
+        found[name] = time_of_parts(solver, options.repeats)
+        middles = [median(times) for times in zip(*found[name], strict=True)]
+        rows.append((name, *(f"{middle:.3g}" for middle in middles)))
+    _report(options.json, rows, _records("solver", PARTS, found))
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:

@@ -4,7 +4,7 @@ Run by ``python -m studies.benchmark profile``.
 """
 
 import time
-from statistics import median
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -14,94 +14,114 @@ import jax.numpy as jnp
 
 import clearjoint as cj
 from clearjoint.dynamics import Formulation, state_rates
-from clearjoint.impacts import Landing
-from clearjoint.segments import segment
-from clearjoint.simulate import begin_compiled, default_controller
-from clearjoint.stepping import Method, Step, Variables
+from clearjoint.simulate import default_controller
 from clearjoint.vectors import unpack
 
-PARTS = ("right-hand side", "all stages alone", "solver's step", "with controller", "attempt")
-"""Alone: so many right-hand sides as an attempt takes. Attempt: also landing, memory, acceptance."""
+PARTS: tuple[str, ...] = (
+    "right-hand side, µs",
+    "as many as an attempt takes, µs",
+    "solver's step, µs",
+    "with controller, µs",
+    "attempt in a run, µs",
+)
+"""Each contains the one before. An attempt also lands, remembers impacts, and is kept or not; its
+time is that of a run of 4 s, with what a call to `simulate` takes, over their number."""
 TURNS = 50_000
 INSTANT = 0.3
-"""s, where the parts are evaluated; no part branches on contact but the memory's onset."""
+"""s, the state at which the parts are evaluated; none of them branches on contact."""
 SMALL = 1e-9
 """s, the step with which the parts move on."""
 
 
-def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[float]:
-    """Seconds a turn of each of `PARTS`; medians of as many loops in turn."""
-    scene, state = cj.double_pendulum(0.5e-3, 0.9)
-    landing = Landing(jnp.asarray(1e-12))
-    method = Method(solver, default_controller(1e-6, 1e-9), Formulation(), landing)
-    start, end, first = (jnp.asarray(time) for time in (0.0, 4.0, 1e-6))
-    now = begin_compiled(method, scene, state, start, end, first, None, None)
-    run = eqx.filter_jit(segment)
-    step = run(method, scene, now, jnp.asarray(INSTANT), jnp.asarray(10**7)).step
-    loops = [eqx.filter_jit(loop) for loop in (_right_hand_sides, _steps, _controlled_steps)]
-    calls = [lambda loop=loop: loop(method, scene, step, jnp.asarray(TURNS)) for loop in loops]
-    calls.append(lambda: run(method, scene, now, end, jnp.asarray(TURNS)))
-    turns = [TURNS] * 3 + [int(calls[-1]().step.attempts)]
-    taken = [[_seconds(call) for call in calls] for _ in range(repeats + 1)][1:]
-    each = [median(times) / n for times, n in zip(zip(*taken, strict=True), turns, strict=True)]
+def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[list[float]]:
+    """Microseconds a turn of each of `PARTS`, repeated; the loops take turns."""
+    scene, start = cj.double_pendulum(0.5e-3, 0.9)
+    state = cj.simulate(scene, start, INSTANT, progress=False).final
+    loops = [
+        eqx.filter_jit(lambda scene, state, turns, loop=loop: loop(solver, scene, state, turns))
+        for loop in (_right_hand_sides, _steps, _controlled_steps)
+    ]
+
+    def run() -> int:
+        return int(cj.simulate(scene, start, 4.0, solver=solver, progress=False).attempts)
+
+    turns, attempts = jnp.asarray(TURNS), run()
+    for loop in loops:
+        loop(scene, state, turns)
     assert isinstance(solver.tableau, diffrax.ButcherTableau)
-    return [each[0], (solver.tableau.num_stages - 1) * each[0], *each[1:]]
+    stages, found = solver.tableau.num_stages - 1, []
+    for _ in range(repeats):
+        parts = [_microseconds(TURNS, loop, scene, state, turns) for loop in loops]
+        whole = _microseconds(attempts, run)
+        found.append([parts[0], stages * parts[0], *parts[1:], whole])
+    return found
 
 
-def _seconds(call: Any) -> float:
+def _microseconds(turns: int, call: Callable[..., Any], *arguments: Any) -> float:
+    """Time of a call for each of the turns it makes."""
     start = time.perf_counter()
-    jax.block_until_ready(call())
-    return time.perf_counter() - start
+    jax.block_until_ready(call(*arguments))
+    return (time.perf_counter() - start) / turns * 1e6
 
 
-def _rates(method: Method, scene: Any, step: Step, y: Variables) -> Variables:
-    return Variables(*state_rates(scene, method.formulation, y.motion, step.memory, step.t))
+def _prepared(scene: Any, state: Any) -> tuple[Any, diffrax.ODETerm]:
+    """The variables of a state, and their rates with its memory."""
+    scene, formulation = unpack(scene), Formulation()
+    y = formulation.coordinates.encode(scene, unpack(state.bodies))
+
+    def rates(t: Any, y: Any, args: Any) -> Any:
+        del args
+        found, _ = state_rates(scene, formulation, y, state.memory, t)
+        return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), found)
+
+    return y, diffrax.ODETerm(rates)
 
 
-def _repeat(turn: Any, turns: Any, *values: Any) -> Any:
+def _repeat(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
     """As many turns in a native loop; `turn` takes and returns the values."""
-    count = jnp.zeros((), int)
-    return jax.lax.while_loop(
-        lambda now: now[0] < turns, lambda now: (now[0] + 1, *turn(*now[1:])), (count, *values)
-    )
+
+    def go(now: Any) -> Any:
+        return (now[0] + 1, *turn(*now[1:]))
+
+    return jax.lax.while_loop(lambda now: now[0] < turns, go, (jnp.zeros((), int), *values))
 
 
-def _right_hand_sides(method: Method, scene: Any, step: Step, turns: Any) -> Any:
-    scene = unpack(scene)
+def _right_hand_sides(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
+    del solver
+    y, term = _prepared(scene, state)
 
-    def turn(y: Variables) -> tuple[Any]:
-        rates = _rates(method, scene, step, y)
+    def turn(y: Any) -> tuple[Any]:
+        rates = term.vf(jnp.asarray(INSTANT), y, None)
         return (jax.tree.map(lambda value, rate: value + SMALL * rate, y, rates),)
 
-    return _repeat(turn, turns, step.y)
+    return _repeat(turn, turns, y)
 
 
-def _solver_step(method: Method, scene: Any, step: Step, y: Any, solver_state: Any) -> Any:
-    term = diffrax.ODETerm(lambda t, y, args: _rates(method, scene, step, y))
-    return method.solver.step(term, step.t, step.t + SMALL, y, None, solver_state, False)
-
-
-def _steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
-    scene = unpack(scene)
+def _steps(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
+    y, term = _prepared(scene, state)
+    t0, t1 = jnp.asarray(INSTANT), jnp.asarray(INSTANT + SMALL)
 
     def turn(y: Any, solver_state: Any, total: Any) -> tuple[Any, ...]:
-        y, error, _, solver_state, _ = _solver_step(method, scene, step, y, solver_state)
-        return y, solver_state, sum(jax.tree.leaves(error), total)
+        after, error, _, solver_state, _ = solver.step(term, t0, t1, y, None, solver_state, False)
+        assert error is not None
+        return after, solver_state, sum(jax.tree.leaves(error), total)
 
-    return _repeat(turn, turns, step.y, step.solver_state, jnp.zeros(()))
+    return _repeat(turn, turns, y, solver.init(term, t0, t1, y, None), jnp.zeros(()))
 
 
-def _controlled_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
-    scene = unpack(scene)
-    controller = method.controller.wrap(1)
+def _controlled_steps(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
+    y, term = _prepared(scene, state)
+    t0, t1 = jnp.asarray(INSTANT), jnp.asarray(INSTANT + SMALL)
+    controller: Any = default_controller(1e-6, 1e-9).wrap(1)
+    order = solver.error_order(term)
 
-    def turn(y: Any, solver_state: Any, state: Any, total: Any) -> tuple[Any, ...]:
-        after, error, _, solver_state, _ = _solver_step(method, scene, step, y, solver_state)
-        _, _, t_next, _, state, _ = controller.adapt_step_size(
-            step.t, step.t + SMALL, y, after, None, error, jnp.asarray(5.0), state
+    def turn(y: Any, solver_state: Any, past: Any, total: Any) -> tuple[Any, ...]:
+        after, error, _, solver_state, _ = solver.step(term, t0, t1, y, None, solver_state, False)
+        _, _, t_next, _, past, _ = controller.adapt_step_size(
+            t0, t1, y, after, None, error, order, past
         )
-        return after, solver_state, state, total + t_next
+        return after, solver_state, past, total + t_next
 
-    return _repeat(
-        turn, turns, step.y, step.solver_state, step.controller_state, jnp.zeros(())
-    )
+    first = controller.init(term, t0, t1, y, t1 - t0, None, solver.func, order)[1]
+    solver_state = solver.init(term, t0, t1, y, None)
+    return _repeat(turn, turns, y, solver_state, first, jnp.zeros(()))

@@ -120,7 +120,7 @@ def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses()
     assert state == "[] float64 3"
     assert cache == "/tmp/clearjoint-test"
     assert flags == runtime.xla_flags()
-    assert "before JAX computes" in refusal and "python -m clearjoint.runtime" in refusal
+    assert "before JAX computes" in refusal and "python -m clearjoint" in refusal
 
 
 TOO_LATE = """

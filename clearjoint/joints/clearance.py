@@ -128,11 +128,17 @@ class ClearanceJoint(AbstractContactJoint):
                 f"smaller than the bearing's radius {float(radius)} m",
                 "check the units (m)",
             )
-        for name, kind in (("law", AbstractContactLaw), ("axial", AbstractAxialPolicy)):
+        kinds = {
+            "law": AbstractContactLaw,
+            "axial": AbstractAxialPolicy,
+            "friction": AbstractFriction,
+        }
+        for name, kind in kinds.items():
+            value = getattr(self, name)
             require(
-                isinstance(getattr(self, name), kind),
+                isinstance(value, kind) or (name == "friction" and value is None),
                 name,
-                getattr(self, name),
+                value,
                 f"an {kind.__name__}",
                 f"subclass {kind.__name__} or pass one of clearjoint's",
             )
@@ -184,6 +190,8 @@ class ClearanceJoint(AbstractContactJoint):
         on_journal = base + normal * self.journal_radius
         slip = None
         if self.friction is not None:
+            # At the two points of eqs (15)-(16), a penetration apart, friction would leave a moment.
+            on_bearing = on_journal = (on_bearing + on_journal) * 0.5
             sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
             slip = slip_velocity(sliding, normal, sliding.dot(normal))
         return Contact(gap, normal, on_bearing, on_journal, slip)

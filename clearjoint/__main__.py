@@ -1,0 +1,6 @@
+"""``python -m clearjoint`` prints the runtime settings as shell variables."""
+
+from .runtime import settings
+
+for variable, setting in settings().items():
+    print(f'export {variable}="{setting}"')

@@ -1,0 +1,46 @@
+"""diffrax's solvers and controllers, made ready for a stepping loop of our own."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+
+def largest_component(tree: Any) -> Any:
+    """The largest absolute value of all leaves.
+
+    A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
+    gathered into an array, which keeps the loop native.
+    """
+    largest: Any = 0.0
+    for leaf in jax.tree.leaves(tree):
+        largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
+    return largest
+
+
+def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
+    """diffrax's controller, bounding the error of each component of the state."""
+    return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
+
+
+def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffrax.AbstractSolver:
+    """What `diffrax.diffeqsolve` does to a solver before it steps.
+
+    Runge-Kutta methods loop over their stages in a way that forward differentiation can follow, and
+    implicit ones solve their stages to the tolerances of the steps unless they have their own.
+    """
+    if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
+        solver = eqx.tree_at(
+            lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
+        )
+    if isinstance(solver, diffrax.AbstractImplicitSolver) and not _has_tolerances(solver):
+        finder = diffrax.VeryChord(rtol, atol, largest_component)
+        solver = eqx.tree_at(lambda s: s.root_finder, solver, finder)
+    return solver
+
+
+def _has_tolerances(solver: diffrax.AbstractImplicitSolver) -> bool:
+    rtol = getattr(solver.root_finder, "rtol", None)
+    return isinstance(rtol, int | float | jax.Array)

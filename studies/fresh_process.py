@@ -1,0 +1,113 @@
+"""Costs that show only in a fresh Python: a first result, and other compiler options.
+
+Run by ``python -m studies.benchmark first-result`` and ``options``.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import clearjoint as cj
+from clearjoint.runtime import settings, xla_flags
+
+ROOT = Path(__file__).resolve().parents[1]
+
+FIRST_RESULT = """
+import json, sys, time
+times = [time.perf_counter()]
+import clearjoint as cj
+times.append(time.perf_counter())
+cj.configure(cache=sys.argv[1])
+scene, state = cj.double_pendulum(0.5e-3, 0.9)
+for _ in range(2):
+    cj.simulate(scene, state, 4.0, rtol=1e-6, progress=False)
+    times.append(time.perf_counter())
+print(json.dumps([after - before for before, after in zip(times, times[1:])]))
+"""
+FIRST_RESULT_TIMES: tuple[str, ...] = (
+    "process, s",
+    "import, s",
+    "configure and first run, s",
+    "second run, s",
+)
+
+UNDER_THESE_FLAGS = "from studies.fresh_process import under_these_flags; under_these_flags()"
+_EXTRA = "--xla_backend_extra_options=xla_cpu_"
+OPTIONS = {
+    "neither": "",
+    "loop option": _EXTRA + "small_while_loop_byte_threshold=10000000",
+    "fusion option": _EXTRA + "use_multi_output_fusion=true",
+    "both, by configure()": xla_flags(),
+}
+"""Values of ``XLA_FLAGS`` by name."""
+OPTION_COSTS: tuple[str, ...] = ("first call, s", "µs an attempt", "native loops")
+
+
+def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
+    """Run code in a fresh Python that has none of clearjoint's settings but the given variables.
+
+    Returns wall time of the process, s, and what it printed last, as JSON.
+    """
+    known = {*settings(), "CLEARJOINT_CACHE"}
+    kept = {name: value for name, value in os.environ.items() if name not in known}
+    command = [sys.executable, "-c", code, *arguments]
+    start = time.perf_counter()
+    done = subprocess.run(
+        command, env=kept | variables, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    seconds = time.perf_counter() - start
+    if done.returncode:
+        raise RuntimeError(f"A measuring process failed:\n{done.stderr}")
+    return seconds, json.loads(done.stdout.splitlines()[-1])
+
+
+def first_results(repeats: int) -> dict[str, list[list[float]]]:
+    """`FIRST_RESULT_TIMES` with an empty cache folder and then with that filled, each time anew."""
+    found: dict[str, list[list[float]]] = {"empty": [], "filled": []}
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as folder:
+            for times in found.values():
+                process, parts = in_process(FIRST_RESULT, folder)
+                times.append([process, *parts])
+    return found
+
+
+def option_costs(repeats: int) -> dict[str, list[list[float]]]:
+    """`OPTION_COSTS` by compiler options, without a compilation cache; in turn."""
+    found: dict[str, list[list[float]]] = {name: [] for name in OPTIONS}
+    for _ in range(repeats):
+        for name, flags in OPTIONS.items():
+            with tempfile.TemporaryDirectory() as folder:
+                flags = f"{flags} --xla_dump_to={folder}"
+                variables = {"JAX_ENABLE_X64": "1", "XLA_FLAGS": flags}
+                costs = in_process(UNDER_THESE_FLAGS, **variables)[1]
+                found[name].append([*costs, native_loops(Path(folder))])
+    return found
+
+
+def native_loops(dumped: Path) -> int:
+    """Loops that XLA compiled to one native function, in all programs dumped into a folder.
+
+    In others it starts a kernel for each fusion of each turn.
+    """
+    programs = dumped.glob("*cpu_after_optimizations.txt")
+    return sum(program.read_text().count("xla_cpu_small_call") for program in programs)
+
+
+def under_these_flags() -> None:
+    """Print the first two `OPTION_COSTS` of this process as JSON; the best of three runs of 1 s."""
+    scene, state = cj.double_pendulum(0.5e-3, 0.9)
+
+    def run(end_time: float) -> tuple[float, int]:
+        start = time.perf_counter()
+        solution = cj.simulate(scene, state, end_time, rtol=1e-6, progress=False)
+        return time.perf_counter() - start, int(solution.attempts)
+
+    compiling, _ = run(1e-4)
+    cost = min(seconds / attempts for seconds, attempts in (run(1.0) for _ in range(3)))
+    print(json.dumps([compiling, 1e6 * cost]))
