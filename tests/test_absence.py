@@ -130,8 +130,9 @@ def test_absent_stabilisation_costs_nothing():
 
 def test_tangent_of_the_friction_law_is_there_only_with_friction():
     assert operations(scene(FORCED))["tanh"] == 0
-    assert operations(scene(ROUGH))["tanh"] == 2
-    assert operations(scene(ROUGH), ledger=True)["tanh"] == 2
+    rough = operations(scene(ROUGH))["tanh"]
+    assert rough > 0
+    assert operations(scene(ROUGH), ledger=True)["tanh"] == rough
 
 
 def test_clamp_and_floor_are_there_only_with_damping():

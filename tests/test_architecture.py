@@ -13,22 +13,49 @@ FLOORS = (
     ("vectors", "rotations", "smoothing", "linear", "restitution", "results", "runtime", "fields"),
     ("bodies", "contact", "friction"),
     (
-        "joints.base", "joints.primitives", "joints.axial", "joints.ideal", "joints.forces",
+        "joints.base",
+        "joints.primitives",
+        "joints.axial",
+        "joints.ideal",
+        "joints.forces",
         "joints.clearance",
     ),
     ("scene", "parameters"),
     ("coordinates", "dynamics", "projection", "structure", "assembly", "mechanisms"),
-    ("impacts", "stepping", "segments", "impact_table", "solution", "running", "simulate"),
-    ("observables", "testing", "bias"),
     (
-        "free_impact", "sweep", "identify",
-        "plot.style", "plot.motion", "plot.forces", "plot.journal", "plot.frames",
+        "impacts",
+        "stepping",
+        "segments",
+        "impact_table",
+        "solution",
+        "solvers",
+        "running",
+        "simulate",
+    ),
+    ("observables", "testing"),
+    (
+        "free_impact",
+        "sweep",
+        "identify",
+        "plot.style",
+        "plot.motion",
+        "plot.forces",
+        "plot.journal",
+        "plot.frames",
+        "__main__",
     ),
 )
 """A module may import those above it, and on its own floor those before it."""
 THIRD_PARTY = {
-    "jax": 0, "equinox": 0, "numpy": 0, "diffrax": 5, "tqdm": 5,
-    "matplotlib": 7, "optax": 7, "optimistix": 7, "xarray": 7,
+    "jax": 0,
+    "equinox": 0,
+    "numpy": 0,
+    "diffrax": 5,
+    "tqdm": 5,
+    "matplotlib": 7,
+    "optax": 7,
+    "optimistix": 7,
+    "xarray": 7,
 }
 """The first floor that may import a package."""
 
@@ -124,6 +151,9 @@ def test_import_starts_no_backend_and_changes_no_setting():
     environment = {name: value for name, value in os.environ.items() if name in kept}
     done = subprocess.run(
         [sys.executable, "-c", IMPORT_EVERYTHING, *PATHS],
-        env=environment, capture_output=True, text=True, check=False,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr

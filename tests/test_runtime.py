@@ -69,7 +69,7 @@ def test_cache_folder_follows_the_environment(monkeypatch):
 
 
 SHELL = (
-    'eval "$("$0" -m clearjoint.runtime)" && "$0" -c "import os; '
+    'eval "$("$0" -m clearjoint)" && "$0" -c "import os; '
     "print(*(os.environ.get(name) for name in '{names}'.split()), sep='\\n')\""
 )
 

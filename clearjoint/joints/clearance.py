@@ -190,7 +190,7 @@ class ClearanceJoint(AbstractContactJoint):
         on_journal = base + normal * self.journal_radius
         slip = None
         if self.friction is not None:
-            # At the two points of eqs (15)-(16), a penetration apart, friction would leave a moment.
+            # At the points of eqs (15)-(16), a penetration apart, friction would leave a moment.
             on_bearing = on_journal = (on_bearing + on_journal) * 0.5
             sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
             slip = slip_velocity(sliding, normal, sliding.dot(normal))
