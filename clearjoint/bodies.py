@@ -123,12 +123,27 @@ NO_WRENCH = Wrench(ZERO, ZERO)
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
+class Anchor:
+    """A point of a body, `local` in body axes, near a fixed point `origin` of the ground.
+
+    `offset` is the small vector from origin to point. Kept as such, and not as the difference of
+    coordinates a metre long, it has digits enough for penetrations of a few nanometres.
+    """
+
+    local: Vector
+    origin: Vector
+    offset: Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
 class Motion:
     """Pose and twist of a body: the whole interface between coordinates and everything else.
 
     Position and velocity are global, the spin is in body axes, `rotation` turns body components
     into global ones. `bias` is what the body accelerations hold beside the coordinates' own
     second derivatives (the rate of H times u for a twist H u); zero in absolute coordinates.
+    Where there is an `anchor`, points near it are known to more digits than the position.
     """
 
     position: Vector
@@ -136,10 +151,18 @@ class Motion:
     velocity: Vector
     spin: Vector
     bias: Wrench
+    anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
         """Global position of a point given in body axes (eqs 6 and 7)."""
         return self.position + self.rotation @ local
+
+    def point_from(self, origin: Vector, local: Vector) -> Vector:
+        """The vector from a fixed global point to a point given in body axes."""
+        if self.anchor is None:
+            return self.point(local) - origin
+        near = self.anchor.offset + self.rotation @ (local - self.anchor.local)
+        return (self.anchor.origin - origin) + near
 
     def direction(self, local: Vector) -> Vector:
         """Global components of a direction given in body axes."""

@@ -37,13 +37,20 @@ class Gap:
     """All that a law may know of a contact.
 
     `depth`: penetration, m, negative in flight (eq. 13); `rate`: its time derivative, m/s (eq. 21);
-    `bearing_radius` and `journal_radius`: m, of the two surfaces (``None`` for flat ones).
+    `bearing_radius` and radial `clearance`: m (``None`` for flat surfaces). The clearance is given,
+    and not the journal's radius, since a difference of radii would spoil its last digits.
     """
 
     depth: Scalar
     rate: Scalar
     bearing_radius: Scalar | None = None
-    journal_radius: Scalar | None = None
+    clearance: Scalar | None = None
+
+    @property
+    def journal_radius(self) -> Scalar:
+        """Bearing radius less clearance, m."""
+        assert self.bearing_radius is not None and self.clearance is not None
+        return self.bearing_radius - self.clearance
 
 
 class AbstractStiffness(eqx.Module):
@@ -92,15 +99,14 @@ class RavnStiffness(AbstractStiffness):
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^1.5."""
-        assert gap.bearing_radius is not None and gap.journal_radius is not None
+        assert gap.bearing_radius is not None and gap.clearance is not None
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
         ratio = self.poisson_ratio if ratio is None else ratio
         compliance = (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus
-        radius = gap.bearing_radius * gap.journal_radius
-        clearance = gap.bearing_radius - gap.journal_radius
-        return 4.0 / (3.0 * compliance) * jnp.sqrt(radius / clearance)
+        radii = gap.bearing_radius * gap.journal_radius
+        return 4.0 / (3.0 * compliance) * jnp.sqrt(radii / gap.clearance)
 
 
 def _as_stiffness(value: Any) -> AbstractStiffness:

@@ -12,7 +12,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
+from .bodies import (
+    GROUND,
+    GROUND_MOTION,
+    NO_WRENCH,
+    Anchor,
+    Body,
+    BodyState,
+    Motion,
+    Wrench,
+)
 from .joints.base import Row
 from .linear import LARGEST_UNROLLED, AbstractSolver
 from .rotations import euler_parameter_rates, rotation_matrix, turned
@@ -79,7 +88,7 @@ class AbstractCoordinates(eqx.Module):
         """Time derivative of the variables."""
 
     @abc.abstractmethod
-    def moved(self, variables: Any, displacements: dict[str, Acceleration]) -> Any:
+    def moved(self, scene: Scene, variables: Any, displacements: dict[str, Acceleration]) -> Any:
         """The variables after small displacements (m) and turns (rad, body axes)."""
 
     @abc.abstractmethod
@@ -88,32 +97,49 @@ class AbstractCoordinates(eqx.Module):
 
 
 class AbsoluteCoordinates(AbstractCoordinates):
-    """Centre of mass, Euler parameters, velocity and body spin of each body, as in the paper."""
+    """Position, Euler parameters, velocity and body spin of each body, as in the paper.
+
+    A body's position variable is that of its centre of mass, or of its `Anchor` if it hangs on the
+    ground by a clearance joint: from the bearing's centre to the journal's, which in metre-sized
+    coordinates would lose the digits that impacts amplify.
+    """
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> dict[str, BodyState]:
-        """The bodies' states themselves."""
-        del scene
-        return bodies
+        """The bodies' states, those with an anchor by its offset."""
+        anchors = _anchors(scene)
+
+        def encoded(name: str, body: BodyState) -> BodyState:
+            if name not in anchors:
+                return body
+            local, origin = anchors[name]
+            arm = rotation_matrix(body.orientation) @ local
+            return BodyState(
+                (body.position + arm) - origin, body.orientation, body.velocity, body.spin
+            )
+
+        return {name: encoded(name, body) for name, body in bodies.items()}
 
     def decode(self, scene: Scene, variables: dict[str, BodyState]) -> dict[str, BodyState]:
-        """The bodies' states themselves."""
-        del scene
-        return variables
+        """The states of the bodies' centres of mass."""
+        motions = self.motions(scene, variables)
+        return {
+            name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
+            for name, body in variables.items()
+        }
 
     def motions(self, scene: Scene, variables: dict[str, BodyState]) -> Motions:
         """Motion of each body; no bias."""
-        del scene
-        motions = {
-            name: Motion(
-                body.position,
-                rotation_matrix(body.orientation),
-                body.velocity,
-                body.spin,
-                NO_WRENCH,
-            )
-            for name, body in variables.items()
-        }
-        return {GROUND: GROUND_MOTION, **motions}
+        anchors = _anchors(scene)
+        motions = {GROUND: GROUND_MOTION}
+        for name, body in variables.items():
+            rotation = rotation_matrix(body.orientation)
+            position, anchor = body.position, None
+            if name in anchors:
+                local, origin = anchors[name]
+                anchor = Anchor(local, origin, body.position)
+                position = (origin + body.position) - rotation @ local
+            motions[name] = Motion(position, rotation, body.velocity, body.spin, NO_WRENCH, anchor)
+        return motions
 
     def free_accelerations(
         self, scene: Scene, motions: Motions, wrenches: Wrenches
@@ -157,10 +183,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
         accelerations: dict[str, Acceleration],
     ) -> dict[str, BodyState]:
         """Velocity, Euler parameter rates, and accelerations."""
-        del scene
+        twists = {name: Acceleration(body.velocity, body.spin) for name, body in variables.items()}
+        shifts = self._shifts(scene, variables, twists)
         return {
             name: BodyState(
-                body.velocity,
+                shifts[name],
                 euler_parameter_rates(body.orientation, body.spin),
                 accelerations[name].linear,
                 accelerations[name].angular,
@@ -169,18 +196,36 @@ class AbsoluteCoordinates(AbstractCoordinates):
         }
 
     def moved(
-        self, variables: dict[str, BodyState], displacements: dict[str, Acceleration]
+        self,
+        scene: Scene,
+        variables: dict[str, BodyState],
+        displacements: dict[str, Acceleration],
     ) -> dict[str, BodyState]:
         """Positions shifted and orientations turned."""
+        shifts = self._shifts(scene, variables, displacements)
         return {
             name: BodyState(
-                body.position + displacements[name].linear,
+                body.position + shifts[name],
                 turned(body.orientation, displacements[name].angular),
                 body.velocity,
                 body.spin,
             )
             for name, body in variables.items()
         }
+
+    def _shifts(
+        self,
+        scene: Scene,
+        variables: dict[str, BodyState],
+        displacements: dict[str, Acceleration],
+    ) -> dict[str, Vector]:
+        """Displacement, or velocity, of each position variable for those of the bodies."""
+        shifts = {name: part.linear for name, part in displacements.items()}
+        for name, (local, _) in _anchors(scene).items():
+            turn = displacements[name].angular.cross(local)
+            rotation = rotation_matrix(variables[name].orientation)
+            shifts[name] = shifts[name] + rotation @ turn
+        return shifts
 
     def kicked(
         self, variables: dict[str, BodyState], changes: dict[str, Acceleration]
@@ -195,6 +240,16 @@ class AbsoluteCoordinates(AbstractCoordinates):
             )
             for name, body in variables.items()
         }
+
+
+def _anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
+    """Point of the body and point of the ground for each body that has an anchor."""
+    anchors = {}
+    for joint in scene.contact_joints().values():
+        anchor = joint.anchor()
+        if anchor is not None and anchor[0] not in anchors:
+            anchors[anchor[0]] = anchor[1:]
+    return anchors
 
 
 class InverseMass:

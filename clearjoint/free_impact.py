@@ -37,17 +37,17 @@ def free_impact(
     mass: float,
     entry_speed: float,
     bearing_radius: float | None = None,
-    journal_radius: float | None = None,
+    clearance: float | None = None,
 ) -> FreeImpact:
     """Throw a free mass (kg) at a wall with an entry speed (m/s).
 
-    **Arguments:** radii in m, where the law's stiffness needs them.
+    **Arguments:** `bearing_radius` and radial `clearance` in m, where the law's stiffness needs them.
 
     **Raises:** `ValueError` if the mass does not come free again within 100 s.
     """
     numbers = [jnp.asarray(x, dtype=float) for x in (mass, entry_speed)]
-    radii = (bearing_radius, journal_radius)
-    whole = _contact(law, *numbers, *radii, jnp.asarray(jnp.inf))
+    wall = (bearing_radius, clearance)
+    whole = _contact(law, *numbers, *wall, jnp.asarray(jnp.inf))
     duration = float(np.max(whole.ts, where=np.isfinite(whole.ts), initial=0.0))
     require(
         bool(whole.result == diffrax.RESULTS.event_occurred),
@@ -56,10 +56,10 @@ def free_impact(
         f"one from which a mass rebounds at {entry_speed} m/s",
         "raise the entry speed or the law's floor on it",
     )
-    fine = _contact(law, *numbers, *radii, jnp.asarray(duration / STEPS_A_CONTACT))
+    fine = _contact(law, *numbers, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
     finite = np.isfinite(np.asarray(fine.ts))
     depth, rate = np.asarray(fine.ys)[finite].T
-    gap = Gap(depth, rate, *radii)
+    gap = Gap(depth, rate, *wall)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
     return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
 
@@ -70,12 +70,12 @@ def _contact(
     mass: Any,
     entry_speed: Any,
     bearing_radius: Any,
-    journal_radius: Any,
+    clearance: Any,
     longest_step: Any,
 ) -> diffrax.Solution:
     def field(t: Any, y: Any, args: Any) -> Any:
         del t, args
-        gap = Gap(y[0], y[1], bearing_radius, journal_radius)
+        gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
 
     reach = jnp.asarray(law.reach(), dtype=float)
@@ -130,7 +130,7 @@ def smoothing_bias(
     mass: float,
     entry_speed: float,
     bearing_radius: float | None = None,
-    journal_radius: float | None = None,
+    clearance: float | None = None,
 ) -> SmoothingBias:
     """Compare a smoothed law with its exact form in one free impact (see `free_impact`).
 
@@ -146,7 +146,7 @@ def smoothing_bias(
     )
     assert width is not None
     exact_law = eqx.tree_at(lambda l: l.smoothing, law, None)
-    arguments = (mass, entry_speed, bearing_radius, journal_radius)
+    arguments = (mass, entry_speed, bearing_radius, clearance)
     smooth, exact = free_impact(law, *arguments), free_impact(exact_law, *arguments)
     approach = float(width) * (1.0 / entry_speed + 1.0 / (smooth.restitution * entry_speed))
     return SmoothingBias(

@@ -120,7 +120,7 @@ def _history(law: AbstractContactLaw, times: Any, sample: Sample) -> History:
     x = jnp.linspace(0.0, 1.0, SAMPLES_A_STEP)[:, None]
     speed = sample.gap.rate if sample.entry_speed is None else sample.entry_speed
     depth, rate = _interpolated(x, h, sample, following, speed)
-    gap = Gap(depth, rate, sample.gap.bearing_radius, sample.gap.journal_radius)
+    gap = Gap(depth, rate, sample.gap.bearing_radius, sample.gap.clearance)
     # The first instant of a contact remembers its entry speed, so a step has that of its start.
     force = contact_normal_force(law, gap, sample.entry_speed)
     peak_force, where = _peak(force)

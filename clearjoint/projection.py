@@ -15,7 +15,7 @@ def project_positions(scene: Scene, formulation: Formulation, variables: Any, t:
     change, _ = formulation.coordinates.response(
         scene, motions, rows, [-row.value for row in rows], formulation.solver()
     )
-    return formulation.coordinates.moved(variables, change)
+    return formulation.coordinates.moved(scene, variables, change)
 
 
 def project_velocities(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:

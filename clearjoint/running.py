@@ -16,7 +16,7 @@ from .scene import Scene
 from .segments import Progress, Row, Saved, rewound, segment
 from .solution import Solution, Trajectory
 from .stepping import Method, Step
-from .vectors import pack
+from .vectors import pack, unpack
 
 ATTEMPTS_A_SEGMENT = 50_000
 FEW_SAVES = 64
@@ -37,7 +37,8 @@ class AbstractRun:
     ) -> Solution:
         unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
         result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        bodies = self._method.formulation.coordinates.decode(self._scene, step.y.motion)
+        coordinates = self._method.formulation.coordinates
+        bodies = coordinates.decode(unpack(self._scene), step.y.motion)
         return Solution(
             step.t,
             pack(State(bodies, step.memory, step.y.work)),

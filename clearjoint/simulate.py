@@ -63,7 +63,7 @@ def simulate(
     - `save_at`: (N,) s, rising times between them at which to save the state. Dense output gives
       them; they do not change the steps.
     - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
-      state; `rtol`/1000 unless given). `controller` replaces them by a diffrax controller.
+      state; `rtol`/100 000 unless given: misalignments are small, and impacts amplify them). `controller` replaces them by a diffrax controller.
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given.
     - `first_step`: s; a millionth of the duration unless given.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
@@ -97,7 +97,7 @@ def simulate(
         redundant=redundant,
         ledger=ledger,
     )
-    atol = rtol * 1e-3 if atol is None else atol
+    atol = rtol * 1e-5 if atol is None else atol
     if controller is None:
         controller = default_controller(rtol, atol)
     landing = None if landing_tolerance is None else Landing(landing_tolerance)

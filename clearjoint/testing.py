@@ -28,24 +28,24 @@ def _require(condition: Any, message: str) -> None:
 
 
 def check_law(
-    law: AbstractContactLaw, bearing_radius: float = 10e-3, journal_radius: float = 9.5e-3
+    law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
 ) -> None:
     """Check a normal law: sign, onset, energy, dissipation, derivatives, and behaviour under vmap.
 
-    **Arguments:** radii in m, for stiffnesses that need them.
+    **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
     """
-    radii = (jnp.asarray(bearing_radius), jnp.asarray(journal_radius))
+    wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     grid = [jnp.asarray(v) for v in np.meshgrid(DEPTHS, RATES, ENTRY_SPEEDS, indexing="ij")]
     depth, rate, entry = (axis.ravel() for axis in grid)
 
     def force(depth: Any, rate: Any, entry: Any, law: AbstractContactLaw) -> Any:
-        return law.force(Gap(depth, rate, *radii), entry if law.has_memory else None)
+        return law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
 
     def elastic(depth: Any) -> Any:
-        return law.elastic_force(Gap(depth, jnp.zeros_like(depth), *radii))
+        return law.elastic_force(Gap(depth, jnp.zeros_like(depth), *wall))
 
     def energy(depth: Any) -> Any:
-        return law.stored_energy(Gap(depth, jnp.zeros_like(depth), *radii))
+        return law.stored_energy(Gap(depth, jnp.zeros_like(depth), *wall))
 
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, entry, law)
     _require(jnp.isfinite(forces), "The force is not finite everywhere.")

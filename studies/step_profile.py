@@ -5,6 +5,7 @@ Run by ``python -m studies.benchmark profile``.
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import diffrax
@@ -13,8 +14,8 @@ import jax
 import jax.numpy as jnp
 
 import clearjoint as cj
-from clearjoint.dynamics import Formulation, state_rates
-from clearjoint.simulate import default_controller
+from clearjoint.dynamics import state_rates
+from clearjoint.solvers import default_controller, ready_solver
 from clearjoint.vectors import unpack
 
 PARTS: tuple[str, ...] = (
@@ -38,9 +39,10 @@ SMALL = 1e-9
 def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[list[float]]:
     """Microseconds a turn of each of `PARTS`, repeated; the loops take turns."""
     scene, start = cj.double_pendulum(0.5e-3, 0.9)
-    state = cj.simulate(scene, start, INSTANT, progress=False).final
+    reached = cj.simulate(scene, start, INSTANT, progress=False)
+    ready: Any = ready_solver(solver, 1e-6, 1e-9)
     loops = [
-        eqx.filter_jit(lambda scene, state, turns, loop=loop: loop(solver, scene, state, turns))
+        eqx.filter_jit(partial(loop, ready))
         for loop in (_right_hand_sides, _steps, _controlled_steps)
     ]
 
@@ -49,11 +51,11 @@ def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[list[float]
 
     turns, attempts = jnp.asarray(TURNS), run(4.0)
     for loop in loops:
-        loop(scene, state, turns)
+        loop(scene, reached, turns)
     assert isinstance(solver.tableau, diffrax.ButcherTableau)
     stages, found = solver.tableau.num_stages - 1, []
     for _ in range(repeats):
-        parts = [_microseconds(TURNS, loop, scene, state, turns) for loop in loops]
+        parts = [_microseconds(TURNS, loop, scene, reached, turns) for loop in loops]
         parts.append(_microseconds(attempts, run, 4.0))
         parts.append(_microseconds(1, run, 1e-4))
         found.append([parts[0], stages * parts[0], *parts[1:]])
@@ -67,14 +69,14 @@ def _microseconds(turns: int, call: Callable[..., Any], *arguments: Any) -> floa
     return (time.perf_counter() - start) / turns * 1e6
 
 
-def _prepared(scene: Any, state: Any) -> tuple[Any, diffrax.ODETerm]:
-    """The variables of a state, and their rates with its memory."""
-    scene, formulation = unpack(scene), Formulation()
-    y = formulation.coordinates.encode(scene, unpack(state.bodies))
+def _prepared(scene: Any, reached: cj.Solution) -> tuple[Any, diffrax.ODETerm]:
+    """The variables at the end of a run, and their rates with the memory there."""
+    scene, formulation = unpack(scene), reached.formulation
+    y = formulation.coordinates.encode(scene, unpack(reached.final.bodies))
 
     def rates(t: Any, y: Any, args: Any) -> Any:
         del args
-        found, _ = state_rates(scene, formulation, y, state.memory, t)
+        found, _ = state_rates(scene, formulation, y, reached.final.memory, t)
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), found)
 
     return y, diffrax.ODETerm(rates)
@@ -89,9 +91,9 @@ def _repeat(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
     return jax.lax.while_loop(lambda now: now[0] < turns, go, (jnp.zeros((), int), *values))
 
 
-def _right_hand_sides(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
+def _right_hand_sides(solver: diffrax.AbstractERK, scene: Any, reached: Any, turns: Any) -> Any:
     del solver
-    y, term = _prepared(scene, state)
+    y, term = _prepared(scene, reached)
 
     def turn(y: Any) -> tuple[Any]:
         rates = term.vf(jnp.asarray(INSTANT), y, None)
@@ -100,8 +102,8 @@ def _right_hand_sides(solver: diffrax.AbstractERK, scene: Any, state: Any, turns
     return _repeat(turn, turns, y)
 
 
-def _steps(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
-    y, term = _prepared(scene, state)
+def _steps(solver: diffrax.AbstractERK, scene: Any, reached: Any, turns: Any) -> Any:
+    y, term = _prepared(scene, reached)
     t0, t1 = jnp.asarray(INSTANT), jnp.asarray(INSTANT + SMALL)
 
     def turn(y: Any, solver_state: Any, total: Any) -> tuple[Any, ...]:
@@ -112,8 +114,8 @@ def _steps(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> A
     return _repeat(turn, turns, y, solver.init(term, t0, t1, y, None), jnp.zeros(()))
 
 
-def _controlled_steps(solver: diffrax.AbstractERK, scene: Any, state: Any, turns: Any) -> Any:
-    y, term = _prepared(scene, state)
+def _controlled_steps(solver: diffrax.AbstractERK, scene: Any, reached: Any, turns: Any) -> Any:
+    y, term = _prepared(scene, reached)
     t0, t1 = jnp.asarray(INSTANT), jnp.asarray(INSTANT + SMALL)
     controller: Any = default_controller(1e-6, 1e-9).wrap(1)
     order = solver.error_order(term)

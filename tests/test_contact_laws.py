@@ -18,7 +18,7 @@ from clearjoint import (
 )
 
 STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
-RADII = {"bearing_radius": 10e-3, "journal_radius": 9.5e-3}
+RADII = {"bearing_radius": 10e-3, "clearance": 0.5e-3}
 K = 6.6e10
 DAMPED = (LankaraniNikravesh, HuntCrossley, Flores2011)
 CHI = {

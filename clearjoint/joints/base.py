@@ -113,6 +113,10 @@ class AbstractContactJoint(AbstractElement):
         """The two bodies."""
         return self.pair()
 
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """A moving body, a point of it (body axes), and the ground's point that it stays near."""
+        return None
+
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Constraint equations that the joint adds to its contacts; none by default."""
         del motions, t

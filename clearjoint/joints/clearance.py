@@ -10,7 +10,7 @@ from typing import Any
 
 import equinox as eqx
 
-from ..bodies import Motion
+from ..bodies import GROUND, Motion
 from ..contact import AbstractContactLaw, Gap, slip_velocity
 from ..fields import (
     as_number,
@@ -162,14 +162,13 @@ class ClearanceJoint(AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry at both bases, and at both shoulders where there is end play."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        centre = bearing.point(self.bearing_point)
         axis = bearing.direction(unit(self.bearing_axis))
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         contacts = {}
         for sign, base, shoulder in zip((-1.0, 1.0), BASES, SHOULDERS, strict=True):
             point = journal.point(self.journal_point + half * sign)
             relative = journal.velocity_at(point) - bearing.velocity_at(point)
-            offset = point - centre
+            offset = self._offset(bearing, journal, self.journal_point + half * sign)
             along = offset.dot(axis)
             contacts[base] = self._radial(bearing, journal, point, offset - axis * along, relative)
             if isinstance(self.axial, EndPlay):
@@ -179,13 +178,27 @@ class ClearanceJoint(AbstractContactJoint):
                 contacts[shoulder] = Contact(gap, outward, point, point, None)
         return contacts
 
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
+        if self.bearing_body == GROUND:
+            return self.journal_body, self.journal_point, self.bearing_point
+        if self.journal_body == GROUND:
+            return self.bearing_body, self.bearing_point, self.journal_point
+        return None
+
+    def _offset(self, bearing: Motion, journal: Motion, local: Vector) -> Vector:
+        """From the bearing's centre to a point of the journal (eq. 8)."""
+        if self.journal_body == GROUND:
+            return -bearing.point_from(journal.point(local), self.bearing_point)
+        return journal.point_from(bearing.point(self.bearing_point), local)
+
     def _radial(
         self, bearing: Motion, journal: Motion, base: Vector, offset: Vector, relative: Vector
     ) -> Contact:
         """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
         eccentricity, normal = norm_and_direction(offset)
         rate = relative.dot(normal)
-        gap = Gap(eccentricity - self.clearance, rate, self.bearing_radius, self.journal_radius)
+        gap = Gap(eccentricity - self.clearance, rate, self.bearing_radius, self.clearance)
         on_bearing = base - offset + normal * self.bearing_radius
         on_journal = base + normal * self.journal_radius
         slip = None
