@@ -168,17 +168,20 @@ class Motion:
         """Global components of a direction given in body axes."""
         return self.rotation @ local
 
-    def velocity_at(self, point: Vector) -> Vector:
-        """Global velocity of the body's material point at a global position."""
-        if self.spin.is_structural_zero():
-            return self.velocity
-        arm = self.rotation.transposed_times(point - self.position)
-        return self.velocity + self.rotation @ self.spin.cross(arm)
+    def components(self, vector: Vector) -> Vector:
+        """Components in body axes of a vector given in global axes."""
+        return self.rotation.transposed_times(vector)
 
-    def wrench(self, force: Vector, point: Vector) -> Wrench:
-        """A global force at a global point, carried to the centre of mass (eqs 22 and 23)."""
-        moment = (point - self.position).cross(force)
-        return Wrench(force, self.rotation.transposed_times(moment))
+    def velocity_at(self, local: Vector) -> Vector:
+        """Global velocity of a material point given in body axes (eq. 19)."""
+        return self.velocity + self.rotation @ self.spin.cross(local)
+
+    def wrench(self, force: Vector, local: Vector) -> Wrench:
+        """A global force at a point given in body axes, carried to the centre of mass (eqs 22-23).
+
+        Arms in body axes are free of the rounding of global positions.
+        """
+        return Wrench(force, local.cross(self.components(force)))
 
     def torque(self, torque: Vector) -> Wrench:
         """A pure torque given in global axes."""

@@ -166,9 +166,9 @@ def _applied_wrenches(
             if force.friction is not None:
                 push = push + force.friction
             if second != GROUND:
-                apply(second, motions[second].wrench(push, force.contact.point_second))
+                apply(second, motions[second].wrench(push, force.contact.arm_second))
             if first != GROUND:
-                apply(first, motions[first].wrench(-push, force.contact.point_first))
+                apply(first, motions[first].wrench(-push, force.contact.arm_first))
     return wrenches
 
 

@@ -41,7 +41,7 @@ def free_impact(
 ) -> FreeImpact:
     """Throw a free mass (kg) at a wall with an entry speed (m/s).
 
-    **Arguments:** `bearing_radius` and radial `clearance` in m, where the law's stiffness needs them.
+    **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
 
     **Raises:** `ValueError` if the mass does not come free again within 100 s.
     """

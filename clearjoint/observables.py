@@ -158,7 +158,8 @@ def _observe(scene: Scene, formulation: Formulation, times: Any, states: State) 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
     observed: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
-        joint = scene.joints[name]
+        joint = scene.contact_joints()[name]
+        first, second = joint.pair()
         observed[name] = {}
         for label, force in family.items():
             gap = force.contact.gap
@@ -172,8 +173,8 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
                 force.normal_force,
                 None if force.friction is None else pack(force.friction),
                 pack(force.contact.normal),
-                pack(force.contact.point_first),
-                pack(force.contact.point_second),
+                pack(dynamics.motions[first].point(force.contact.arm_first)),
+                pack(dynamics.motions[second].point(force.contact.arm_second)),
             )
     return observed
 

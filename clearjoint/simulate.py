@@ -63,7 +63,8 @@ def simulate(
     - `save_at`: (N,) s, rising times between them at which to save the state. Dense output gives
       them; they do not change the steps.
     - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
-      state; `rtol`/100 000 unless given: misalignments are small, and impacts amplify them). `controller` replaces them by a diffrax controller.
+      state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
+      misalignments). `controller` replaces them by a diffrax controller.
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given.
     - `first_step`: s; a millionth of the duration unless given.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.

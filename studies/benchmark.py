@@ -69,7 +69,7 @@ class Candidate:
 class Series:
     """Runs of a candidate over `span` s, and the `error` at the end of a first one, m.
 
-    `ratio` is the time of all runs over that of the yardstick's.
+    `ratio` is the median time over the yardstick's.
     """
 
     candidate: Candidate
@@ -154,11 +154,11 @@ def measure(candidates: list[Candidate], span: float, repeats: int) -> list[Seri
         for one in series:
             one.runs.append(one.candidate.run(span, CLEARANCE * (1.0 + NUDGE * turn)))
     yardsticks = {
-        one.candidate.rtol: sum(one.seconds) for one in series if one.candidate.name == YARDSTICK
+        one.candidate.rtol: median(one.seconds) for one in series if one.candidate.name == YARDSTICK
     }
     for one in series:
         one.error = float(np.linalg.norm(one.first.r2 - reference))
-        one.ratio = sum(one.seconds) / yardsticks[one.candidate.rtol]
+        one.ratio = median(one.seconds) / yardsticks[one.candidate.rtol]
     return series
 
 
@@ -215,7 +215,7 @@ def pendulum(options: argparse.Namespace) -> None:
     compiled = ", ".join(f"{name} {first[name]:.1f} s" for name in sorted({c.name for c in ours}))
     print(
         f"\nError of r2 at {min(CHECKED, short):g} s, against clearjoint with Dopri8 at rtol 1e-11."
-        "\nTimes clearjoint: time of all runs over that of Tsit5, same span and rtol "
+        "\nTimes clearjoint: median over that of Tsit5 over the same span at the same rtol "
         f"(Exudyn: {RTOLS[0]:g}); {options.repeats} rounds, of slightly different clearances."
         f"\nNot in the times: the first call, which compiles or finds the cache filled: {compiled}."
     )

@@ -132,13 +132,20 @@ def velocity(body, point):
     return VELOCITY[body] + np.cross(turned(body, SPIN[body]), point - POSITION[body])
 
 
+def contact_points(scene, motions, contact):
+    """Global contact points on the bearing and the journal."""
+    first, second = scene.joints["pin"].pair()
+    return motions[first].point(contact.arm_first), motions[second].point(contact.arm_second)
+
+
 @pytest.mark.parametrize(("base", "sign"), [("V", -1.0), ("W", 1.0)])
 def test_geometry_is_that_of_the_paper(base, sign):
     scene = random_scene()
-    contact = scene.joints["pin"].contacts(COORDINATES.motions(scene, random_states()))[base]
+    motions = COORDINATES.motions(scene, random_states())
+    contact = scene.joints["pin"].contacts(motions)[base]
     found = (
-        contact.gap.depth, contact.gap.rate, contact.normal, contact.point_first,
-        contact.point_second,
+        contact.gap.depth, contact.gap.rate, contact.normal,
+        *contact_points(scene, motions, contact),
     )
     for ours, papers in zip(found, paper_geometry(sign), strict=True):
         np.testing.assert_allclose(pack(ours), papers, rtol=1e-11, atol=1e-12)
@@ -148,9 +155,9 @@ def test_geometry_is_that_of_the_paper(base, sign):
 
 def test_slip_is_the_tangential_velocity_of_the_contact_points():
     scene = random_scene(friction=FRICTION)
-    contacts = scene.joints["pin"].contacts(COORDINATES.motions(scene, random_states()))
-    for contact in contacts.values():
-        points = (pack(contact.point_first), pack(contact.point_second))
+    motions = COORDINATES.motions(scene, random_states())
+    for contact in scene.joints["pin"].contacts(motions).values():
+        points = [pack(point) for point in contact_points(scene, motions, contact)]
         relative = velocity(1, points[1]) - velocity(0, points[0])
         normal = pack(contact.normal)
         expected = relative - normal * dot(relative, normal)[:, None]
@@ -239,7 +246,8 @@ def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
     zero = vector(np.zeros((N, 3)))
     still = BodyState(zero, EulerParameters(np.ones(N), zero.x, zero.y, zero.z), zero, zero)
     pinned = random_scene(GROUND, friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
-    on_ground = contact_forces(pinned, COORDINATES.motions(pinned, states), MEMORY)
+    variables = COORDINATES.encode(pinned, states)
+    on_ground = contact_forces(pinned, COORDINATES.motions(pinned, variables), MEMORY)
     on_body = contact_forces(scene, COORDINATES.motions(scene, {**states, "a": still}), MEMORY)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11), on_ground, on_body

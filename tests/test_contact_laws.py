@@ -145,7 +145,7 @@ def test_ravn_stiffness_of_the_paper():
     ("clearance", "stiffness"), [(1e-4, 1.51e11), (1e-5, 4.79e11), (1e-6, 1.52e12), (1e-9, 4.8e13)]
 )
 def test_ravn_stiffness_follows_the_clearance(clearance, stiffness):
-    gap = Gap(0.0, 0.0, 10e-3, 10e-3 - clearance)
+    gap = Gap(0.0, 0.0, 10e-3, clearance)
     assert RavnStiffness(**STEEL).value(gap) == pytest.approx(stiffness, rel=3e-3)
 
 

@@ -78,15 +78,16 @@ class Contact:
     """Geometry of one possible contact between two surfaces.
 
     `normal` points from the first body's surface into the second body's way out: the normal force
-    on the second body is -F normal, on the first +F normal. `point_first` and `point_second` are
-    the contact points on the two surfaces, global, m. `slip` is the tangential velocity of the
+    on the second body is -F normal, on the first +F normal. `arm_first` and `arm_second` are
+    the contact points on the two surfaces, in the axes of each body from its centre of mass, m
+    (eq. 17). `slip` is the tangential velocity of the
     second body relative to the first, or ``None`` without friction.
     """
 
     gap: Gap
     normal: Vector
-    point_first: Vector
-    point_second: Vector
+    arm_first: Vector
+    arm_second: Vector
     slip: Vector | None
 
 

@@ -24,7 +24,7 @@ from ..fields import (
 from ..friction import AbstractFriction
 from ..rotations import unit
 from ..smoothing import norm_and_direction
-from ..vectors import Scalar, Vector
+from ..vectors import Scalar, Vector, add, subtract
 from .axial import AbstractAxialPolicy, EndPlay, FixedAxially, FreeAxially
 from .base import AbstractContactJoint, Contact, Motions, Row
 from .ideal import require_distinct
@@ -166,16 +166,18 @@ class ClearanceJoint(AbstractContactJoint):
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         contacts = {}
         for sign, base, shoulder in zip((-1.0, 1.0), BASES, SHOULDERS, strict=True):
-            point = journal.point(self.journal_point + half * sign)
-            relative = journal.velocity_at(point) - bearing.velocity_at(point)
-            offset = self._offset(bearing, journal, self.journal_point + half * sign)
+            local = self.journal_point + half * sign
+            offset = self._offset(bearing, journal, local)
+            on_bearing = self.bearing_point + bearing.components(offset)
+            relative = journal.velocity_at(local) - bearing.velocity_at(on_bearing)
             along = offset.dot(axis)
-            contacts[base] = self._radial(bearing, journal, point, offset - axis * along, relative)
+            base_contact = self._radial(bearing, journal, local, axis * along, offset, relative)
+            contacts[base] = base_contact
             if isinstance(self.axial, EndPlay):
                 outward = axis * sign
                 reach = sign * along - 0.5 * self.journal_length
                 gap = self.axial.gap(reach, relative.dot(outward))
-                contacts[shoulder] = Contact(gap, outward, point, point, None)
+                contacts[shoulder] = Contact(gap, outward, on_bearing, local, None)
         return contacts
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
@@ -193,18 +195,31 @@ class ClearanceJoint(AbstractContactJoint):
         return journal.point_from(bearing.point(self.bearing_point), local)
 
     def _radial(
-        self, bearing: Motion, journal: Motion, base: Vector, offset: Vector, relative: Vector
+        self,
+        bearing: Motion,
+        journal: Motion,
+        local: Vector,
+        along: Vector,
+        offset: Vector,
+        relative: Vector,
     ) -> Contact:
-        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
-        eccentricity, normal = norm_and_direction(offset)
+        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21).
+
+        `local`: the base on the journal, body axes. `along` and `offset`: from the bearing's centre
+        to the base's projection on the axis, and to the base, global. `relative`: velocity of the
+        base relative to the bearing, global.
+        """
+        eccentricity, normal = norm_and_direction(offset - along)
         rate = relative.dot(normal)
         gap = Gap(eccentricity - self.clearance, rate, self.bearing_radius, self.clearance)
-        on_bearing = base - offset + normal * self.bearing_radius
-        on_journal = base + normal * self.journal_radius
+        # Friction acts on both bodies at one point between the surfaces: at the points of eqs
+        # (15)-(16), a penetration apart, it would leave a moment.
+        shift = 0.0 if self.friction is None else 0.5 * gap.depth
+        to_wall = along + normal * add(self.bearing_radius, shift)
+        on_bearing = self.bearing_point + bearing.components(to_wall)
+        on_journal = local + journal.components(normal * subtract(self.journal_radius, shift))
         slip = None
         if self.friction is not None:
-            # At the points of eqs (15)-(16), a penetration apart, friction would leave a moment.
-            on_bearing = on_journal = (on_bearing + on_journal) * 0.5
             sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
             slip = slip_velocity(sliding, normal, sliding.dot(normal))
         return Contact(gap, normal, on_bearing, on_journal, slip)

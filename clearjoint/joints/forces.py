@@ -39,21 +39,21 @@ class SpringDamper(AbstractForce):
         """The two bodies."""
         return self.first, self.second
 
-    def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector, Vector, Vector]:
+    def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
         first, second = motions[self.first], motions[self.second]
-        a, b = first.point(self.point_first), second.point(self.point_second)
-        length, direction = norm_and_direction(b - a)
-        rate = (second.velocity_at(b) - first.velocity_at(a)).dot(direction)
-        return length - self.free_length, rate, direction, a, b
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        length, direction = norm_and_direction(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
+        return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Equal and opposite forces along the line between the points."""
         del t
-        stretch, rate, direction, a, b = self._stretch(motions)
+        stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
         return {
-            self.first: motions[self.first].wrench(force, a),
-            self.second: motions[self.second].wrench(-force, b),
+            self.first: motions[self.first].wrench(force, self.point_first),
+            self.second: motions[self.second].wrench(-force, self.point_second),
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
@@ -92,7 +92,4 @@ class AppliedLoad(AbstractForce):
         """The load carried to the centre of mass."""
         del t
         motion = motions[self.body]
-        return {
-            self.body: motion.wrench(self.force, motion.point(self.point))
-            + motion.torque(self.torque)
-        }
+        return {self.body: motion.wrench(self.force, self.point) + motion.torque(self.torque)}

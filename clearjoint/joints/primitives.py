@@ -63,10 +63,9 @@ def point_in_plane(
 ) -> Row:
     """One row: a point of the second body stays in the plane of the first with a given normal."""
     normal = first.direction(axis)
-    point = second.point(local)
-    arm = first.rotation.transposed_times(point - first.position)
+    arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
-    velocity = first.rotation.transposed_times(second.velocity_at(point) - first.velocity)
+    velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
     bias_first = axis.dot(spin.cross(spin.cross(arm))) + 2.0 * axis.dot(spin.cross(relative))
