@@ -22,6 +22,3 @@ class RESULTS(eqx.Enumeration):
         "The solver or controller gave up on a step, for example because an implicit solve did "
         "not converge."
     )
-    invalid_value = (
-        "A parameter has a value that no mechanism can have, such as NaN or a negative mass."
-    )

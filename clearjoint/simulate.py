@@ -65,7 +65,8 @@ def simulate(
     - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
       state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
       misalignments). `controller` replaces them by a diffrax controller.
-    - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given.
+    - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
+      looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
     - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;

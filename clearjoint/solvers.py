@@ -7,6 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .fields import require
+
 
 def largest_component(tree: Any) -> Any:
     """The largest absolute value of all leaves.
@@ -31,6 +33,14 @@ def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffra
     Runge-Kutta methods loop over their stages in a way that forward differentiation can follow, and
     implicit ones solve their stages to the tolerances of the steps unless they have their own.
     """
+    structure = solver.term_structure
+    require(
+        isinstance(structure, type) and issubclass(diffrax.ODETerm, structure),
+        "solver",
+        type(solver).__name__,
+        "a solver of ordinary differential equations in one piece",
+        "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5(); split ones don't apply here",
+    )
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
         solver = eqx.tree_at(
             lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None

@@ -1,6 +1,38 @@
 """What a run costs: clearjoint against SciPy and Exudyn, time of a first result, compiler options.
 
-DOCSTRING
+    python -m studies.benchmark pendulum [--full | --quick] [--repeats N] [--json FILE]
+    python -m studies.benchmark first-result | options | profile
+
+The paper's double pendulum (0.5 mm, restitution 0.9) in all programs. They run in turn, A B C A B
+C, after a first run each that compiles. clearjoint's time is that of a whole call of `simulate`,
+checks included; of SciPy and Exudyn it is the integration alone. From 0.15 s on the motion is
+chaotic, and runs of equal length cost unequally: SciPy took 4.7 to 18 s for the same second. So
+each round has another clearance, by a millionth, and medians are compared. What does not depend on
+the motion is the time of a step or of a right-hand side, and the error at 0.1 s, which is taken
+against clearjoint with Dopri8 at rtol 1e-11 (3e-13 m off the extended-precision reference).
+
+Right-hand sides of clearjoint are attempts times stages (6 of Tsit5, 13 of Dopri8: the first is the
+last of the step before); SciPy counts its own; Exudyn's are Newton iterations.
+
+Measured on 2026-11-21, two-core shared machine, 4 s, medians of 3 (`pendulum --full`):
+
+| program | setting | s | right-hand sides | µs each | times clearjoint | error, m |
+|---|---|---|---|---|---|---|
+| clearjoint, Tsit5 | rtol 1e-6 | 0.163 | 379 000 | 0.44 | 1 | 9.5e-10 |
+| clearjoint, Tsit5 | rtol 1e-8 | 0.272 | 643 000 | 0.42 | 1 | 1.5e-11 |
+| clearjoint, Dopri8 | rtol 1e-6 | 0.277 | 555 000 | 0.50 | 1.7 | 2.3e-11 |
+| clearjoint, Dopri8 | rtol 1e-8 | 0.366 | 734 000 | 0.50 | 1.3 | 4.6e-12 |
+| SciPy, DOP853 | rtol 1e-6 | 21.4 | 282 000 | 77 | 131 | 2.0e-6 |
+| SciPy, DOP853 | rtol 1e-8 | 39.9 | 524 000 | 76 | 147 | 4.6e-9 |
+| Exudyn | step 1e-4 s | 3.20 | 761 000 | 4.2 | 20 | 8.7e-6 |
+| Exudyn | step 5e-6 s | 16.4 | 4 460 000 | 3.6 | 101 | 1.3e-6 |
+
+What an attempted step with Tsit5 is made of (`profile`; 2.6 µs): six right-hand sides of 0.26 µs
+in a native loop alone, 60 %; sums over stages and the error, 21 %; controller, 3 %; landing, memory
+and acceptance, 16 %. A call of `simulate` takes 5.2 ms beside its steps. A first result of 4 s in a
+fresh process (`first-result`) takes 5.3 s with an empty compilation cache and 2.5 s with a filled
+one, of which imports take 0.7 s. The compiler options of `configure` (`options`) make an attempt
+cost 3.0 instead of 54 µs: the native loop alone 13 µs, multi-output fusion alone 24 µs.
 """
 
 import argparse
@@ -32,7 +64,7 @@ CLEARANCE, RESTITUTION = 0.5e-3, 0.9
 LONG, SHORT, QUICK = 4.0, 1.0, 0.02
 """Simulated spans, s: of clearjoint alone, of all candidates, and of a quick run."""
 CHECKED = 0.1
-"""Instant, s, at which the candidates' errors are taken: after five impacts, before chaos."""
+"""Instant, s, at which errors are taken: after eleven contacts, before chaos."""
 NUDGE = 1e-6
 """By this share the clearance grows from round to round: another motion once it is chaotic."""
 RTOLS = (1e-6, 1e-8)
@@ -54,10 +86,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A program with its accuracy setting, which runs over a span in s with a clearance in m.
-
-    It is set against the yardstick at `rtol`.
-    """
+    """A program with its setting, set against the yardstick at `rtol`; runs span s, clearance m."""
 
     name: str
     setting: str
@@ -67,10 +96,7 @@ class Candidate:
 
 @dataclass
 class Series:
-    """Runs of a candidate over `span` s, and the `error` at the end of a first one, m.
-
-    `ratio` is the median time over the yardstick's.
-    """
+    """Runs over `span` s, error at the `first` one's end, m, and ratio to the yardstick's time."""
 
     candidate: Candidate
     span: float
@@ -211,13 +237,11 @@ def pendulum(options: argparse.Namespace) -> None:
     if short == SHORT:
         series = measure(ours, LONG, options.repeats) + series
     _report(options.json, pendulum_rows(series), [_record(one) for one in series])
-    first = {one.candidate.name: one.first.seconds for one in reversed(series)}
-    compiled = ", ".join(f"{name} {first[name]:.1f} s" for name in sorted({c.name for c in ours}))
     print(
         f"\nError of r2 at {min(CHECKED, short):g} s, against clearjoint with Dopri8 at rtol 1e-11."
         "\nTimes clearjoint: median over that of Tsit5 over the same span at the same rtol "
         f"(Exudyn: {RTOLS[0]:g}); {options.repeats} rounds, of slightly different clearances."
-        f"\nNot in the times: the first call, which compiles or finds the cache filled: {compiled}."
+        "\nFirst calls, which compile, are not in the times: see `first-result`."
     )
 
 
@@ -235,11 +259,6 @@ def _record(one: Series) -> dict[str, Any]:
         "error_m": one.error,
         "r2_m": one.first.r2.tolist(),
     }
-
-
-def _records(key: str, names: tuple[str, ...], found: dict[str, Any]) -> list[dict[str, Any]]:
-    """One dictionary a repeat."""
-    return [{key: k, **dict(zip(names, one, strict=True))} for k in found for one in found[k]]
 
 
 def _report(file: Path | None, rows: list[tuple[str, ...]], records: list[dict[str, Any]]) -> None:
@@ -261,42 +280,37 @@ def _report(file: Path | None, rows: list[tuple[str, ...]], records: list[dict[s
 
 def first_result(options: argparse.Namespace) -> None:
     """Time until a fresh process has simulated 4 s at rtol 1e-6, with empty and filled cache."""
-    from studies.fresh_process import FIRST_RESULT_TIMES, first_results
+    from studies.fresh_process import first_results
 
-    found = first_results(options.repeats)
-    rows = [("cache", *FIRST_RESULT_TIMES, "least process, s")]
-    for cache, times in found.items():
-        columns = list(zip(*times, strict=True))
-        middles = [f"{median(column):.3f}" for column in columns]
-        rows.append((cache, *middles, f"{min(columns[0]):.3f}"))
-    _report(options.json, rows, _records("cache", FIRST_RESULT_TIMES, found))
+    _report_medians(options.json, first_results(options.repeats))
 
 
 def compiler_options(options: argparse.Namespace) -> None:
     """What XLA's options buy: time to compile, µs an attempt, native loops; in fresh processes."""
-    from studies.fresh_process import OPTION_COSTS, option_costs
+    from studies.fresh_process import option_costs
 
-    found = option_costs(options.repeats)
-    rows = [("options", *OPTION_COSTS, "least µs an attempt")]
-    for name, results in found.items():
-        first, cost, calls = zip(*results, strict=True)
-        middles = (f"{median(first):.2f}", f"{median(cost):.3g}", str(max(calls)))
-        rows.append((name, *middles, f"{min(cost):.3g}"))
-    _report(options.json, rows, _records("options", OPTION_COSTS, found))
+    _report_medians(options.json, option_costs(options.repeats))
 
 
 def profile(options: argparse.Namespace) -> None:
     """What the time of an attempt is made of."""
-    from studies.step_profile import PARTS, time_of_parts
+    from studies.step_profile import time_of_parts
 
     cj.configure()
-    rows, found = [("solver", *PARTS)], {}
-    for solver in (diffrax.Tsit5(), diffrax.Dopri8()):
-        name = type(solver).__name__
-        found[name] = time_of_parts(solver, options.repeats)
-        middles = [median(times) for times in zip(*found[name], strict=True)]
-        rows.append((name, *(f"{middle:.3g}" for middle in middles)))
-    _report(options.json, rows, _records("solver", PARTS, found))
+    solvers = (diffrax.Tsit5(), diffrax.Dopri8())
+    found = [record for one in solvers for record in time_of_parts(one, options.repeats)]
+    _report_medians(options.json, found)
+
+
+def _report_medians(file: Path | None, records: list[dict[str, Any]]) -> None:
+    """Report repeated measurements: a row for each value of the first entry, medians of others."""
+    key, *others = records[0]
+    rows = [(key, *(f"{name} (least)" for name in others))]
+    for value in dict.fromkeys(record[key] for record in records):
+        chosen = [record for record in records if record[key] == value]
+        columns = ([record[name] for record in chosen] for name in others)
+        rows.append((value, *(f"{median(cells):.3g} ({min(cells):.3g})" for cells in columns)))
+    _report(file, rows, records)
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:

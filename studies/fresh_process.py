@@ -29,7 +29,7 @@ for _ in range(2):
     times.append(time.perf_counter())
 print(json.dumps([after - before for before, after in zip(times, times[1:])]))
 """
-FIRST_RESULT_TIMES: tuple[str, ...] = (
+_TIMES = (
     "process, s",
     "import, s",
     "configure and first run, s",
@@ -45,7 +45,6 @@ OPTIONS = {
     "both, by configure()": xla_flags(),
 }
 """Values of ``XLA_FLAGS`` by name."""
-OPTION_COSTS: tuple[str, ...] = ("first call, s", "µs an attempt", "native loops")
 
 
 def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
@@ -66,27 +65,29 @@ def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any
     return seconds, json.loads(done.stdout.splitlines()[-1])
 
 
-def first_results(repeats: int) -> dict[str, list[list[float]]]:
-    """`FIRST_RESULT_TIMES` with an empty cache folder and then with that filled, each time anew."""
-    found: dict[str, list[list[float]]] = {"empty": [], "filled": []}
+def first_results(repeats: int) -> list[dict[str, Any]]:
+    """Times with an empty cache folder and then with that filled, a new one every time."""
+    found = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as folder:
-            for times in found.values():
+            for cache in ("empty", "filled"):
                 process, parts = in_process(FIRST_RESULT, folder)
-                times.append([process, *parts])
+                times = zip(_TIMES, (process, *parts), strict=True)
+                found.append({"cache": cache, **dict(times)})
     return found
 
 
-def option_costs(repeats: int) -> dict[str, list[list[float]]]:
-    """`OPTION_COSTS` by compiler options, without a compilation cache; in turn."""
-    found: dict[str, list[list[float]]] = {name: [] for name in OPTIONS}
+def option_costs(repeats: int) -> list[dict[str, Any]]:
+    """Costs by compiler options, in turn; without a compilation cache."""
+    found = []
     for _ in range(repeats):
         for name, flags in OPTIONS.items():
             with tempfile.TemporaryDirectory() as folder:
                 flags = f"{flags} --xla_dump_to={folder}"
                 variables = {"JAX_ENABLE_X64": "1", "XLA_FLAGS": flags}
-                costs = in_process(UNDER_THESE_FLAGS, **variables)[1]
-                found[name].append([*costs, native_loops(Path(folder))])
+                _, costs = in_process(UNDER_THESE_FLAGS, **variables)
+                loops = native_loops(Path(folder))
+                found.append({"options": name, **costs, "native loops": loops})
     return found
 
 
@@ -100,7 +101,7 @@ def native_loops(dumped: Path) -> int:
 
 
 def under_these_flags() -> None:
-    """Print the first two `OPTION_COSTS` of this process as JSON; the best of three runs of 1 s."""
+    """Print what a first call and an attempt cost here, over runs of 1 s, the best of three."""
     scene, state = cj.double_pendulum(0.5e-3, 0.9)
 
     def run(end_time: float) -> tuple[float, int]:
@@ -110,4 +111,4 @@ def under_these_flags() -> None:
 
     compiling, _ = run(1e-4)
     cost = min(seconds / attempts for seconds, attempts in (run(1.0) for _ in range(3)))
-    print(json.dumps([compiling, 1e6 * cost]))
+    print(json.dumps({"first call, s": compiling, "µs an attempt": 1e6 * cost}))

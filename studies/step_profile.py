@@ -18,13 +18,13 @@ from clearjoint.dynamics import state_rates
 from clearjoint.solvers import default_controller, ready_solver
 from clearjoint.vectors import unpack
 
-PARTS: tuple[str, ...] = (
+PARTS = (
     "right-hand side, µs",
     "as many as an attempt takes, µs",
     "solver's step, µs",
     "with controller, µs",
     "attempt in a run, µs",
-    "call without steps, µs",
+    "call without steps, ms",
 )
 """Each but the last contains the one before. An attempt also lands, remembers impacts, and is kept
 or not; its time is that of a run of 4 s over their number. The last is what a call of `simulate`
@@ -36,8 +36,8 @@ SMALL = 1e-9
 """s, the step with which the parts move on."""
 
 
-def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[list[float]]:
-    """Microseconds a turn of each of `PARTS`, repeated; the loops take turns."""
+def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[dict[str, Any]]:
+    """The times of `PARTS`, repeated; the loops take turns."""
     scene, start = cj.double_pendulum(0.5e-3, 0.9)
     reached = cj.simulate(scene, start, INSTANT, progress=False)
     ready: Any = ready_solver(solver, 1e-6, 1e-9)
@@ -57,8 +57,9 @@ def time_of_parts(solver: diffrax.AbstractERK, repeats: int) -> list[list[float]
     for _ in range(repeats):
         parts = [_microseconds(TURNS, loop, scene, reached, turns) for loop in loops]
         parts.append(_microseconds(attempts, run, 4.0))
-        parts.append(_microseconds(1, run, 1e-4))
-        found.append([parts[0], stages * parts[0], *parts[1:]])
+        parts.append(1e-3 * _microseconds(1, run, 1e-4))
+        times = zip(PARTS, (parts[0], stages * parts[0], *parts[1:]), strict=True)
+        found.append({"solver": type(solver).__name__, **dict(times)})
     return found
 
 
