@@ -68,21 +68,23 @@ def test_trajectories_and_impacts(case, reference_folder):
     [
         (diffrax.Heun(), 2, (4, 5, 6, 7)),
         (diffrax.Bosh3(), 3, (4, 5, 6, 7, 8)),
-        (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9, 10)),
+        (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9)),
     ],
     ids=["Heun", "Bosh3", "Tsit5"],
 )
 def test_error_falls_at_the_order_of_the_solver_across_impacts(
     solver, order, exponents, reference_folder
 ):
-    """Eleven contacts lie before 0.1 s. Error against steps at the solver's order, and proportional
-    to the tolerance."""
-    reference = Case(5e-4, 0.9, 0.1).trajectory(reference_folder)
+    """Four impacts of each base lie before 0.07 s. Error against steps at the solver's order, and
+    proportional to the tolerance."""
+    reference = Case(5e-4, 0.9, 0.07).trajectory(reference_folder)
     scene, state = cj.double_pendulum()
     tolerances = 10.0 ** -np.array(exponents)
     errors, steps = [], []
     for rtol in tolerances:
-        solution = cj.simulate(scene, state, 0.1, save_at=reference["t"], rtol=rtol, solver=solver)
+        solution = cj.simulate(
+            scene, state, 0.07, save_at=np.minimum(reference["t"], 0.07), rtol=rtol, solver=solver
+        )
         errors.append(_position_errors(solution, reference).max())
         steps.append(int(solution.accepted))
     by_steps = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
