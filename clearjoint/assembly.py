@@ -1,5 +1,6 @@
 """Initial states that satisfy the constraints, in position and velocity."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -64,10 +65,11 @@ def assemble(scene: Scene, state: State, t: Any = 0.0) -> State:
         report = constraint_report(scene, State(bodies), t, formulation)
         if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
             break
-        bodies = _correct(scene, formulation, bodies, t)
+        bodies = _corrected(project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t, formulation)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
-    bodies = _match_velocities(scene, formulation, bodies, t)
+    for _ in range(2):
+        bodies = _corrected(project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t, formulation)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.memory, state.work)
@@ -100,21 +102,13 @@ def _require_satisfied(
 
 
 @eqx.filter_jit
-def _correct(
-    scene: Scene, formulation: Formulation, bodies: dict[str, BodyState], t: Scalar
+def _corrected(
+    projection: Callable[[Scene, Formulation, Any, Scalar], Any],
+    scene: Scene,
+    formulation: Formulation,
+    bodies: dict[str, BodyState],
+    t: Scalar,
 ) -> dict[str, BodyState]:
     scene = unpack(scene)
     variables = formulation.coordinates.encode(scene, unpack(bodies))
-    variables = project_positions(scene, formulation, variables, t)
-    return pack(formulation.coordinates.decode(scene, variables))
-
-
-@eqx.filter_jit
-def _match_velocities(
-    scene: Scene, formulation: Formulation, bodies: dict[str, BodyState], t: Scalar
-) -> dict[str, BodyState]:
-    scene = unpack(scene)
-    variables = formulation.coordinates.encode(scene, unpack(bodies))
-    for _ in range(2):
-        variables = project_velocities(scene, formulation, variables, t)
-    return pack(formulation.coordinates.decode(scene, variables))
+    return pack(formulation.coordinates.decode(scene, projection(scene, formulation, variables, t)))

@@ -99,12 +99,7 @@ def simulate(
         redundant=redundant,
         ledger=ledger,
     )
-    atol = rtol * 1e-5 if atol is None else atol
-    if controller is None:
-        controller = default_controller(rtol, atol)
-    landing = None if landing_tolerance is None else Landing(landing_tolerance)
-    solver = ready_solver(diffrax.Tsit5() if solver is None else solver, rtol, atol)
-    method = _with_arrays(Method(solver, controller, formulation, landing))
+    method = _method(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
@@ -139,6 +134,22 @@ def _is_traced(tree: Any) -> bool:
 
 def _array(value: Any) -> Any:
     return None if value is None else jnp.asarray(value, dtype=float)
+
+
+def _method(
+    solver: diffrax.AbstractSolver | None,
+    controller: diffrax.AbstractStepSizeController | None,
+    formulation: Formulation,
+    landing_tolerance: Any,
+    rtol: Any,
+    atol: Any,
+) -> Method:
+    atol = rtol * 1e-5 if atol is None else atol
+    if controller is None:
+        controller = default_controller(rtol, atol)
+    landing = None if landing_tolerance is None else Landing(landing_tolerance)
+    solver = ready_solver(diffrax.Tsit5() if solver is None else solver, rtol, atol)
+    return _with_arrays(Method(solver, controller, formulation, landing))
 
 
 def _with_arrays(method: Method) -> Method:

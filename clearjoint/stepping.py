@@ -149,23 +149,16 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     if isinstance(method.formulation.stabilisation, Projection):
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
+    judged = (step.t, t1, step.y, y1, args, error, _error_order(method, term))
     keep, _, t_next, jumped, controller_state, controller_result = method.controller.wrap(
         1
-    ).adapt_step_size(
-        step.t,
-        t1,
-        step.y,
-        y1,
-        args,
-        error,
-        _error_order(method, term),
-        step.controller_state,
-    )
+    ).adapt_step_size(*judged, step.controller_state)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
-        controller_state = _choose(passes, step.controller_state, controller_state)
-        t_next = jnp.where(keep & passes, landing_time, t_next)
+        lands = keep & passes
+        controller_state = _choose(lands, step.controller_state, controller_state)
+        t_next = jnp.where(lands, landing_time, t_next)
         keep = keep & ~passes
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
     memory = _memory_after(method, scene, step, y1, after, t1, keep)
