@@ -1,6 +1,7 @@
 """Friction laws: closed forms, and what every such law must satisfy."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -85,3 +86,16 @@ def test_slip_is_the_tangential_part_of_the_velocity():
     rate = velocity @ normal
     slip = pack(slip_velocity(Vector(*velocity), Vector(*normal), rate))
     np.testing.assert_allclose(slip, (np.eye(3) - np.outer(normal, normal)) @ velocity, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("law", "slope"), [(RegularisedCoulomb(0.3, 2e-3), 150.0), (Ambrosio(0.3), 0.0)]
+)
+def test_derivative_at_rest_is_that_of_the_law(law, slope):
+    """At zero slip the force falls with the slip in its direction by mu/v_d times the load."""
+
+    def force(slip):
+        return pack(law.force(7.0, Vector(slip[0], slip[1], slip[2])))
+
+    np.testing.assert_allclose(jax.jacfwd(force)(jnp.zeros(3)), -7.0 * slope * np.eye(3))
+    np.testing.assert_allclose(jax.jacrev(force)(jnp.zeros(3)), -7.0 * slope * np.eye(3))
