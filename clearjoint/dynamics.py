@@ -69,7 +69,7 @@ class Baumgarte(AbstractStabilisation):
 
 
 class Projection(AbstractStabilisation):
-    """Positions and velocities are projected onto the constraints after each accepted step."""
+    """Positions and velocities at the end of each step are projected onto the constraints."""
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """Zero."""

@@ -21,7 +21,6 @@ from .scene import Scene
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
-_ULP = 2.3e-16
 
 
 @jax.tree_util.register_dataclass
@@ -83,7 +82,7 @@ class Landing(eqx.Module):
     ) -> tuple[Scalar, Scalar]:
         """Whether the step passes an event beyond the tolerance, and the time to end at instead."""
         h = t1 - t0
-        resolution = 4.0 * _ULP * jnp.maximum(jnp.abs(t1), h)
+        resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), h)
         fraction: Scalar = 1.0
         for name, family in before.items():
             for label, start in family.items():

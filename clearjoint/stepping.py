@@ -32,7 +32,6 @@ from .scene import Scene
 from .vectors import Scalar
 
 REJECTED_ERROR = 1e100
-_ULP = 2.3e-16
 
 
 class Method(eqx.Module):
@@ -150,9 +149,10 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
     judged = (step.t, t1, step.y, y1, args, error, _error_order(method, term))
-    keep, _, t_next, jumped, controller_state, controller_result = method.controller.wrap(
-        1
-    ).adapt_step_size(*judged, step.controller_state)
+    controller = method.controller.wrap(1)
+    keep, _, t_next, jumped, controller_state, controller_result = controller.adapt_step_size(
+        *judged, step.controller_state
+    )
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
@@ -246,7 +246,7 @@ def _result(
     controller_result: Any,
 ) -> RESULTS:
     now = jnp.where(keep, t1, step.t)
-    stuck = (t_next - now <= 2.0 * _ULP * jnp.abs(now)) & (now < t_end)
+    stuck = (t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
     gave_up = (keep & (solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )

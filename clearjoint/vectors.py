@@ -96,10 +96,6 @@ class Vector:
             multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
         )
 
-    def is_structural_zero(self) -> bool:
-        """Whether every component is a Python zero, known while tracing."""
-        return _is(self.x, 0) and _is(self.y, 0) and _is(self.z, 0)
-
 
 ZERO = Vector(0.0, 0.0, 0.0)
 UNIT_X = Vector(1.0, 0.0, 0.0)

@@ -77,11 +77,11 @@ class AbstractForce(AbstractElement):
 class Contact:
     """Geometry of one possible contact between two surfaces.
 
-    `normal` points from the first body's surface into the second body's way out: the normal force
-    on the second body is -F normal, on the first +F normal. `arm_first` and `arm_second` are
-    the contact points on the two surfaces, in the axes of each body from its centre of mass, m
-    (eq. 17). `slip` is the tangential velocity of the
-    second body relative to the first, or ``None`` without friction.
+    `normal` is the direction in which the second body penetrates the first, a global unit vector:
+    the normal force on the second body is -F normal, on the first +F normal. `arm_first` and
+    `arm_second` are the contact points on the two surfaces, from each body's centre of mass in its
+    axes, m (eq. 17). `slip` is the tangential velocity of the second body relative to the first,
+    m/s, or ``None`` without friction.
     """
 
     gap: Gap
