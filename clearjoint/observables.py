@@ -15,7 +15,7 @@ from .fields import require
 from .joints.clearance import BASES, ClearanceJoint
 from .scene import Scene
 from .solution import Solution, Trajectory
-from .vectors import Scalar, Vector, pack, unpack
+from .vectors import Scalar, Structured, Vector, pack, structured, unpack
 
 
 class MotionMode(enum.IntEnum):
@@ -121,15 +121,17 @@ def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = No
     assert trajectory is not None
     times = np.asarray(trajectory.times)
     parts = jax.device_get(
-        _observe(scene, solution.formulation, jnp.asarray(times), trajectory.states)
+        _observe(structured(scene), solution.formulation, jnp.asarray(times), trajectory.states)
     )
     unique = not solution.redundant_constraints
     return Observation(times, *parts, reactions_unique=unique)
 
 
 @eqx.filter_jit
-def _observe(scene: Scene, formulation: Formulation, times: Any, states: State) -> tuple[Any, ...]:
-    scene = unpack(scene)
+def _observe(
+    structure: Structured, formulation: Formulation, times: Any, states: State
+) -> tuple[Any, ...]:
+    scene = unpack(structure)
 
     def at(t: Scalar, state: State) -> tuple[Any, ...]:
         variables = formulation.coordinates.encode(scene, unpack(state.bodies))

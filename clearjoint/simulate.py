@@ -22,6 +22,7 @@ from .solution import SimulationError, Solution
 from .solvers import default_controller, ready_solver
 from .stepping import Method
 from .structure import constraint_report
+from .vectors import structured
 
 RECORD_ROWS = 16_384
 
@@ -103,19 +104,20 @@ def simulate(
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
+    form = structured(scene)
     now = begin_compiled(
         method,
-        scene,
+        form,
         state,
         *(_array(value) for value in (start_time, end_time, first_step)),
         save_at is not None,
         RECORD_ROWS if record else None,
     )
     if traced:
-        run = OnePiece(scene, method, _array(end_time), names)
+        run = OnePiece(form, method, _array(end_time), names)
         return run.solution(now, _array(save_at), max_steps)
-    host = HostLoop(scene, method, _array(end_time), names)
-    collector = ImpactCollector(scene, formulation) if record_impacts else None
+    host = HostLoop(form, method, _array(end_time), names)
+    collector = ImpactCollector(form, formulation) if record_impacts else None
     solution = host.solution(now, save_at, max_steps, collector, record_steps, progress)
     if throw and solution.result != RESULTS.successful:
         raise SimulationError(
