@@ -87,10 +87,10 @@ class BodyState(eqx.Module):
     - `spin`: (3,) rad/s, angular velocity in body axes.
     """
 
-    position: Any
-    orientation: Any
-    velocity: Any
-    spin: Any
+    position: Any = eqx.field(metadata={"unit": "m"})
+    orientation: Any = eqx.field(metadata={"unit": "1"})
+    velocity: Any = eqx.field(metadata={"unit": "m/s"})
+    spin: Any = eqx.field(metadata={"unit": "rad/s"})
 
 
 class State(eqx.Module):

@@ -22,3 +22,9 @@ class RESULTS(eqx.Enumeration):
         "The solver or controller gave up on a step, for example because an implicit solve did "
         "not converge."
     )
+    bad_parameters = (
+        "A parameter has a value that no scene can have; the log of the sweep says which."
+    )
+    not_assembled = (
+        "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
+    )

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
+from .explicit import UnrolledExplicit
 from .impacts import (
     Landing,
     Reach,
@@ -161,7 +162,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         t_next = jnp.where(lands, landing_time, t_next)
         keep = keep & ~passes
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
-    memory = _memory_after(method, scene, step, y1, after, t1, keep)
+    memory = _memory_after(method, scene, step, y1, after, t1, keep, solver_state)
     advanced = Step(
         jnp.where(keep, t1, step.t),
         t_next,
@@ -195,10 +196,14 @@ def _memory_after(
     after: Reaches,
     t1: Scalar,
     keep: Scalar,
+    solver_state: Any,
 ) -> Memory:
-    """The memory if the step is accepted; costly only where a contact begins."""
+    """The memory if the step is accepted; costly only where a contact begins, if at all."""
     if not has_memory(scene):
         return step.memory
+    if isinstance(method.solver, UnrolledExplicit):
+        seconds = second_rates(scene, method.formulation, y1.motion, solver_state.motion)
+        return updated_memory(scene, step.memory, step.reaches, after, seconds)
     none = jax.tree.map(
         lambda reach: jnp.zeros_like(reach.rate),
         after,

@@ -24,6 +24,7 @@ FLOORS = (
     ("coordinates", "dynamics", "projection", "structure", "assembly", "mechanisms"),
     (
         "impacts",
+        "explicit",
         "stepping",
         "segments",
         "impact_table",
