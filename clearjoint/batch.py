@@ -1,12 +1,14 @@
-"""Continuous batching: many lanes in flight, each on its own time and step size.
+"""Continuous batching: many lanes, each on its own time and step size.
 
-A segment is a native loop of some hundred turns for all lanes in flight; between segments the host
-takes out the lanes that have ended and puts waiting ones in their places, so that no lane waits for
-the slowest. Lanes in flight are spread over the devices, which never speak to each other. Two groups
-of lanes take turns, so that the devices work on one while the host looks at the other.
+A pool holds the lanes that have begun and not ended. A slice is a native loop of some hundred turns
+for a smaller number of them, the places; before each slice the places go to the lanes with the most
+work left, judged by their progress so far. So no lane waits for the slowest, and all lanes of a pool
+end at about the same time. When the lanes that are left no longer fill the places, the host takes the
+results of those that have ended, and waiting ones come into the pool.
 
-Every device runs the same program on the same number of lanes, and a turn is elementwise in the
-lanes. So a lane's numbers do not depend on how many devices there are or on who runs beside it.
+Each device has a pool and places of its own and the same program; devices never speak to each other,
+and a turn is elementwise in the lanes. So a lane's numbers depend neither on how many devices there
+are nor on who runs beside it.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,246 +22,345 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, outcome, turn
-from .records import SLOTS, Row
+from .lanes import WINDOW, Lane, Orders, Plan, begin_lane, emptied, outcome, turn
+from .records import SLOTS, Ring
 from .runtime import SlowRunNotice
-from .vectors import Structured, pack, unpack
+from .vectors import Scalar, Structured, pack, unpack
 
-TURNS = 1000
-LANES_ON_CPU, LANES_ON_ACCELERATOR = 32, 4096
-GROUPS = 2
+ACROSS = PartitionSpec("lanes")
+UNKNOWN_WORK = 500.0
+"""Attempts, and share of the run, from which on a lane's progress tells what it has left."""
+UNKNOWN_SHARE = 0.02
 
 
-@dataclass(frozen=True)
-class Work:
-    """The lanes to run, lanes in front of every array (host arrays).
+class Extent(eqx.Module):
+    """How the lanes share a device.
 
-    - `varied`: the scene with its varied leaves, ``None`` for the others.
-    - `state`: initial states; `end_time`, `first_step`: (M,) s.
-    - `save_at`: (M, K) s, rising, or ``None``.
-    - `crossings`: how many are wanted of each section.
+    - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
+    - `turns`: of a slice; `slices`: before the host looks again.
+    """
+
+    pool: int = eqx.field(static=True)
+    places: int = eqx.field(static=True)
+    turns: int = 256
+    slices: int = 8
+
+
+class Task(eqx.Module):
+    """A lane to run: what of its scene varies, its initial state (packed), and its end.
+
+    `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
     """
 
     varied: Any
     state: Any
-    end_time: np.ndarray
-    first_step: np.ndarray
-    save_at: np.ndarray | None
-    crossings: dict[str, int]
-
-    def __len__(self) -> int:
-        return len(self.end_time)
+    end_time: Any
+    first_step: Any
+    save_at: Any | None
 
 
-@dataclass
-class Finished:
-    """A lane that has ended: its outcome, the rows it saved, and those of its sections."""
+class Log(eqx.Module):
+    """Rows recorded so far, and their number."""
 
-    lane: int
-    outcome: Any
-    saved: list[Any]
-    crossings: dict[str, list[Any]]
+    rows: Any
+    count: Any
+
+    @staticmethod
+    def like(row: Any, length: int) -> "Log":
+        """An empty log with room for `length` rows, and for a ring behind them."""
+        rows = jax.tree.map(lambda leaf: jnp.zeros((length + SLOTS, *jnp.shape(leaf))), row)
+        return Log(rows, jnp.zeros((), int))
+
+    def with_ring(self, ring: Ring) -> "Log":
+        """The ring's rows added."""
+        stacked = jax.tree.map(lambda *slots: jnp.stack(slots), *ring.slots)
+        rows = jax.tree.map(
+            lambda log, new: jax.lax.dynamic_update_slice_in_dim(log, new, self.count, 0),
+            self.rows,
+            stacked,
+        )
+        return Log(rows, self.count + ring.count)
 
 
-class Incoming(eqx.Module):
-    """Lanes for the places of a group; `fresh` says which of them begin now."""
+class Seat(eqx.Module):
+    """A lane in the pool, its task, and what it has recorded."""
 
-    fresh: Any
-    varied: Any
-    state: Any
-    orders: Orders
+    task: Task
+    lane: Lane
+    saved: Log | None
+    crossings: dict[str, Log]
+
+
+class Common(eqx.Module):
+    """What all lanes of a batch share. `form` is the scene without what varies."""
+
+    plan: Plan
+    form: Structured
+    start_time: Any
+    capacity: dict[str, int] = eqx.field(static=True)
+
+    def scene(self, task: Task) -> Any:
+        """The scene of a lane, in scalar form."""
+        tree = eqx.combine(task.varied, self.form.tree)
+        return unpack(Structured(tree, self.form.patterns))
+
+
+class Status(eqx.Module):
+    """What the host looks at between segments: for each lane, and turns given on each device."""
+
+    finished: Any
+    time: Any
+    attempts: Any
+    turns: Any
 
 
 @eqx.filter_jit
-def begin_lanes(plan: Plan, form: Structured, start_time: Any, incoming: Incoming) -> Lane:
-    """All lanes of a group before their first steps."""
-    return _begin(plan, form, start_time, incoming)
+def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
+    """Lanes before their first steps."""
+
+    def one(task: Task) -> Seat:
+        orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+        lane = begin_lane(
+            common.plan, common.scene(task), task.state, common.start_time, orders
+        )
+        saved = None
+        if lane.saved is not None:
+            saved = Log.like(lane.saved.slots[0], task.save_at.shape[0])
+        crossings = {
+            name: Log.like(ring.slots[0], common.capacity[name])
+            for name, ring in lane.crossings.items()
+        }
+        return Seat(task, lane, saved, crossings)
+
+    return _on_devices(mesh, lambda tasks: jax.vmap(one)(tasks), tasks)
+
+
+@eqx.filter_jit
+def replaced(mesh: Mesh, fresh: Any, begun: Seat, seats: Seat) -> Seat:
+    """The pool with fresh lanes in the places where `fresh` says so."""
+
+    def choose(fresh: Any, begun: Seat, seats: Seat) -> Seat:
+        return jax.tree.map(
+            lambda a, b: jnp.where(fresh.reshape(-1, *(1,) * (a.ndim - 1)), a, b), begun, seats
+        )
+
+    return _on_devices(mesh, choose, fresh, begun, seats)
 
 
 @eqx.filter_jit(donate="all-except-first")
-def advance(
-    constants: tuple[Plan, Structured, Any, Any, Mesh], lanes: Lane, incoming: Incoming
-) -> tuple[Lane, Outcome]:
-    """Begin the fresh lanes, and give every lane its turns."""
-    plan, form, start_time, turns, mesh = constants
-    across = PartitionSpec("lanes")
+def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, Status]:
+    """Slice after slice, until all lanes of a device have ended or its slices are used up."""
+    common, extent, mesh = constants
 
-    @partial(
-        jax.shard_map, mesh=mesh, in_specs=(across, across), out_specs=across, check_vma=False
+    def on_device(seats: Seat) -> tuple[Seat, Status]:
+        def goes(now: tuple[Seat, Any]) -> Any:
+            return (now[1] < extent.slices) & (_work_left(common, now[0]) > 0.0).any()
+
+        def go(now: tuple[Seat, Any]) -> tuple[Seat, Any]:
+            return _slice(common, extent, now[0]), now[1] + 1
+
+        seats, slices = jax.lax.while_loop(goes, go, (seats, jnp.zeros((), int)))
+        step = seats.lane.step
+        finished = _work_left(common, seats) <= 0.0
+        return seats, Status(finished, step.t, step.attempts, slices[None] * extent.turns)
+
+    return _on_devices(mesh, on_device, seats)
+
+
+@eqx.filter_jit
+def harvest(common: Common, mesh: Mesh, seats: Seat) -> Any:
+    """Outcome and logs of every lane of the pool: (outcomes, saved, crossings)."""
+
+    def one(seat: Seat) -> Any:
+        scene = common.scene(seat.task)
+        coordinates = common.plan.method.formulation.coordinates
+
+        def decoded(log: Log) -> Any:
+            bodies = jax.vmap(lambda row: coordinates.decode(scene, row.y.motion))(log.rows)
+            rows = log.rows
+            return pack((rows.t, bodies, rows.memory, rows.y.work)), log.count
+
+        saved = None if seat.saved is None else decoded(seat.saved)
+        crossings = {name: decoded(log) for name, log in seat.crossings.items()}
+        found = outcome(common.plan, scene, seat.lane, seat.task.end_time)
+        return pack(found), saved, crossings
+
+    return _on_devices(mesh, lambda seats: jax.vmap(one)(seats), seats)
+
+
+def _on_devices(mesh: Mesh, function: Callable[..., Any], *trees: Any) -> Any:
+    """The function applied on each device to its share of the lanes."""
+    specs = tuple(ACROSS for _ in trees)
+    mapped = jax.shard_map(
+        function, mesh=mesh, in_specs=specs, out_specs=ACROSS, check_vma=False
     )
-    def on_device(lanes: Lane, incoming: Incoming) -> tuple[Lane, Outcome]:
-        begun = _begin(plan, form, start_time, incoming)
-        lanes = jax.tree.map(
-            lambda a, b: jnp.where(incoming.fresh, a, b), begun, emptied(lanes)
-        )
-
-        def one(lane: Lane, varied: Any, orders: Orders) -> Lane:
-            return turn(plan, _scene(form, varied), lane, orders)
-
-        def all_turn(_: Any, lanes: Lane) -> Lane:
-            return jax.vmap(one)(lanes, incoming.varied, incoming.orders)
-
-        lanes = jax.lax.fori_loop(0, turns, all_turn, lanes)
-        found = jax.vmap(
-            lambda lane, varied, orders: pack(outcome(plan, _scene(form, varied), lane, orders))
-        )(lanes, incoming.varied, incoming.orders)
-        return lanes, found
-
-    return on_device(lanes, incoming)
+    return mapped(*trees)
 
 
-def _begin(plan: Plan, form: Structured, start_time: Any, incoming: Incoming) -> Lane:
-    def one(varied: Any, state: Any, orders: Orders) -> Lane:
-        return begin_lane(plan, _scene(form, varied), state, start_time, orders)
+def _slice(common: Common, extent: Extent, seats: Seat) -> Seat:
+    """Give the lanes with the most work left their turns."""
+    order = jnp.argsort(-_work_left(common, seats))
+    rank = jnp.argsort(order)
+    chosen = jax.tree.map(lambda leaf: leaf[order[: extent.places]], seats)
+    orders = jax.vmap(partial(_orders, common))(chosen)
 
-    return jax.vmap(one)(incoming.varied, incoming.state, incoming.orders)
+    def one(lane: Lane, task: Task, orders: Orders) -> Lane:
+        return turn(common.plan, common.scene(task), lane, orders)
+
+    def all_turn(_: Any, lanes: Lane) -> Lane:
+        return jax.vmap(one)(lanes, chosen.task, orders)
+
+    lanes = jax.lax.fori_loop(0, extent.turns, all_turn, chosen.lane)
+    chosen = jax.vmap(_logged)(eqx.tree_at(lambda seat: seat.lane, chosen, lanes))
+    moved = rank < extent.places
+    back = jnp.minimum(rank, extent.places - 1)
+    return jax.tree.map(
+        lambda new, old: jnp.where(moved.reshape(-1, *(1,) * (old.ndim - 1)), new[back], old),
+        chosen,
+        seats,
+    )
 
 
-def _scene(form: Structured, varied: Any) -> Any:
-    return unpack(Structured(eqx.combine(varied, form.tree), form.patterns))
+def _orders(common: Common, seat: Seat) -> Orders:
+    """What is asked of a lane in the next slice."""
+    window: tuple[Scalar, ...] = (jnp.inf,) * WINDOW
+    if seat.saved is not None:
+        times = jnp.concatenate([seat.task.save_at, jnp.full(WINDOW, jnp.inf)])
+        following = jax.lax.dynamic_slice_in_dim(times, seat.saved.count, WINDOW)
+        window = tuple(following[k] for k in range(WINDOW))
+    wanted = {name: common.capacity[name] - log.count for name, log in seat.crossings.items()}
+    return Orders(seat.task.end_time, seat.task.first_step, window, wanted)
 
 
-class Group:
-    """Places for lanes that advance together, and what the host knows of who sits there."""
+def _logged(seat: Seat) -> Seat:
+    """The seat with the lane's rings emptied into the logs."""
+    lane = seat.lane
+    saved = seat.saved
+    if saved is not None and lane.saved is not None:
+        saved = saved.with_ring(lane.saved)
+    crossings = {
+        name: log.with_ring(lane.crossings[name]) for name, log in seat.crossings.items()
+    }
+    return Seat(seat.task, emptied(lane), saved, crossings)
 
-    def __init__(self, batch: "Batch"):
-        self._batch = batch
-        self._places: list[Finished | None] = [None] * batch.places
-        self._saved_before = np.zeros(batch.places, int)
-        self._lanes: Lane | None = None
-        self._pending: tuple[Lane, Outcome] | None = None
 
-    def busy(self) -> bool:
-        """Whether any lane is in flight."""
-        return any(place is not None for place in self._places)
+def _work_left(common: Common, seats: Seat) -> Any:
+    """Attempts that each lane may still need; zero if it has ended."""
+    step, end = seats.lane.step, seats.task.end_time
+    whole = end - common.start_time
+    done = step.t - common.start_time + UNKNOWN_SHARE * whole
+    guess = (end - step.t) * (step.attempts + UNKNOWN_WORK) / done
+    left = jnp.where(jax.vmap(partial(_runs, common))(seats), jnp.maximum(guess, 1.0), 0.0)
+    if seats.saved is None:
+        return left
+    following = jax.vmap(lambda seat: _orders(common, seat).window[0])(seats)
+    return jnp.maximum(left, jnp.where(following <= step.t, 1.0, 0.0))
 
-    def dispatch(self, waiting: list[int]) -> None:
-        """Fill free places from the waiting lanes and start a segment."""
-        fresh = np.zeros(len(self._places), bool)
-        for k, place in enumerate(self._places):
-            if place is None and waiting:
-                work = self._batch.work
-                self._places[k] = Finished(
-                    waiting.pop(0), None, [], {name: [] for name in work.crossings}
-                )
-                fresh[k] = True
-        if not self.busy():
-            return
-        incoming = self._batch.incoming(self._places, fresh)
-        if self._lanes is None:
-            self._lanes = self._batch.begin(incoming)
-        self._pending = self._batch.advance(self._lanes, incoming)
 
-    def collect(self) -> list[Finished]:
-        """Wait for the segment; the lanes that have ended leave their places."""
-        if self._pending is None:
-            return []
-        self._lanes, found = self._pending
-        self._pending = None
-        finished = np.asarray(found.finished)
-        self._take_rows()
-        done = []
-        if finished.any():
-            found = jax.device_get(found)
-            for k, place in enumerate(self._places):
-                if place is not None and finished[k]:
-                    place.outcome = jax.tree.map(lambda leaf, k=k: leaf[k], found)
-                    done.append(place)
-                    self._places[k] = None
-        return done
+def _runs(common: Common, seat: Seat) -> Scalar:
+    return seat.lane.runs(common.plan, seat.task.end_time)
 
-    def _take_rows(self) -> None:
-        assert self._lanes is not None
-        rings = [(self._lanes.saved, lambda place: place.saved)] if self._lanes.saved else []
-        for name, ring in self._lanes.crossings.items():
-            rings.append((ring, lambda place, name=name: place.crossings[name]))
-        for ring, rows_of in rings:
-            counts = np.asarray(ring.count)
-            if not counts.any():
-                continue
-            slots = jax.device_get(ring.slots)
-            for k, place in enumerate(self._places):
-                if place is not None:
-                    rows_of(place).extend(
-                        jax.tree.map(lambda leaf, k=k: leaf[k], slots[i])
-                        for i in range(counts[k])
-                    )
+
+@dataclass(frozen=True)
+class Ended:
+    """A lane that has ended: its number, outcome, saved rows and crossings (host arrays).
+
+    Rows are (times, bodies, memory, work), cut to those that were recorded.
+    """
+
+    lane: int
+    outcome: Any
+    saved: Any
+    crossings: dict[str, Any]
 
 
 class Batch:
     """Runs lanes on devices.
 
-    **Arguments:** `plan`, `form`: what all lanes share; `work`: the lanes; `start_time`: s;
-    `devices`; `lanes_in_flight`: for each device and group.
+    **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
+    arrays); `devices`; `extent`: how lanes share a device.
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        form: Structured,
-        work: Work,
-        start_time: float,
-        devices: Sequence[Any],
-        lanes_in_flight: int,
-    ):
-        self.work = work
-        self.places = lanes_in_flight * len(devices)
+    def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
+        self._tasks, self._extent = tasks, extent
         self._mesh = Mesh(np.array(devices), ("lanes",))
-        self._lane_axis = NamedSharding(self._mesh, PartitionSpec("lanes"))
+        self._across = NamedSharding(self._mesh, ACROSS)
         everywhere = NamedSharding(self._mesh, PartitionSpec())
-        self._plan, self._form, self._start_time = jax.tree.map(
+        self._common, self._extent = jax.tree.map(
             lambda leaf: jax.device_put(leaf, everywhere) if eqx.is_array_like(leaf) else leaf,
-            (plan, form, start_time),
+            (common, extent),
         )
-        self.turns_given = 0
+        self.turns = 0
+        """Turns given so far, of lanes that advanced and of empty places."""
 
     def run(
-        self, lanes: Sequence[int], on_finished: Callable[[Finished], None], groups: int = GROUPS
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        """Run the lanes of the given numbers; `on_finished` gets each as it ends."""
+        """Run the lanes of the given numbers.
+
+        `on_ended` gets each lane after it has ended; `on_progress` the share of all simulated time.
+        """
         waiting, notice = list(lanes), SlowRunNotice()
-        flights = [Group(self) for _ in range(groups)]
-        for group in flights:
-            group.dispatch(waiting)
-        while any(group.busy() for group in flights):
-            for group in flights:
-                done = group.collect()
-                group.dispatch(waiting)
-                for lane in done:
-                    on_finished(lane)
-                notice.check()
+        pool = self._extent.pool * self._mesh.size
+        sitting = np.full(pool, -1)
+        seats = None
+        constants = (self._common, self._extent, self._mesh)
+        while waiting or (sitting >= 0).any():
+            fresh = np.zeros(pool, bool)
+            for k in np.flatnonzero(sitting < 0)[: len(waiting)]:
+                sitting[k], fresh[k] = waiting.pop(0), True
+            seats = self._seated(sitting, fresh, seats)
+            ended = self._advance_until_few(constants, seats, sitting, bool(waiting), notice)
+            seats, finished = ended
+            self._take(seats, sitting, finished, on_ended)
 
-    def begin(self, incoming: Incoming) -> Lane:
-        """Lanes for all places of a group."""
-        return begin_lanes(self._plan, self._form, self._start_time, incoming)
+    def _advance_until_few(
+        self, constants: Any, seats: Seat, sitting: np.ndarray, waiting: bool, notice: Any
+    ) -> tuple[Seat, np.ndarray]:
+        """Segments until the unfinished lanes no longer fill the places of a device."""
+        taken = sitting >= 0
+        while True:
+            seats, status = advance(constants, seats)
+            finished = np.asarray(status.finished)
+            self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
+            notice.check()
+            left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
+            if left.max() == 0 or (waiting and left.min() < self._extent.places):
+                return seats, taken & finished
 
-    def advance(self, lanes: Lane, incoming: Incoming) -> tuple[Lane, Outcome]:
-        """Start a segment."""
-        self.turns_given += TURNS * self.places
-        constants = (self._plan, self._form, self._start_time, jnp.asarray(TURNS), self._mesh)
-        return advance(constants, lanes, incoming)
+    def _seated(self, sitting: np.ndarray, fresh: np.ndarray, seats: Seat | None) -> Seat:
+        numbers = np.maximum(sitting, 0)
+        tasks = jax.tree.map(lambda leaf: leaf[numbers], self._tasks)
+        idle = np.where(sitting >= 0, tasks.end_time, -np.inf)
+        tasks = eqx.tree_at(lambda t: t.end_time, tasks, idle)
+        begun = begin(self._common, self._mesh, jax.device_put(tasks, self._across))
+        if seats is None:
+            return begun
+        return replaced(self._mesh, jax.device_put(fresh, self._across), begun, seats)
 
-    def incoming(self, places: Sequence[Finished | None], fresh: np.ndarray) -> Incoming:
-        """What the places of a group hold, as device arrays. Free places repeat a lane."""
-        work = self.work
-        numbers = np.array([0 if place is None else place.lane for place in places])
-        taken = np.array([place is not None for place in places])
-        window = np.full((len(places), WINDOW), np.inf)
-        wanted = {name: np.zeros(len(places), int) for name in work.crossings}
-        for k, place in enumerate(places):
-            if place is None:
-                continue
-            if work.save_at is not None:
-                left = work.save_at[place.lane][len(place.saved) :][:WINDOW]
-                window[k, : len(left)] = left
-            for name, count in work.crossings.items():
-                wanted[name][k] = count - len(place.crossings[name])
-        end_time = np.where(taken, work.end_time[numbers], -np.inf)
-        orders = Orders(
-            end_time,
-            work.first_step[numbers],
-            tuple(np.ascontiguousarray(window[:, k]) for k in range(WINDOW)),
-            wanted,
-        )
-        varied, state = jax.tree.map(lambda leaf: leaf[numbers], (work.varied, work.state))
-        return jax.device_put(Incoming(fresh, varied, state, orders), self._lane_axis)
+    def _take(
+        self,
+        seats: Seat,
+        sitting: np.ndarray,
+        finished: np.ndarray,
+        on_ended: Callable[[Ended], None],
+    ) -> None:
+        found, saved, crossings = jax.device_get(harvest(self._common, self._mesh, seats))
+        for k in np.flatnonzero(finished):
+            on_ended(
+                Ended(
+                    int(sitting[k]),
+                    jax.tree.map(lambda leaf, k=k: leaf[k], found),
+                    None if saved is None else _cut(saved, k),
+                    {name: _cut(log, k) for name, log in crossings.items()},
+                )
+            )
+            sitting[k] = -1
+
+
+def _cut(log: Any, k: int) -> Any:
+    rows, counts = log
+    return jax.tree.map(lambda leaf: leaf[k][: counts[k]], rows)

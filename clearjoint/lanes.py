@@ -67,11 +67,14 @@ class Lane(eqx.Module):
     crossings: dict[str, Ring]
     levels: dict[str, Scalar]
 
+    def runs(self, plan: Plan, end_time: Scalar) -> Scalar:
+        """Whether another step is to be tried."""
+        return running(self.step, end_time, plan.max_steps)
+
 
 class Outcome(eqx.Module):
-    """What the host reads of a lane: the end of its run, or its present state."""
+    """How a lane's run ended, and what it comes to."""
 
-    finished: Scalar
     time: Scalar
     result: RESULTS
     attempts: Scalar
@@ -120,14 +123,13 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     return _with_save(plan, lane, orders)
 
 
-def outcome(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Outcome:
-    """What is known of the lane now; final if it is finished."""
+def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
+    """What is known of a lane now; final if it has ended."""
     step = lane.step
     now = _instant(plan, scene, Row(step.t, step.y, step.memory))
-    unfinished = (step.t < orders.end_time) & (step.result == RESULTS.successful)
+    unfinished = (step.t < end_time) & (step.result == RESULTS.successful)
     bodies = plan.method.formulation.coordinates.decode(scene, step.y.motion)
     return Outcome(
-        ~running(step, orders.end_time, plan.max_steps) & ~_save_is_due(lane, orders),
         step.t,
         RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result),
         step.attempts,
@@ -148,7 +150,7 @@ def emptied(lane: Lane) -> Lane:
 
 
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
-    goes = running(lane.step, orders.end_time, plan.max_steps)
+    goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:
         more = orders.window[SLOTS] < jnp.inf
         goes = goes & ~_save_is_due(lane, orders) & ~(lane.saved.full() & more)
