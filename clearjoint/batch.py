@@ -22,8 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from .lanes import WINDOW, Lane, Orders, Plan, begin_lane, emptied, outcome, turn
-from .records import SLOTS, Ring
+from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, outcome, turn
+from .records import SLOTS, Ring, Row
+from .reductions import Quantity
 from .runtime import SlowRunNotice
 from .vectors import Scalar, Structured, pack, unpack
 
@@ -92,12 +93,19 @@ class Seat(eqx.Module):
 
 
 class Common(eqx.Module):
-    """What all lanes of a batch share. `form` is the scene without what varies."""
+    """What all lanes of a batch share.
+
+    - `form`: the scene, what varies in it left as in the base; `start_time`: s.
+    - `capacity`: crossings to record, by section. `channels[log][name]`: quantities to report of
+      each recorded row; `saved` is the name of the log of saved states.
+    """
 
     plan: Plan
     form: Structured
     start_time: Any
-    capacity: dict[str, int] = eqx.field(static=True)
+    capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
+    channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
+    saved: str = eqx.field(default="", static=True)
 
     def scene(self, task: Task) -> Any:
         """The scene of a lane, in scalar form."""
@@ -120,9 +128,7 @@ def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
 
     def one(task: Task) -> Seat:
         orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
-        lane = begin_lane(
-            common.plan, common.scene(task), task.state, common.start_time, orders
-        )
+        lane = begin_lane(common.plan, common.scene(task), task.state, common.start_time, orders)
         saved = None
         if lane.saved is not None:
             saved = Log.like(lane.saved.slots[0], task.save_at.shape[0])
@@ -132,7 +138,7 @@ def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
         }
         return Seat(task, lane, saved, crossings)
 
-    return _on_devices(mesh, lambda tasks: jax.vmap(one)(tasks), tasks)
+    return _on_devices(mesh, jax.vmap(one), tasks)
 
 
 @eqx.filter_jit
@@ -168,32 +174,38 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
 
 
 @eqx.filter_jit
-def harvest(common: Common, mesh: Mesh, seats: Seat) -> Any:
-    """Outcome and logs of every lane of the pool: (outcomes, saved, crossings)."""
+def harvest(common: Common, mesh: Mesh, seats: Seat) -> tuple[Outcome, dict[str, Any]]:
+    """Outcome of every lane of the pool, and of each log the channels and the number of rows."""
 
-    def one(seat: Seat) -> Any:
+    def one(seat: Seat) -> tuple[Outcome, dict[str, Any]]:
         scene = common.scene(seat.task)
-        coordinates = common.plan.method.formulation.coordinates
+        logs = dict(seat.crossings)
+        if seat.saved is not None:
+            logs[common.saved] = seat.saved
+        read = {
+            name: (_channels(common, scene, name, log.rows), log.count)
+            for name, log in logs.items()
+        }
+        return pack(outcome(common.plan, scene, seat.lane, seat.task.end_time)), read
 
-        def decoded(log: Log) -> Any:
-            bodies = jax.vmap(lambda row: coordinates.decode(scene, row.y.motion))(log.rows)
-            rows = log.rows
-            return pack((rows.t, bodies, rows.memory, rows.y.work)), log.count
+    return _on_devices(mesh, jax.vmap(one), seats)
 
-        saved = None if seat.saved is None else decoded(seat.saved)
-        crossings = {name: decoded(log) for name, log in seat.crossings.items()}
-        found = outcome(common.plan, scene, seat.lane, seat.task.end_time)
-        return pack(found), saved, crossings
 
-    return _on_devices(mesh, lambda seats: jax.vmap(one)(seats), seats)
+def _channels(common: Common, scene: Any, name: str, rows: Any) -> dict[str, Any]:
+    """Time and quantities of the rows of a log, without the room for a ring behind them."""
+
+    def at(row: Row) -> dict[str, Any]:
+        now = row.instant(scene, common.plan.method.formulation)
+        values = {key: quantity(now) for key, quantity in common.channels[name].items()}
+        return {"time": row.t, **values}
+
+    return jax.vmap(at)(jax.tree.map(lambda leaf: leaf[:-SLOTS], rows))
 
 
 def _on_devices(mesh: Mesh, function: Callable[..., Any], *trees: Any) -> Any:
     """The function applied on each device to its share of the lanes."""
     specs = tuple(ACROSS for _ in trees)
-    mapped = jax.shard_map(
-        function, mesh=mesh, in_specs=specs, out_specs=ACROSS, check_vma=False
-    )
+    mapped = jax.shard_map(function, mesh=mesh, in_specs=specs, out_specs=ACROSS, check_vma=False)
     return mapped(*trees)
 
 
@@ -238,9 +250,7 @@ def _logged(seat: Seat) -> Seat:
     saved = seat.saved
     if saved is not None and lane.saved is not None:
         saved = saved.with_ring(lane.saved)
-    crossings = {
-        name: log.with_ring(lane.crossings[name]) for name, log in seat.crossings.items()
-    }
+    crossings = {name: log.with_ring(lane.crossings[name]) for name, log in seat.crossings.items()}
     return Seat(seat.task, emptied(lane), saved, crossings)
 
 
@@ -263,15 +273,12 @@ def _runs(common: Common, seat: Seat) -> Scalar:
 
 @dataclass(frozen=True)
 class Ended:
-    """A lane that has ended: its number, outcome, saved rows and crossings (host arrays).
-
-    Rows are (times, bodies, memory, work), cut to those that were recorded.
-    """
+    """A lane that has ended: its number and outcome, and by log the recorded channels and their
+    number (host arrays)."""
 
     lane: int
     outcome: Any
-    saved: Any
-    crossings: dict[str, Any]
+    logs: dict[str, tuple[dict[str, np.ndarray], int]]
 
 
 class Batch:
@@ -282,7 +289,7 @@ class Batch:
     """
 
     def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
-        self._tasks, self._extent = tasks, extent
+        self._tasks = tasks
         self._mesh = Mesh(np.array(devices), ("lanes",))
         self._across = NamedSharding(self._mesh, ACROSS)
         everywhere = NamedSharding(self._mesh, PartitionSpec())
@@ -301,33 +308,40 @@ class Batch:
     ) -> None:
         """Run the lanes of the given numbers.
 
-        `on_ended` gets each lane after it has ended; `on_progress` the share of all simulated time.
+        `on_ended` gets each lane after it has ended; `on_progress` how many lanes those still in
+        the pool come to, by the share of their time that is done.
         """
-        waiting, notice = list(lanes), SlowRunNotice()
+        waiting = list(lanes)
         pool = self._extent.pool * self._mesh.size
         sitting = np.full(pool, -1)
         seats = None
-        constants = (self._common, self._extent, self._mesh)
         while waiting or (sitting >= 0).any():
             fresh = np.zeros(pool, bool)
-            for k in np.flatnonzero(sitting < 0)[: len(waiting)]:
-                sitting[k], fresh[k] = waiting.pop(0), True
+            for k in self._across_devices(np.arange(pool)):
+                if waiting and sitting[k] < 0:
+                    sitting[k], fresh[k] = waiting.pop(0), True
             seats = self._seated(sitting, fresh, seats)
-            ended = self._advance_until_few(constants, seats, sitting, bool(waiting), notice)
-            seats, finished = ended
+            seats, finished = self._advance_until_few(seats, sitting, len(waiting), on_progress)
             self._take(seats, sitting, finished, on_ended)
 
+    def _across_devices(self, seats: np.ndarray) -> np.ndarray:
+        """Numbers of seats in turn from each device, so that lanes spread over all of them."""
+        return seats.reshape(self._mesh.size, -1).T.ravel()
+
     def _advance_until_few(
-        self, constants: Any, seats: Seat, sitting: np.ndarray, waiting: bool, notice: Any
+        self, seats: Seat, sitting: np.ndarray, waiting: int, on_progress: Callable[[float], None]
     ) -> tuple[Seat, np.ndarray]:
         """Segments until the unfinished lanes no longer fill the places of a device."""
-        taken = sitting >= 0
+        taken, notice = sitting >= 0, SlowRunNotice()
+        end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
         while True:
-            seats, status = advance(constants, seats)
+            seats, status = advance((self._common, self._extent, self._mesh), seats)
             finished = np.asarray(status.finished)
             self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
             notice.check()
-            left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
+            share = (np.asarray(status.time) - start) / (end - start)
+            on_progress(float(np.where(finished, 1.0, share)[taken].sum()))
+            left = self._across_devices(taken & ~finished).reshape(-1, self._mesh.size).sum(axis=0)
             if left.max() == 0 or (waiting and left.min() < self._extent.places):
                 return seats, taken & finished
 
@@ -348,19 +362,8 @@ class Batch:
         finished: np.ndarray,
         on_ended: Callable[[Ended], None],
     ) -> None:
-        found, saved, crossings = jax.device_get(harvest(self._common, self._mesh, seats))
+        found = jax.device_get(harvest(self._common, self._mesh, seats))
         for k in np.flatnonzero(finished):
-            on_ended(
-                Ended(
-                    int(sitting[k]),
-                    jax.tree.map(lambda leaf, k=k: leaf[k], found),
-                    None if saved is None else _cut(saved, k),
-                    {name: _cut(log, k) for name, log in crossings.items()},
-                )
-            )
+            lane, logs = jax.tree.map(lambda leaf, k=k: leaf[k], found)
+            on_ended(Ended(int(sitting[k]), lane, logs))
             sitting[k] = -1
-
-
-def _cut(log: Any, k: int) -> Any:
-    rows, counts = log
-    return jax.tree.map(lambda leaf: leaf[k][: counts[k]], rows)

@@ -9,7 +9,6 @@ who runs beside it. Tableaux, error estimates and dense output are diffrax's.
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -216,8 +216,7 @@ def _level(section: Crossing, now: Instant) -> Scalar:
 
 
 def _instant(plan: Plan, scene: Scene, row: Row) -> Instant:
-    formulation = plan.method.formulation
-    return Instant(scene, formulation, row.t, row.y.motion, row.memory, row.y.work)
+    return row.instant(scene, plan.method.formulation)
 
 
 def _empty_bracket(plan: Plan, scene: Scene, step: Step, orders: Orders) -> Bracket:

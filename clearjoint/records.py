@@ -12,10 +12,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .dynamics import Memory
+from .dynamics import Formulation, Memory
 from .explicit import UnrolledExplicit, dense_weights
 from .fields import require
+from .instant import Instant
 from .reductions import Quantity
+from .scene import Scene
 from .stepping import Attempt, Method, Variables
 from .vectors import Scalar
 
@@ -29,6 +31,10 @@ class Row(eqx.Module):
     t: Scalar
     y: Variables
     memory: Memory
+
+    def instant(self, scene: Scene, formulation: Formulation) -> Instant:
+        """The scene at this row."""
+        return Instant(scene, formulation, self.t, self.y.motion, self.memory, self.y.work)
 
 
 class Bracket(eqx.Module):
@@ -66,9 +72,7 @@ class Bracket(eqx.Module):
         length = self.end.t - self.start.t
         x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t
-        y = jax.tree.map(
-            lambda a, b: jnp.where(ends, a, b), self.end.y, self.inside(method, x)
-        )
+        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), self.end.y, self.inside(method, x))
         memory = jax.tree.map(
             lambda a, b: jnp.where(ends, a, b), self.end.memory, self.start.memory
         )
@@ -124,7 +128,9 @@ class Crossing(eqx.Module):
     after: float = eqx.field(default=0.0, static=True)
 
 
-def crossing_row(method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any) -> Row:
+def crossing_row(
+    method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any
+) -> Row:
     """The row where a function of the variables, of given values at both ends, rises through zero.
 
     Secant steps on the dense output, kept inside the step. `value(row)` evaluates the function.

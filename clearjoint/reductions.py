@@ -90,7 +90,7 @@ def _vertex(first: Any, middle: Any, last: Any) -> tuple[Scalar, Scalar]:
 
 
 class Statistics(AbstractReduction):
-    """"mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
+    """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
 
     Mean and root mean square are those of the linear interpolant over the steps.
 

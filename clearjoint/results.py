@@ -1,6 +1,9 @@
 """How a run ended."""
 
+from typing import Any
+
 import equinox as eqx
+import numpy as np
 
 
 class RESULTS(eqx.Enumeration):
@@ -28,3 +31,13 @@ class RESULTS(eqx.Enumeration):
     not_assembled = (
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
+
+
+def result_number(result: Any) -> np.ndarray:
+    """The number of a result code, or of several."""
+    return np.asarray(result._value)
+
+
+def result_numbers() -> dict[str, int]:
+    """The number of each result code by name."""
+    return {name: int(result_number(item)) for name, item in RESULTS._name_to_item.items()}
