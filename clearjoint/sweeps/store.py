@@ -23,6 +23,7 @@ from .differences import differences
 from .layout import PENDING, RESULT, Layout, dataset
 from .metadata import read_layout, write_layout
 
+
 class SweepMemory:
     """Results in memory, with the methods of a `SweepStore`."""
 
