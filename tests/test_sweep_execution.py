@@ -165,21 +165,24 @@ def test_few_chunks_are_handed_out_at_a_time(store):
 
 
 def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
-    computed = []
+    begun, release = [], threading.Event()
 
     def task(chunk):
-        computed.append(chunk)
+        begun.append(chunk)
+        if chunk > 0:
+            release.wait(10)
         return results(MANY, chunk)
 
     def interrupted(chunk, arrays):
         store.write(chunk, arrays)
-        if chunk == 2:
-            raise KeyboardInterrupt
+        raise KeyboardInterrupt
 
-    with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
-        run_chunks(task, store.missing(), executor, interrupted)
-    assert store.missing() == list(range(3, 12))
-    assert len(computed) <= 3 + QUEUED
+    with ThreadPoolExecutor(2) as executor:
+        with pytest.raises(KeyboardInterrupt):
+            run_chunks(task, store.missing(), executor, interrupted)
+        release.set()
+    assert store.missing() == list(range(1, 12))
+    assert {0, 1} <= set(begun) <= {0, 1, 2}
 
 
 def test_threads_share_the_task_itself(store):

@@ -247,12 +247,11 @@ print("ready", flush=True)
 fill(*map(Path, sys.argv[1:]))
 """
 CREATE_AND_DIE = """
-import os, signal, sys
-from pathlib import Path
+import os, signal, sys, zarr
 sys.path.insert(0, "tests")
 from fake_sweep import layout
 from clearjoint.sweeps.store import SweepStore
-Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+zarr.consolidate_metadata = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 SweepStore.open(sys.argv[1], layout())
 """
 
@@ -303,3 +302,10 @@ def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
         assert process.wait() == -signal.SIGKILL
     assert not path.exists()
     assert SweepStore.open(path, layout()).missing() == [0, 1, 2]
+
+
+def test_of_two_that_create_a_store_the_first_wins(partial, path):
+    """The second finds it there when it has made its own."""
+    store_module._create(path, layout())
+    assert partial.missing() == [1]
+    assert list(path.parent.iterdir()) == [path]

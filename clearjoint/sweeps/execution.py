@@ -187,7 +187,7 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
     else:
         what = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
     raise ChunkError(
-        f"{what}: {type(cause).__name__}: {cause}\n{done} chunks were completed in this call. A "
-        "sweep with a `path` has them stored and resumes when called again.",
+        f"{what}: {type(cause).__name__}: {cause}\nChunks completed in this call: {done}. A sweep "
+        "with a `path` has stored them, and resumes when called again.",
         chunks,
     ) from cause

@@ -62,7 +62,7 @@ def read_layout(path: Path) -> Layout:
     """
     try:
         group = zarr.open_group(path, mode="r", use_consolidated=True)
-        attrs = dict(group.attrs)
+        attrs: dict[str, Any] = dict(group.attrs)
         if attrs[_FORMAT] != 1:
             raise KeyError(_FORMAT)
     except (OSError, ValueError, KeyError) as error:
@@ -88,12 +88,13 @@ def read_layout(path: Path) -> Layout:
 def _write_labels(group: zarr.Group, coordinate: Coordinate, dim: str) -> None:
     name, values, _ = coordinate
     dtype: Any = str if values.dtype.kind == "U" else values.dtype
+    attributes: dict[str, Any] = coordinate.attributes
     array = group.create_array(
         name,
         shape=values.shape,
         dtype=dtype,
         dimension_names=(dim,),
-        attributes=coordinate.attributes,
+        attributes=attributes,
     )
     array[:] = values
 
@@ -112,5 +113,12 @@ def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
 def _variable(array: zarr.Array) -> Variable:
     attrs: dict[str, Any] = dict(array.attrs)
     unit, description = attrs.pop("units"), attrs.pop("long_name")
-    dims = tuple(str(name) for name in array.metadata.dimension_names[1:])
-    return Variable(dims, array.shape[1:], str(array.dtype), unit, description, attrs)
+    metadata: Any = array.metadata
+    return Variable(
+        tuple(metadata.dimension_names[1:]),
+        array.shape[1:],
+        str(array.dtype),
+        unit,
+        description,
+        attrs,
+    )

@@ -73,7 +73,7 @@ class SweepStore:
 
     def missing(self) -> list[int]:
         """Numbers of the chunks that are not done."""
-        return _missing(self.layout, self._group[RESULT][:])  # pyright: ignore
+        return _missing(self.layout, _values(self._group, RESULT))
 
     def write(self, chunk: int, arrays: Mapping[str, Any]) -> None:
         """Put a chunk's results on disk; when this returns the chunk is done."""
@@ -125,14 +125,18 @@ def _arrays(group: zarr.Group, layout: Layout) -> dict[str, np.ndarray]:
 
     The codes are read first: a chunk that another process ends meanwhile stays pending.
     """
-    arrays = {RESULT: group[RESULT][:]}  # pyright: ignore
-    pending = arrays[RESULT] == PENDING
+    codes = _values(group, RESULT)
+    arrays = {RESULT: codes}
     for name, variable in layout.variables.items():
         if name != RESULT:
-            values = group[name][:]  # pyright: ignore
-            values[pending] = variable.fill
-            arrays[name] = values
+            arrays[name] = _values(group, name)
+            arrays[name][codes == PENDING] = variable.fill
     return arrays
+
+
+def _values(group: zarr.Group, name: str) -> np.ndarray:
+    array: Any = group[name]
+    return array[:]
 
 
 def _create(path: Path, layout: Layout) -> None:
