@@ -36,6 +36,12 @@ FLOORS = (
     ("observables", "testing"),
     (
         "free_impact",
+        "sweeps.layout",
+        "sweeps.differences",
+        "sweeps.metadata",
+        "sweeps.store",
+        "sweeps.execution",
+        "sweeps.progress",
         "sweep",
         "identify",
         "plot.style",
@@ -57,6 +63,8 @@ THIRD_PARTY = {
     "optax": 7,
     "optimistix": 7,
     "xarray": 7,
+    "zarr": 7,
+    "cloudpickle": 7,
 }
 """The first floor that may import a package."""
 
