@@ -1,9 +1,9 @@
 """Explicit Runge-Kutta steps with their stages written out.
 
-diffrax loops over the stages and decides inside the loop, by looking at all lanes of a batch, whether
-the last stage of the step before may be used again. Written out, a step is plain arithmetic: in a
-batch it takes a third of the time, and no lane sees another, so that its numbers do not depend on
-who runs beside it. Tableaux, error estimates and dense output are diffrax's.
+diffrax loops over the stages and decides inside the loop, by looking at all lanes of a batch,
+whether the last stage of the step before may be used again. Written out, a step is plain
+arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
+do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
 """
 
 from typing import Any
@@ -90,7 +90,7 @@ def _weighted(weights: Any, values: Any) -> Scalar:
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """The solver with its stages written out, if it is an explicit Runge-Kutta method of one term."""
+    """The solver with its stages written out, if it is an explicit Runge-Kutta method."""
     if isinstance(solver, diffrax.AbstractERK) and isinstance(
         solver.tableau, diffrax.ButcherTableau
     ):

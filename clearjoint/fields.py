@@ -152,5 +152,5 @@ def _children(tree: Any) -> list[Any]:
     if isinstance(tree, eqx.Module):
         return [getattr(tree, name) for name in tree.__dataclass_fields__]
     if isinstance(tree, dict):
-        return list(tree.values())
+        return [tree[key] for key in sorted(tree)]
     return list(tree) if isinstance(tree, list | tuple) else []

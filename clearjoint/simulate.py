@@ -86,12 +86,12 @@ def simulate(
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError`, which carries the
     solution so far, for a run that fails.
     """
-    _check_precision(allow_float32)
+    check_precision(allow_float32)
     traced = _is_traced((scene, state, end_time, start_time))
     names: tuple[str, ...] = ()
     if not traced:
         save_at = _check_times(start_time, end_time, save_at)
-        _check_values(scene, state, rtol, atol, first_step, landing_tolerance)
+        check_values(scene, state, rtol, atol, first_step, landing_tolerance)
         names = _check_structure(scene, state, start_time)
     if redundant is None:
         redundant = bool(names)
@@ -100,7 +100,7 @@ def simulate(
         redundant=redundant,
         ledger=ledger,
     )
-    method = _method(solver, controller, formulation, landing_tolerance, rtol, atol)
+    method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
@@ -138,7 +138,7 @@ def _array(value: Any) -> Any:
     return None if value is None else jnp.asarray(value, dtype=float)
 
 
-def _method(
+def make_method(
     solver: diffrax.AbstractSolver | None,
     controller: diffrax.AbstractStepSizeController | None,
     formulation: Formulation,
@@ -146,6 +146,7 @@ def _method(
     rtol: Any,
     atol: Any,
 ) -> Method:
+    """The method for the arguments of `simulate`."""
     atol = rtol * 1e-5 if atol is None else atol
     if controller is None:
         controller = default_controller(rtol, atol)
@@ -167,7 +168,8 @@ def _kept(leaf: Any) -> Any:
     return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
 
 
-def _check_precision(allow_float32: bool) -> None:
+def check_precision(allow_float32: bool) -> None:
+    """Check that JAX computes in 64 bits, unless single precision is allowed."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
@@ -175,9 +177,10 @@ def _check_precision(allow_float32: bool) -> None:
         )
 
 
-def _check_values(
+def check_values(
     scene: Scene, state: State, rtol: Any, atol: Any, first_step: Any, landing_tolerance: Any
 ) -> None:
+    """Check the numbers of a run, those of the scene included."""
     recheck(scene)
     check_names(scene, state)
     require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)

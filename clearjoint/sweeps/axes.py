@@ -91,6 +91,11 @@ class Lanes:
     states: Any
     bad: dict[int, str]
 
+    def first(self) -> tuple[Scene, State]:
+        """Scene and state of the first lane that is not bad."""
+        good = set(range(len(jax.tree.leaves(self.states)[0]))) - set(self.bad)
+        return self.of(min(good)) if good else (self.scene, self.state)
+
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""
         scene = jax.tree.map(

@@ -29,9 +29,9 @@ def describe(value: Any) -> str:
         return "{" + ", ".join(f"{k}: {describe(v)}" for k, v in sorted(value.items())) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(describe(part) for part in value) + "]"
-    return (
-        repr(value) if isinstance(value, str | int | float | bool | None) else type(value).__name__
-    )
+    if isinstance(value, str | int | float | bool | None):
+        return repr(value)
+    return getattr(value, "__qualname__", type(value).__qualname__)
 
 
 def scene_settings(scene: Any, state: Any) -> dict[str, str]:

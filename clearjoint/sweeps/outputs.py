@@ -21,8 +21,8 @@ class Saved:
 
     **Arguments:**
 
-    - `times`: (K,) s, rising; or a function of the lane's scene that returns as many for every lane,
-      such as one instant in each turn of a crank whose speed is swept.
+    - `times`: (K,) s, rising; or a function of the lane's scene that returns as many for every
+      lane, such as one instant in each turn of a crank whose speed is swept.
     - `channels`: quantity and unit by name.
     """
 

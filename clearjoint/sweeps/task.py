@@ -28,12 +28,14 @@ class Work:
     """All lanes of a sweep.
 
     - `common`, `tasks`: what they share, and each one's own (host arrays, lanes in front).
+    - `bodies`: names in the order of the variables' dimension "body".
     - `bad`: numbers of those whose parameters no scene can have; they are not run.
     - `variables`: what is reported of a lane; `chunk`: lanes in a chunk.
     """
 
     common: Common
     tasks: Task
+    bodies: tuple[str, ...]
     bad: frozenset[int]
     variables: Mapping[str, Variable]
     chunk: int
@@ -83,7 +85,7 @@ class Work:
             "attempts": outcome.attempts,
             "accepted": outcome.accepted,
         }
-        bodies = outcome.final.bodies.values()
+        bodies = [outcome.final.bodies[name] for name in self.bodies]
         for part in FINAL:
             results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
         for name, values in outcome.results.items():
