@@ -22,7 +22,7 @@ from clearjoint import (
     coordinates,
     rows_from_residual,
 )
-from clearjoint.bodies import GROUND_MOTION, NO_WRENCH, Motion
+from clearjoint.bodies import GROUND_MOTION, Motion
 from clearjoint.dynamics import Formulation, evaluate
 from clearjoint.joints.primitives import perpendicular, point_in_plane
 from clearjoint.rotations import transverse_axes
@@ -45,7 +45,7 @@ class Bodies:
     def motion(self, body):
         return Motion(
             vector(self.position[body]), matrix(self.rotation[body]),
-            vector(self.velocity[body]), vector(self.spin[body]), NO_WRENCH,
+            vector(self.velocity[body]), vector(self.spin[body]),
         )
 
     def motions(self):
