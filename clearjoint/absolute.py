@@ -108,12 +108,14 @@ class AbsoluteMechanics(AbstractMechanics):
         self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Accelerations under wrenches and gyroscopic moments."""
-        loads = {
-            name: wrenches[name] + _gyroscopic(body, self.motions[name])
-            for name, body in self._scene.bodies.items()
-        }
-        return self.solved(self.projected(loads))
+        """Accelerations under wrenches, gyroscopic moments and gravity."""
+        fall = ZERO if self._scene.gravity is None else self._scene.gravity
+        rates: Speeds = []
+        for name, body in self._scene.bodies.items():
+            load = wrenches[name] + _gyroscopic(body, self.motions[name])
+            found = self._inverses[name](load)
+            rates += [*(found.linear + fall), *found.angular]
+        return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
         """The wrenches' components, body by body."""

@@ -49,7 +49,7 @@ class AbstractBranch(abc.ABC):
         """The body as a link of its tree, of which it is the root if it has no parent there."""
 
     @abc.abstractmethod
-    def rates(self, state: Any, speeds: Speeds, axes: Matrix) -> Any:
+    def rates(self, state: Any, speeds: Speeds, axes: Matrix, gravity: Vector) -> Any:
         """Time derivative of the variables for rates of the speeds; `axes` turn the root's
         components into global ones."""
 
@@ -65,12 +65,17 @@ class AbstractBranch(abc.ABC):
     def count(self, state: Any) -> int:
         """Number of speeds."""
 
+    @abc.abstractmethod
+    def falls(self) -> bool:
+        """Whether the rates of the speeds are those against free fall."""
+
 
 @dataclass(frozen=True)
 class FreeBranch(AbstractBranch):
     """A body that nothing carries: a `BodyState` of its point `local`, from the ground's `origin`.
 
-    Speeds are the velocity of that point and the spin, both in body axes.
+    Speeds are the velocity of that point and the spin, both in body axes; rates of the former are
+    those against free fall, since gravity changes nothing else of a free tree.
     """
 
     local: Vector
@@ -100,12 +105,12 @@ class FreeBranch(AbstractBranch):
         """The root of its tree."""
         return free_link(self.local, state.spin)
 
-    def rates(self, state: BodyState, speeds: Speeds, axes: Matrix) -> BodyState:
+    def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         """Velocity, Euler parameter rates, and accelerations."""
         return BodyState(
             state.velocity,
             euler_parameter_rates(state.orientation, state.spin),
-            axes @ Vector(*speeds[:3]),
+            axes @ Vector(*speeds[:3]) + gravity,
             Vector(*speeds[3:]),
         )
 
@@ -124,6 +129,10 @@ class FreeBranch(AbstractBranch):
     def count(self, state: BodyState) -> int:
         """Six."""
         return 6
+
+    def falls(self) -> bool:
+        """They are."""
+        return True
 
 
 @dataclass(frozen=True)
@@ -166,7 +175,7 @@ class JointedBranch(AbstractBranch):
         """The root of a tree if the parent is the ground."""
         return jointed_link(parent, self.freedom, state)
 
-    def rates(self, state: JointState, speeds: Speeds, axes: Matrix) -> JointState:
+    def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
         """The position's rates, and the speeds'."""
         return JointState(self.freedom.rates(state), tuple(speeds))
 
@@ -182,3 +191,7 @@ class JointedBranch(AbstractBranch):
     def count(self, state: JointState) -> int:
         """As many as the joint leaves free."""
         return len(state.speeds)
+
+    def falls(self) -> bool:
+        """They are not."""
+        return False

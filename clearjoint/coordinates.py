@@ -23,7 +23,7 @@ from .vectors import Scalar, Vector, add, is_zero, multiply
 Wrenches = dict[str, Wrench]
 Motions = dict[str, Motion]
 Speeds = list[Scalar]
-"""One scalar a speed of the coordinates: rates of the speeds, forces on them, or changes of them."""
+"""One scalar a speed of the coordinates: their rates, forces on them, or changes of them."""
 
 
 @jax.tree_util.register_dataclass
@@ -45,7 +45,7 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Rates of the speeds under the given wrenches, without further constraints."""
+        """Rates of the speeds under the given wrenches and gravity, without constraints."""
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -57,7 +57,8 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """The row's Jacobian times H' u, the body accelerations at constant speeds."""
+        """The row's Jacobian times the body accelerations at zero rates: H' u, and gravity where
+        rates are those against free fall."""
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
@@ -113,19 +114,32 @@ def response(
     structurally zero, as of a planar loop out of its plane, holds by itself and has no multiplier.
     """
     kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+    multipliers: list[Scalar] = [0.0] * len(directions)
+    if not kept:
+        return [0.0] * len(directions[0]), multipliers
     rows, aims = [directions[k] for k in kept], [targets[k] for k in kept]
     weighted = [mechanics.solved(row) for row in rows]
-    multipliers: list[Scalar] = [0.0] * len(directions)
-    change: Speeds = [0.0] * len(directions[0])
-    if len(rows) > LARGEST_UNROLLED:
-        change, found = _dense_response(rows, weighted, aims, solver)
-    else:
-        schur = [[inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)]
-        found = solver.unrolled(schur, aims)
-        for part, multiplier in zip(weighted, found, strict=True):
-            change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+    solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
+    change, found = solve(rows, weighted, aims, solver)
     for k, multiplier in zip(kept, found, strict=True):
         multipliers[k] = multiplier
+    return change, multipliers
+
+
+def _unrolled_response(
+    directions: Sequence[Speeds],
+    weighted: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """In scalar form, from the directions and M^-1 times them."""
+    schur = [
+        [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
+    ]
+    multipliers = solver.unrolled(schur, targets)
+    change: Speeds = [0.0] * len(directions[0])
+    for part, multiplier in zip(weighted, multipliers, strict=True):
+        change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
     return change, multipliers
 
 

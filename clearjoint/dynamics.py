@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import GROUND, NO_WRENCH, Wrench
+from .bodies import GROUND, NO_WRENCH
 from .contact import AbstractContactLaw, Gap
 from .coordinates import (
     AbstractCoordinates,
@@ -166,14 +166,12 @@ def contact_forces(
 def _applied_wrenches(
     scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
 ) -> Wrenches:
+    """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(name: str, wrench: Any) -> None:
         wrenches[name] = wrenches[name] + wrench
 
-    if scene.gravity is not None:
-        for name, body in scene.bodies.items():
-            apply(name, Wrench(scene.gravity * body.mass, NO_WRENCH.moment))
     for element in scene.forces.values():
         for name, wrench in element.wrenches(motions, t).items():
             if name != GROUND:

@@ -1,8 +1,8 @@
 """Joint coordinates: angles and distances of the ideal joints, which then need no constraints.
 
 A clearance joint is a force element: it opens its loop. What is left of most mechanisms with
-clearances is a tree, and in joint coordinates a tree has no multipliers, no drift, no redundancy and
-few states. Joints that close a loop stay constraints.
+clearances is a tree, and in joint coordinates a tree has no multipliers, no drift, no redundancy
+and few states. Joints that close a loop stay constraints.
 """
 
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ from .linear import OrderedFactorisation
 from .links import Inertia, Link, central_inertia, inertia
 from .scene import Scene
 from .tree import Tree
-from .vectors import Scalar, Vector, add
+from .vectors import ZERO, Scalar, Vector, add
 
 Load = tuple[Vector, Vector]
 """Force, and moment about the centre of mass, in the tree's axes."""
@@ -23,6 +23,9 @@ class TreeMechanics:
     def __init__(self, scene: Scene, tree: Tree, variables: dict[str, Any], motions: Motions):
         self._scene, self._tree, self._variables = scene, tree, variables
         self._axes = motions[tree[0].body].rotation
+        self._gravity = ZERO if scene.gravity is None else scene.gravity
+        gravity = self._axes.transposed_times(self._gravity)
+        self._fall, self._weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
         index = {branch.body: k for k, branch in enumerate(tree)}
         self._parents = [index.get(branch.parent) for branch in tree]
         self._links: list[Link] = []
@@ -82,7 +85,7 @@ class TreeMechanics:
             force, moment = self._load(branch.body, link, wrenches)
             central, mass = self._central[k], self._scene.bodies[branch.body].mass
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.turn_bias
-            loads.append((force - link.bias * mass, moment - gyroscopic))
+            loads.append((force - (link.bias - self._weight) * mass, moment - gyroscopic))
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -117,7 +120,8 @@ class TreeMechanics:
         total: Scalar = 0.0
         for branch, link in self._pairs():
             force, moment = self._load(branch.body, link, row.jacobian)
-            total = add(total, add(force.dot(link.bias), moment.dot(link.turn_bias)))
+            bias = link.bias + self._fall
+            total = add(total, add(force.dot(bias), moment.dot(link.turn_bias)))
         return total
 
     def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
@@ -129,7 +133,7 @@ class TreeMechanics:
             for column, rate in zip(link.columns, self._own(k, rates), strict=True):
                 twist = twist + column * rate
             twists.append(twist)
-            linear = twist.slide + twist.turn.cross(link.place) + link.bias
+            linear = twist.slide + twist.turn.cross(link.place) + link.bias + self._fall
             angular = link.rotation.transposed_times(twist.turn + link.turn_bias)
             found[branch.body] = Acceleration(self._axes @ linear, angular)
         return found
@@ -137,6 +141,8 @@ class TreeMechanics:
     def variable_rates(self, rates: Speeds) -> dict[str, Any]:
         """Time derivatives of the variables."""
         return {
-            branch.body: branch.rates(self._variables[branch.body], self._own(k, rates), self._axes)
+            branch.body: branch.rates(
+                self._variables[branch.body], self._own(k, rates), self._axes, self._gravity
+            )
             for k, branch in enumerate(self._tree)
         }

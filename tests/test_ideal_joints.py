@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint import (
+    AbsoluteCoordinates,
     Body,
     FixedJoint,
     RevoluteJoint,
@@ -276,7 +277,8 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
 
     def found(largest_unrolled):
         monkeypatch.setattr(coordinates, "LARGEST_UNROLLED", largest_unrolled)
-        return evaluate(scene, Formulation(redundant=redundant), variables, {}, 0.0)
+        formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
+        return evaluate(scene, formulation, variables, {}, 0.0)
 
     unrolled, dense = found(99), found(0)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
