@@ -10,9 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .absolute import AbsoluteCoordinates
 from .assembly import ACCEPTED_VIOLATION
 from .bodies import State
-from .coordinates import AbsoluteCoordinates, row_rate
+from .coordinates import row_rate
 from .dynamics import constraint_rows, flattened
 from .instant import Instant
 from .records import SLOTS, Bracket, Crossing, Ring, Row, crossing_row

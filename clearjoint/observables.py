@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .absolute import AbsoluteCoordinates
 from .bodies import GROUND, NO_WRENCH, State, Wrench
 from .coordinates import row_rate
 from .dynamics import Dynamics, Formulation, evaluate, mechanical_energy
@@ -105,6 +106,9 @@ class Observation(eqx.Module):
 def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = None) -> Observation:
     """Observe a scene along a solution.
 
+    In absolute coordinates whatever the run had: there every ideal joint has its multipliers, those
+    that the run eliminated too, and redundant reactions do not depend on the run's coordinates.
+
     **Arguments:** `scene`: the one that was simulated. `trajectory`: `solution.steps`, say, for
     every accepted step; the saved states unless given.
 
@@ -132,10 +136,11 @@ def _observe(
     structure: Structured, formulation: Formulation, times: Any, states: State
 ) -> tuple[Any, ...]:
     scene = unpack(structure)
+    absolute = eqx.tree_at(lambda f: f.coordinates, formulation, AbsoluteCoordinates())
 
     def at(t: Scalar, state: State) -> tuple[Any, ...]:
-        variables = formulation.coordinates.encode(scene, unpack(state.bodies))
-        dynamics = evaluate(scene, formulation, variables, state.memory, t)
+        variables = absolute.coordinates.encode(scene, unpack(state.bodies))
+        dynamics = evaluate(scene, absolute, variables, state.memory, t)
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from .vectors import EulerParameters, Matrix, Scalar, Vector, square_root
+from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
 
 
 def squared_norm(p: EulerParameters) -> Scalar:
@@ -44,6 +44,19 @@ def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
     rate = euler_parameter_rates(p, angle)
     q = EulerParameters(p.e0 + rate.e0, p.e1 + rate.e1, p.e2 + rate.e2, p.e3 + rate.e3)
     return normalised(q)
+
+
+def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
+    """Euler parameters of the turn q followed by the turn p: the product of quaternions."""
+    v, w = Vector(p.e1, p.e2, p.e3), Vector(q.e1, q.e2, q.e3)
+    u = w * p.e0 + v * q.e0 + v.cross(w)
+    return EulerParameters(subtract(multiply(p.e0, q.e0), v.dot(w)), u.x, u.y, u.z)
+
+
+def conjugate(p: EulerParameters) -> EulerParameters:
+    """Euler parameters of the opposite turn."""
+    v = -Vector(p.e1, p.e2, p.e3)
+    return EulerParameters(p.e0, v.x, v.y, v.z)
 
 
 def normalised(p: EulerParameters) -> EulerParameters:

@@ -8,12 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .assembly import check_names, require_assembled
+from .assembly import check_names, require_assembled, require_representable
 from .bodies import State
+from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
 from .fields import concrete, recheck, require, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
+from .joint_coordinates import JointCoordinates
 from .results import RESULTS
 from .running import HostLoop, OnePiece
 from .scene import Scene
@@ -39,6 +41,7 @@ def simulate(
     solver: diffrax.AbstractSolver | None = None,
     controller: diffrax.AbstractStepSizeController | None = None,
     first_step: Any = None,
+    coordinates: AbstractCoordinates | None = None,
     stabilisation: AbstractStabilisation | None = None,
     landing_tolerance: Any = 1e-12,
     ledger: bool = False,
@@ -69,6 +72,7 @@ def simulate(
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
       looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.
+    - `coordinates`: `JointCoordinates()` unless given, or `AbsoluteCoordinates()`.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
     - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
       ``None`` steps across them.
@@ -88,14 +92,16 @@ def simulate(
     """
     check_precision(allow_float32)
     traced = _is_traced((scene, state, end_time, start_time))
+    coordinates = JointCoordinates() if coordinates is None else coordinates
     names: tuple[str, ...] = ()
     if not traced:
         save_at = _check_times(start_time, end_time, save_at)
         check_values(scene, state, rtol, atol, first_step, landing_tolerance)
-        names = _check_structure(scene, state, start_time)
+        names = _check_structure(scene, state, start_time, coordinates)
     if redundant is None:
         redundant = bool(names)
     formulation = Formulation(
+        coordinates,
         stabilisation=Baumgarte() if stabilisation is None else stabilisation,
         redundant=redundant,
         ledger=ledger,
@@ -222,10 +228,13 @@ def _check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
     return times
 
 
-def _check_structure(scene: Scene, state: State, t: Any) -> tuple[str, ...]:
+def _check_structure(
+    scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
-    report = constraint_report(scene, state, t)
+    report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
+    require_representable(scene, state, coordinates)
     return report.redundant

@@ -27,7 +27,7 @@ from .impacts import (
     second_rates,
     updated_memory,
 )
-from .projection import project_positions, project_velocities
+from .projection import is_constrained, project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
 from .vectors import Scalar
@@ -140,13 +140,15 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
     t1 = jnp.minimum(step.t_next, t_end)
     term, args = _term(method), (scene, step.memory)
-    made_jump = step.jumped if _may_jump(method, scene) else False
+    projects = _projects(method, scene, step)
+    may_jump = projects or _may_jump(method, scene)
+    made_jump = step.jumped if may_jump else False
     y1, error, information, solver_state, solver_result = method.solver.step(
         term, step.t, t1, step.y, args, step.solver_state, made_jump
     )
     finite = _all_finite((y1, error))
     y1 = _choose(finite, y1, step.y)
-    if isinstance(method.formulation.stabilisation, Projection):
+    if projects:
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
     judged = (step.t, t1, step.y, y1, args, error, _error_order(method, term))
@@ -171,7 +173,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         _choose(keep, after, step.reaches),
         _choose(keep, solver_state, step.solver_state),
         controller_state,
-        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
+        jnp.where(keep, jumped | may_jump, step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -179,13 +181,20 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     return Attempt(advanced, keep, step.t, step.memory, information)
 
 
+def _projects(method: Method, scene: Scene, step: Step) -> bool:
+    """Whether steps end on the constraints, which leaves the last stage stale."""
+    formulation = method.formulation
+    return isinstance(formulation.stabilisation, Projection) and is_constrained(
+        scene, formulation, step.y.motion, step.t
+    )
+
+
 def _may_jump(method: Method, scene: Scene) -> bool:
-    """Whether an accepted step may leave the last stage stale.
+    """Whether a new memory may leave the last stage stale.
 
     Landing sets the memory where the force is still zero, so that it leaves it right.
     """
-    projects = isinstance(method.formulation.stabilisation, Projection)
-    return projects or (method.landing is None and has_memory(scene))
+    return method.landing is None and has_memory(scene)
 
 
 def _memory_after(

@@ -10,6 +10,7 @@ program is compiled for each pattern of zeros and ones, not for each number.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +26,11 @@ def _is(value: Scalar, number: float) -> bool:
     return isinstance(value, int | float) and value == number
 
 
+def is_zero(a: Scalar) -> bool:
+    """Whether a number is a structural zero."""
+    return _is(a, 0)
+
+
 def add(a: Scalar, b: Scalar) -> Scalar:
     """a + b, where a structural zero vanishes."""
     if _is(a, 0):
@@ -35,7 +41,10 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """a - b, where a structural zero vanishes."""
+    """a - b, where a structural zero vanishes, and so does the difference of one number and
+    itself."""
+    if a is b:
+        return 0.0
     if _is(b, 0):
         return a
     if _is(a, 0):
@@ -83,6 +92,9 @@ class Vector:
         return Vector(multiply(self.x, factor), multiply(self.y, factor), multiply(self.z, factor))
 
     __rmul__ = __mul__
+
+    def __iter__(self) -> Iterator[Scalar]:
+        return iter((self.x, self.y, self.z))
 
     def dot(self, other: "Vector") -> Scalar:
         """Scalar product."""
@@ -133,6 +145,15 @@ class Matrix:
         x, y, z = self.row_x, self.row_y, self.row_z
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
 
+    def plus(self, other: "Matrix") -> "Matrix":
+        """The sum of two matrices."""
+        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
+
+    def times(self, other: "Matrix") -> "Matrix":
+        """The product of two matrices."""
+        rows = (self.row_x, self.row_y, self.row_z)
+        return Matrix(*(other.transposed_times(row) for row in rows))
+
     def inverse(self) -> "Matrix":
         """The inverse, by the adjugate."""
         x, y, z = self.row_x, self.row_y, self.row_z
@@ -142,6 +163,7 @@ class Matrix:
 
 
 IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
+NOTHING = Matrix(ZERO, ZERO, ZERO)
 
 
 @jax.tree_util.register_dataclass

@@ -11,9 +11,10 @@ from ..fields import (
     require_euler_parameters,
     require_point,
 )
-from ..rotations import rotation_matrix, transverse_axes, unit
+from ..rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row
+from .freedoms import Ball, Hinge, Weld, aligning
 from .primitives import coincident_points, perpendicular
 
 
@@ -33,6 +34,10 @@ class AbstractPairJoint(AbstractConstraint):
     def body_names(self) -> tuple[str, ...]:
         """The two bodies."""
         return self.first, self.second
+
+    def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
+        """What belongs to the first and the second body, the parent's before the child's."""
+        return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
         first, second = motions[self.first], motions[self.second]
@@ -68,6 +73,10 @@ class SphericalJoint(AbstractPairJoint):
         del t
         return self._coincidence(motions)
 
+    def freedom(self, parent: str) -> Ball:
+        """Turning freely."""
+        return Ball(*self._ordered(parent, self.point_first, self.point_second))
+
 
 class RevoluteJoint(AbstractPairJoint):
     """Points coincide and axes stay parallel; five rows.
@@ -98,6 +107,12 @@ class RevoluteJoint(AbstractPairJoint):
             rows[label] = self._perpendicular(motions, unit(self.axis_first), direction)
         return rows
 
+    def freedom(self, parent: str) -> Hinge:
+        """Turning about the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return Hinge(*points, here, aligning(there, here))
+
 
 class FixedJoint(AbstractPairJoint):
     """Two bodies that move as one; six rows.
@@ -127,3 +142,9 @@ class FixedJoint(AbstractPairJoint):
         ):
             rows[label] = self._perpendicular(motions, a, relative.transposed_times(b))
         return rows
+
+    def freedom(self, parent: str) -> Weld:
+        """None."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        return Weld(*points, turn)

@@ -13,8 +13,10 @@ import xarray as xr
 
 from ..batch import Common, Task
 from ..bodies import State
+from ..coordinates import AbstractCoordinates
 from ..dynamics import AbstractStabilisation, Baumgarte, Formulation
 from ..fields import require
+from ..joint_coordinates import JointCoordinates
 from ..lanes import Plan
 from ..records import require_dense
 from ..reductions import AbstractReduction
@@ -55,6 +57,7 @@ def sweep(
     solver: diffrax.AbstractSolver | None = None,
     controller: diffrax.AbstractStepSizeController | None = None,
     first_step: float | None = None,
+    coordinates: AbstractCoordinates | None = None,
     stabilisation: AbstractStabilisation | None = None,
     landing_tolerance: float | None = 1e-12,
     ledger: bool = False,
@@ -99,6 +102,7 @@ def sweep(
         "solver": solver,
         "controller": controller,
         "first_step": first_step,
+        "method: coordinates": coordinates,
         "stabilisation": stabilisation,
         "landing_tolerance": landing_tolerance,
         "ledger": ledger,
@@ -115,9 +119,12 @@ def sweep(
     )
     lanes = lanes_of(scene, state, axes, layout.values())
     check_values(scene, state, rtol, atol, first_step, landing_tolerance)
+    coordinates = JointCoordinates() if coordinates is None else coordinates
+    report = constraint_report(*lanes.first(), start_time, coordinates)
     formulation = Formulation(
+        coordinates,
         stabilisation=Baumgarte() if stabilisation is None else stabilisation,
-        redundant=bool(constraint_report(*lanes.first(), start_time).redundant),
+        redundant=bool(report.redundant),
         ledger=ledger,
     )
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
