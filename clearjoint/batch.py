@@ -43,8 +43,8 @@ class Extent(eqx.Module):
 
     pool: int = eqx.field(static=True)
     places: int = eqx.field(static=True)
-    turns: int = 256
-    slices: int = 8
+    turns: int = eqx.field(default=256, static=True)
+    slices: int = eqx.field(default=8, static=True)
 
 
 class Task(eqx.Module):

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from .absolute import AbsoluteCoordinates
-from .assembly import ACCEPTED_VIOLATION
+from .assembly import ACCEPTED_VIOLATION, REPRESENTED
 from .bodies import State
 from .coordinates import row_rate
 from .dynamics import constraint_rows, flattened
@@ -21,7 +21,7 @@ from .reductions import AbstractReduction
 from .results import RESULTS
 from .scene import Scene
 from .stepping import Attempt, Method, Step, Variables, attempt, running, start
-from .vectors import Scalar, unpack
+from .vectors import EulerParameters, Scalar, unpack
 
 WINDOW = SLOTS + 1
 
@@ -90,7 +90,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
     step = start(method, scene, start_time, orders.end_time, orders.first_step, y, state.memory)
-    fits = _is_assembled(scene, state, start_time)
+    fits = _is_assembled(plan, scene, state, start_time)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
@@ -228,15 +228,24 @@ def _empty_bracket(plan: Plan, scene: Scene, step: Step, orders: Orders) -> Brac
     return Bracket(row, row, stages)
 
 
-def _is_assembled(scene: Scene, state: State, t: Scalar) -> Scalar:
-    """Whether position and velocity satisfy all ideal joints."""
-    coordinates = AbsoluteCoordinates()
-    motions = coordinates.motions(scene, coordinates.encode(scene, unpack(state.bodies)))
+def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:
+    """Whether position and velocity satisfy all ideal joints, and the coordinates can hold them."""
+    bodies, absolute = unpack(state.bodies), AbsoluteCoordinates()
+    motions = absolute.motions(scene, absolute.encode(scene, bodies))
     fits: Scalar = jnp.asarray(True)
-    for row in flattened(constraint_rows(scene, motions, t)):
+    for row in flattened(constraint_rows(scene, absolute, motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
+    own = plan.method.formulation.coordinates
+    for name, held in own.decode(scene, own.encode(scene, bodies)).items():
+        fits = fits & (_apart(held.orientation, bodies[name].orientation) <= REPRESENTED)
     return fits
+
+
+def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
+    """1 less the cosine of half the angle between two orientations."""
+    cosine = p.e0 * q.e0 + p.e1 * q.e1 + p.e2 * q.e2 + p.e3 * q.e3
+    return 1.0 - jnp.abs(cosine)
 
 
 def _choose(condition: Scalar, first: Any, second: Any) -> Any:

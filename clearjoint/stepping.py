@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .bodies import BodyState
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
 from .explicit import UnrolledExplicit
 from .impacts import (
@@ -30,7 +31,7 @@ from .impacts import (
 from .projection import is_constrained, project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
-from .vectors import Scalar
+from .vectors import Scalar, Vector
 
 REJECTED_ERROR = 1e100
 
@@ -151,7 +152,15 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     if projects:
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    judged = (step.t, t1, step.y, y1, args, error, _error_order(method, term))
+    judged = (
+        step.t,
+        t1,
+        _magnitudes(step.y),
+        _magnitudes(y1),
+        args,
+        error,
+        _error_order(method, term),
+    )
     controller = method.controller.wrap(1)
     keep, _, t_next, jumped, controller_state, controller_result = controller.adapt_step_size(
         *judged, step.controller_state
@@ -187,6 +196,27 @@ def _projects(method: Method, scene: Scene, step: Step) -> bool:
     return isinstance(formulation.stabilisation, Projection) and is_constrained(
         scene, formulation, step.y.motion, step.t
     )
+
+
+def _magnitudes(y: Variables) -> Variables:
+    """What errors are compared with: each component, but of positions and velocities the largest.
+
+    A journal that rolls along the wall hardly moves along one axis. Judged against that, its
+    velocity would take a third more steps, for nothing, and their number would depend on the axes.
+    """
+
+    def largest(vector: Vector) -> Vector:
+        size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
+        return Vector(size, size, size)
+
+    def of(node: Any) -> Any:
+        if not isinstance(node, BodyState):
+            return node
+        return BodyState(
+            largest(node.position), node.orientation, largest(node.velocity), node.spin
+        )
+
+    return jax.tree.map(of, y, is_leaf=lambda node: isinstance(node, BodyState))
 
 
 def _may_jump(method: Method, scene: Scene) -> bool:
