@@ -63,7 +63,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         made_jump: Any,
     ) -> tuple[Any, Any, dict[str, Any], Any, diffrax.RESULTS]:
         """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
-        tableau = self.method.tableau
+        tableau = _tableau(self.method)
         h = t1 - t0
         stages = [solver_state if made_jump is False else terms.vf(t0, y0, args)]
         y = y0
@@ -78,6 +78,11 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         )
         information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
+
+
+def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
+    assert isinstance(method.tableau, diffrax.ButcherTableau)
+    return method.tableau
 
 
 def _advanced(y0: Any, h: Scalar, weights: Any, stages: list[Any]) -> Any:
@@ -104,7 +109,8 @@ def dense_weights(method: diffrax.AbstractERK) -> np.ndarray:
     Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
     diffrax's interpolant, which is linear in the stages.
     """
-    stages = method.tableau.num_stages
+    tableau = _tableau(method)
+    stages = tableau.num_stages
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
     rows = []
@@ -112,7 +118,7 @@ def dense_weights(method: diffrax.AbstractERK) -> np.ndarray:
         for k in range(stages):
             unit = np.zeros(stages)
             unit[k] = 1.0
-            y0, y1 = jnp.zeros(()), jnp.asarray(unit @ np.asarray(method.tableau.b_sol))
+            y0, y1 = jnp.zeros(()), jnp.asarray(unit @ np.asarray(tableau.b_sol))
             dense = method.interpolation_cls(t0=0.0, t1=1.0, y0=y0, y1=y1, k=jnp.asarray(unit))
             rows.append([float(dense.evaluate(place)) for place in x])
     return np.linalg.solve(np.vander(x, increasing=True), np.array(rows).T).T

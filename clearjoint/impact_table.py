@@ -12,6 +12,7 @@ from .bodies import State
 from .contact import AbstractContactLaw, Gap
 from .dynamics import Formulation, contact_forces, contact_normal_force, state_rates
 from .impacts import second_rates
+from .scene import Scene
 from .vectors import Structured, unpack
 
 SAMPLES_A_STEP = 17
@@ -77,10 +78,10 @@ class Sample(eqx.Module):
 
 @eqx.filter_jit
 def contact_histories(
-    scene: Structured, formulation: Formulation, times: Any, states: State
+    form: Structured, formulation: Formulation, times: Any, states: State
 ) -> dict[str, dict[str, History]]:
     """The contacts at recorded states (in scalar form, times in front)."""
-    scene = unpack(scene)
+    scene: Scene = unpack(form)
 
     def at(t: Any, state: State) -> dict[str, dict[str, Sample]]:
         variables = formulation.coordinates.encode(scene, state.bodies)
@@ -187,8 +188,8 @@ def _peak(values: Any) -> tuple[Any, Any]:
 class ImpactCollector:
     """Builds the table from successive pieces of the record, keeping only contacts still open."""
 
-    def __init__(self, scene: Structured, formulation: Formulation):
-        self._scene, self._formulation = scene, formulation
+    def __init__(self, form: Structured, formulation: Formulation):
+        self._form, self._formulation = form, formulation
         self._tails: dict[tuple[str, str], tuple[np.ndarray, History]] = {}
         self._rows: list[tuple[Any, ...]] = []
         self._last_row: tuple[np.ndarray, State] | None = None
@@ -210,7 +211,7 @@ class ImpactCollector:
             lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], PIECE - count)]),
             (times, states),
         )
-        histories = contact_histories(self._scene, self._formulation, *full)
+        histories = contact_histories(self._form, self._formulation, *full)
         for joint, family in histories.items():
             for contact, history in family.items():
                 cut = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], history)

@@ -37,7 +37,9 @@ def numbers_at(tree: Any, place: Place) -> list[Number]:
     structure = jax.tree.structure(tree)
     marked = jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
     try:
-        found = jax.tree.leaves(place(marked), is_leaf=lambda node: isinstance(node, Number))
+        found: list[Any] = jax.tree.leaves(
+            place(marked), is_leaf=lambda node: isinstance(node, Number)
+        )
     except (AttributeError, KeyError, TypeError) as error:
         found = [error]
     require(

@@ -27,8 +27,8 @@ segment_compiled = eqx.filter_jit(segment)
 class AbstractRun:
     """What both ways share: the parts of a solution."""
 
-    def __init__(self, scene: Structured, method: Method, end: Any, redundant: tuple[str, ...]):
-        self._scene, self._method, self._end = scene, method, end
+    def __init__(self, form: Structured, method: Method, end: Any, redundant: tuple[str, ...]):
+        self._form, self._method, self._end = form, method, end
         self._redundant = redundant
 
     def _solution(
@@ -37,7 +37,7 @@ class AbstractRun:
         unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
         result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
         coordinates = self._method.formulation.coordinates
-        bodies = coordinates.decode(unpack(self._scene), step.y.motion)
+        bodies = coordinates.decode(unpack(self._form), step.y.motion)
         return Solution(
             step.t,
             pack(State(bodies, step.memory, step.y.work)),
@@ -60,7 +60,7 @@ class OnePiece(AbstractRun):
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
         limit = jnp.asarray(max_steps)
-        now, saved = segment(self._method, self._scene, now, times, self._end, limit)
+        now, saved = segment(self._method, self._form, now, times, self._end, limit)
         if saved is None:
             return self._solution(now.step, None, None, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
@@ -96,7 +96,7 @@ class HostLoop(AbstractRun):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
-                    self._method, self._scene, now, waiting.chunk(), self._end, jnp.asarray(limit)
+                    self._method, self._form, now, waiting.chunk(), self._end, jnp.asarray(limit)
                 )
                 waiting.take(saved)
                 if now.record is not None:

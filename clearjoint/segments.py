@@ -101,7 +101,7 @@ class Saved(eqx.Module):
 
 def begin(
     method: Method,
-    scene: Structured,
+    form: Structured,
     state: State,
     t0: Any,
     t_end: Any,
@@ -110,7 +110,7 @@ def begin(
     record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
-    scene = unpack(scene)
+    scene: Scene = unpack(form)
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
     step = start(method, scene, t0, t_end, first_step, y, state.memory)
@@ -130,7 +130,7 @@ def begin(
 
 def segment(
     method: Method,
-    scene: Structured,
+    form: Structured,
     progress: Progress,
     save_times: Any | None,
     t_end: Any,
@@ -138,7 +138,7 @@ def segment(
 ) -> tuple[Progress, Saved | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
-    scene = unpack(scene)
+    scene: Scene = unpack(form)
     if save_times is None:
         return _run_and_record(method, scene, progress, t_end, t_end, attempts), None
 

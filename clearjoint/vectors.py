@@ -17,6 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 Scalar = Any
 """A float, a numpy scalar or a JAX array of shape ()."""
@@ -209,7 +210,7 @@ def structured(tree: Any, varied: Any = None) -> Structured:
 
 
 def _pattern(leaf: Any) -> Pattern:
-    if isinstance(leaf, jax.core.Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
+    if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
     numbers = np.asarray(leaf, dtype=float).ravel()
     return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)

@@ -1,5 +1,6 @@
 """What a sweep varies, and the lanes that come of it."""
 
+import abc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,13 +12,32 @@ from ..bodies import State
 from ..fields import recheck_changes, require, require_finite
 from ..parameters import Place, numbers_at, put_numbers, unit_at
 from ..scene import Scene
+from .describe import describe
 
 Change = Callable[[Scene, State, Any], tuple[Scene, State]]
 
 
-@dataclass(frozen=True)
-class Axis:
-    """Values of one parameter.
+class AbstractAxis(abc.ABC):
+    """Values of one parameter: `values` (n,), in `unit`."""
+
+    values: np.ndarray
+
+    @abc.abstractmethod
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """The unit of the values."""
+
+    @abc.abstractmethod
+    def setter(self, scene: Scene, state: State) -> Change:
+        """A function that puts a value into scenes and states of the structure of these."""
+
+    @abc.abstractmethod
+    def described(self) -> str:
+        """What is varied, as a text by which a store knows its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis(AbstractAxis):
+    """Values of a number of the scene.
 
     **Arguments:**
 
@@ -33,45 +53,89 @@ class Axis:
     place: Place
     values: Any
     unit: str | None = None
-    kind: str = "scene"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", np.asarray(self.values, dtype=float))
-        require(
-            self.values.ndim == 1 and self.values.size > 0,
-            "values",
-            self.values,
-            "a row of numbers",
-            "pass an array of shape (n,)",
-        )
-        require_finite("values", self.values)
+        object.__setattr__(self, "values", _row(self.values))
         require(callable(self.place), "place", self.place, "a function", "pass lambda scene: ...")
 
-    @classmethod
-    def initial(cls, place: Place, values: Any, unit: str | None = None) -> "Axis":
+    @staticmethod
+    def initial(place: Place, values: Any, unit: str | None = None) -> "InitialAxis":
         """Values of a number of the initial state."""
-        return cls(place, values, unit, "state")
+        return InitialAxis(place, values, unit)
 
-    @classmethod
-    def change(cls, change: Change, values: Any, unit: str = "1") -> "Axis":
-        """Values from which ``change(scene, state, value)`` makes the lane's scene and state."""
-        return cls(change, values, unit, "change")
+    @staticmethod
+    def change(make: Change, values: Any, unit: str = "1") -> "ChangeAxis":
+        """Values from which ``make(scene, state, value)`` makes the lane's scene and state."""
+        return ChangeAxis(make, values, unit)
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The unit of the values."""
-        if self.unit is not None:
-            return self.unit
-        return unit_at(scene if self.kind == "scene" else state, self.place)
+        return unit_at(scene, self.place) if self.unit is None else self.unit
 
-    def applied(self, scene: Scene, state: State) -> Change:
-        """A function that puts a value into scenes and states of this structure."""
-        if self.kind == "change":
-            return self.place
-        if self.kind == "scene":
-            numbers = numbers_at(scene, self.place)
-            return lambda scene, state, value: (put_numbers(scene, numbers, value), state)
+    def setter(self, scene: Scene, state: State) -> Change:
+        """Puts a value at the place."""
+        numbers = numbers_at(scene, self.place)
+        return lambda scene, state, value: (put_numbers(scene, numbers, value), state)
+
+    def described(self) -> str:
+        """The place."""
+        return f"scene {describe(self.place)}"
+
+
+@dataclass(frozen=True, eq=False)
+class InitialAxis(AbstractAxis):
+    """Values of a number of the initial state; see `Axis`."""
+
+    place: Place
+    values: Any
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", _row(self.values))
+
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """The unit of the values."""
+        return unit_at(state, self.place) if self.unit is None else self.unit
+
+    def setter(self, scene: Scene, state: State) -> Change:
+        """Puts a value at the place."""
         numbers = numbers_at(state, self.place)
         return lambda scene, state, value: (scene, put_numbers(state, numbers, value))
+
+    def described(self) -> str:
+        """The place."""
+        return f"state {describe(self.place)}"
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeAxis(AbstractAxis):
+    """Values from which a function makes scene and state; see `Axis`."""
+
+    make: Change
+    values: Any
+    unit: str = "1"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", _row(self.values))
+
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """The unit of the values."""
+        return self.unit
+
+    def setter(self, scene: Scene, state: State) -> Change:
+        """The function."""
+        return self.make
+
+    def described(self) -> str:
+        """The function."""
+        return f"change {describe(self.make)}"
+
+
+def _row(values: Any) -> np.ndarray:
+    row = np.asarray(values, dtype=float)
+    require(row.ndim == 1 and row.size > 0, "values", row, "a row of numbers", "pass shape (n,)")
+    require_finite("values", row)
+    return row
 
 
 @dataclass(frozen=True)
@@ -108,10 +172,10 @@ class Lanes:
 
 
 def lanes_of(
-    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
+    scene: Scene, state: State, axes: Mapping[str, AbstractAxis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
     """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
-    changes = {name: axis.applied(scene, state) for name, axis in axes.items()}
+    changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     count = len(next(iter(values.values())))
     structure = jax.tree.structure((scene, state))
     bad: dict[int, str] = {}

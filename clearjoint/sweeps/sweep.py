@@ -11,13 +11,13 @@ import jax
 import numpy as np
 import xarray as xr
 
-from ..batch import Common, Task
 from ..bodies import State
 from ..coordinates import AbstractCoordinates
 from ..dynamics import AbstractStabilisation, Baumgarte, Formulation
 from ..fields import require
 from ..joint_coordinates import JointCoordinates
 from ..lanes import Plan
+from ..pool import Common, Task
 from ..records import require_dense
 from ..reductions import AbstractReduction
 from ..results import result_numbers
@@ -25,7 +25,7 @@ from ..scene import Scene
 from ..simulate import check_precision, check_values, make_method
 from ..structure import constraint_report
 from ..vectors import structured
-from .axes import Axis, Lanes, lanes_of
+from .axes import AbstractAxis, Lanes, lanes_of
 from .describe import describe, scene_settings, structure_setting, versions
 from .execution import run_chunks
 from .layout import RESULT, Coordinate, Layout
@@ -43,7 +43,7 @@ def sweep(
     scene: Scene,
     state: State,
     end_time: float | Callable[[Scene], float],
-    axes: Mapping[str, Axis],
+    axes: Mapping[str, AbstractAxis],
     outputs: Mapping[str, Output] | None = None,
     *,
     zipped: bool = False,
@@ -176,13 +176,13 @@ def _check_outputs(outputs: Mapping[str, Output]) -> None:
 def _described(
     scene: Scene,
     state: State,
-    axes: Mapping[str, Axis],
+    axes: Mapping[str, AbstractAxis],
     outputs: Mapping[str, Output],
     settings: Mapping[str, Any],
 ) -> dict[str, str]:
     return {
         **{name: describe(value) for name, value in settings.items()},
-        **{f"axis {name}": f"{axis.kind} {describe(axis.place)}" for name, axis in axes.items()},
+        **{f"axis {name}": axis.described() for name, axis in axes.items()},
         **{f"output {name}": describe(output) for name, output in outputs.items()},
         "structure": structure_setting(scene),
         **scene_settings(scene, state),

@@ -7,7 +7,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..batch import Batch, Common, Ended, Extent, Task
+from ..batch import Batch, Ended
+from ..pool import Common, Extent, Task
 from ..results import RESULTS, result_number
 from .layout import RESULT, Variable
 
@@ -97,7 +98,7 @@ class Work:
                     np.arange(len(values)) < count, values, np.nan
                 )
             if (counted := variable_name(name, "count")) in self.variables:
-                results[counted] = count
+                results[counted] = np.asarray(count)
         return {
             name: np.asarray(results[name], variable.dtype)
             for name, variable in self.variables.items()
