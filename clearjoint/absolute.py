@@ -73,32 +73,6 @@ class AbsoluteCoordinates(AbstractCoordinates):
         """The equations of motion of the bodies (eq. 29)."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
-    def moved(self, scene: Scene, variables: Bodies, changes: Speeds) -> Bodies:
-        """Positions shifted and orientations turned."""
-        points = anchors(scene)
-        moved = {}
-        for name, change in by_body(scene, changes).items():
-            body, shift = variables[name], change.linear
-            if name in points:
-                turn = change.angular.cross(points[name][0])
-                shift = shift + rotation_matrix(body.orientation) @ turn
-            turned_body = turned(body.orientation, change.angular)
-            moved[name] = BodyState(body.position + shift, turned_body, body.velocity, body.spin)
-        return moved
-
-    def kicked(self, scene: Scene, variables: Bodies, changes: Speeds) -> Bodies:
-        """Velocities and spins changed."""
-        kicked = {}
-        for name, change in by_body(scene, changes).items():
-            body = variables[name]
-            kicked[name] = BodyState(
-                body.position,
-                body.orientation,
-                body.velocity + change.linear,
-                body.spin + change.angular,
-            )
-        return kicked
-
 
 class AbsoluteMechanics(AbstractMechanics):
     """Newton and Euler for each body; H is the identity."""
@@ -151,6 +125,27 @@ class AbsoluteMechanics(AbstractMechanics):
                 acceleration.angular,
             )
         return found
+
+    def moved(self, changes: Speeds) -> Bodies:
+        """Positions shifted and orientations turned."""
+        moved = {}
+        for name, change in by_body(self._scene, changes).items():
+            body, motion, shift = self._variables[name], self.motions[name], change.linear
+            if motion.anchor is not None:
+                turn = change.angular.cross(motion.anchor.local)
+                shift = shift + motion.direction(turn)
+            orientation = turned(body.orientation, change.angular)
+            moved[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
+        return moved
+
+    def kicked(self, changes: Speeds) -> Bodies:
+        """Velocities and spins changed."""
+        kicked = {}
+        for name, change in by_body(self._scene, changes).items():
+            body = self._variables[name]
+            velocity, spin = body.velocity + change.linear, body.spin + change.angular
+            kicked[name] = BodyState(body.position, body.orientation, velocity, spin)
+        return kicked
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, Acceleration]:

@@ -54,16 +54,12 @@ class AbstractBranch(abc.ABC):
         components into global ones."""
 
     @abc.abstractmethod
-    def moved(self, state: Any, changes: Speeds) -> Any:
+    def moved(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
         """The variables after a small motion along the speeds."""
 
     @abc.abstractmethod
-    def kicked(self, state: Any, changes: Speeds) -> Any:
+    def kicked(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
         """The variables after changes of the speeds."""
-
-    @abc.abstractmethod
-    def count(self, state: Any) -> int:
-        """Number of speeds."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
@@ -114,21 +110,17 @@ class FreeBranch(AbstractBranch):
             Vector(*speeds[3:]),
         )
 
-    def moved(self, state: BodyState, changes: Speeds) -> BodyState:
+    def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Shifted and turned."""
-        shift = rotation_matrix(state.orientation) @ Vector(*changes[:3])
+        shift = axes @ Vector(*changes[:3])
         orientation = turned(state.orientation, Vector(*changes[3:]))
         return BodyState(state.position + shift, orientation, state.velocity, state.spin)
 
-    def kicked(self, state: BodyState, changes: Speeds) -> BodyState:
+    def kicked(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Velocity and spin changed."""
-        velocity = state.velocity + rotation_matrix(state.orientation) @ Vector(*changes[:3])
+        velocity = state.velocity + axes @ Vector(*changes[:3])
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
-
-    def count(self, state: BodyState) -> int:
-        """Six."""
-        return 6
 
     def falls(self) -> bool:
         """They are."""
@@ -179,18 +171,14 @@ class JointedBranch(AbstractBranch):
         """The position's rates, and the speeds'."""
         return JointState(self.freedom.rates(state), tuple(speeds))
 
-    def moved(self, state: JointState, changes: Speeds) -> JointState:
+    def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """Moved along the freedom."""
         return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
 
-    def kicked(self, state: JointState, changes: Speeds) -> JointState:
+    def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """The speeds changed."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
-
-    def count(self, state: JointState) -> int:
-        """As many as the joint leaves free."""
-        return len(state.speeds)
 
     def falls(self) -> bool:
         """They are not."""

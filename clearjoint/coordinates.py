@@ -68,6 +68,14 @@ class AbstractMechanics(abc.ABC):
     def variable_rates(self, rates: Speeds) -> Any:
         """Time derivative of the variables for rates of the speeds."""
 
+    @abc.abstractmethod
+    def moved(self, changes: Speeds) -> Any:
+        """The variables after a small motion along the speeds (m and rad)."""
+
+    @abc.abstractmethod
+    def kicked(self, changes: Speeds) -> Any:
+        """The variables after changes of the speeds."""
+
 
 class AbstractCoordinates(eqx.Module):
     """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form."""
@@ -91,14 +99,6 @@ class AbstractCoordinates(eqx.Module):
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: Any) -> AbstractMechanics:
         """The equations of motion."""
-
-    @abc.abstractmethod
-    def moved(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
-        """The variables after a small motion along the speeds (m and rad)."""
-
-    @abc.abstractmethod
-    def kicked(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
-        """The variables after changes of the speeds."""
 
 
 def response(

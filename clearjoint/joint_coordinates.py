@@ -80,34 +80,9 @@ class JointCoordinates(AbstractCoordinates):
         """The equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
-    def moved(self, scene: Scene, variables: Variables, changes: Speeds) -> Variables:
-        """Positions of joints and free bodies changed."""
-        return {
-            branch.body: branch.moved(variables[branch.body], own)
-            for branch, own in _shared_out(scene, variables, changes)
-        }
-
-    def kicked(self, scene: Scene, variables: Variables, changes: Speeds) -> Variables:
-        """Speeds of joints and free bodies changed."""
-        return {
-            branch.body: branch.kicked(variables[branch.body], own)
-            for branch, own in _shared_out(scene, variables, changes)
-        }
-
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
     return [branch for tree in forest(scene) for branch in tree]
-
-
-def _shared_out(
-    scene: Scene, variables: Variables, numbers: Speeds
-) -> Iterator[tuple[AbstractBranch, Speeds]]:
-    """Each branch with the numbers of its own speeds."""
-    first = 0
-    for branch in _branches(scene):
-        count = branch.count(variables[branch.body])
-        yield branch, numbers[first : first + count]
-        first += count
 
 
 class JointMechanics(AbstractMechanics):
@@ -150,4 +125,14 @@ class JointMechanics(AbstractMechanics):
     def variable_rates(self, rates: Speeds) -> Variables:
         """Rates of the variables of all trees."""
         parts = [tree.variable_rates(part) for tree, part in self._shared_out(rates)]
+        return {name: found for part in parts for name, found in part.items()}
+
+    def moved(self, changes: Speeds) -> Variables:
+        """The variables of all trees moved."""
+        parts = [tree.moved(part) for tree, part in self._shared_out(changes)]
+        return {name: found for part in parts for name, found in part.items()}
+
+    def kicked(self, changes: Speeds) -> Variables:
+        """The variables of all trees kicked."""
+        parts = [tree.kicked(part) for tree, part in self._shared_out(changes)]
         return {name: found for part in parts for name, found in part.items()}
