@@ -1,6 +1,6 @@
 """Absolute coordinates: each body by itself, all ideal joints constraints, as in the paper."""
 
-from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Anchor, Body, BodyState, Motion, Wrench
+from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -9,6 +9,7 @@ from .coordinates import (
     Speeds,
     Wrenches,
     anchors,
+    free_motion,
 )
 from .joints.base import Row
 from .rotations import euler_parameter_rates, rotation_matrix, turned
@@ -57,17 +58,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
         """Motion of each body."""
         points = anchors(scene)
-        motions = {GROUND: GROUND_MOTION}
-        for name, body in variables.items():
-            rotation = rotation_matrix(body.orientation)
-            position, anchor = body.position, None
-            if name in points:
-                local, origin = points[name]
-                velocity = body.velocity + rotation @ body.spin.cross(local)
-                anchor = Anchor(local, origin, body.position, velocity)
-                position = (origin + body.position) - rotation @ local
-            motions[name] = Motion(position, rotation, body.velocity, body.spin, anchor)
-        return motions
+        free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
+        return {GROUND: GROUND_MOTION, **free}
 
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
         """The equations of motion of the bodies (eq. 29)."""

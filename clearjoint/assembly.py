@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -89,6 +90,14 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
+    shapes = jax.eval_shape(lambda: coordinates.encode(unpack(scene), unpack(state.bodies)))
+    require(
+        bool(jax.tree.leaves(shapes)),
+        "coordinates",
+        type(coordinates).__name__,
+        "such that something is left to move",
+        "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
+    )
     held = _held(scene, state, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)

@@ -32,8 +32,8 @@ Variables = dict[str, Any]
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds of the bodies along the ideal joints that carry them.
 
-    A body that nothing carries has a position, Euler parameters, velocity and body spin; position
-    and velocity are those of its `Anchor` if it hangs on the ground by a clearance joint.
+    A body that nothing carries has the variables that it has in absolute coordinates, those of its
+    `Anchor` included.
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:

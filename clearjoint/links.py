@@ -1,9 +1,9 @@
-"""The bodies of a tree in one frame: where they are, how they may move, what they weigh.
+"""The bodies of a tree in one frame: where they are, and how they may move.
 
-All vectors of a tree are in the axes of its root body and from a point that the root cannot leave:
-the joint that carries it, or, of a free body, the point that its position variable tells. So the
-root's inertia is constant, constant vectors keep their structural zeros, and the mass matrix holds
-total mass times identity where the root's velocity is an unknown.
+All vectors of a tree are in the axes of its root body and from a point that the root carries along:
+the joint on the ground, or, of a free body, its centre of mass. So the root's inertia is constant,
+constant vectors keep their structural zeros, and the mass matrix holds total mass times identity
+where the root's velocity is an unknown.
 """
 
 from dataclasses import dataclass
@@ -46,11 +46,11 @@ class Link:
 GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
 
 
-def free_link(local: Vector, spin: Vector) -> Link:
-    """A free body by its point `local`: three velocities of that, and its spin."""
-    spread, axes = _spread(spin, ZERO), (UNIT_X, UNIT_Y, UNIT_Z)
+def free_link(spin: Vector) -> Link:
+    """A free body: three velocities of its centre of mass, and its spin."""
+    axes = UNIT_X, UNIT_Y, UNIT_Z
     columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
-    return Link(IDENTITY, -local, spin, ZERO, spread @ -local, spread, tuple(columns))
+    return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _spread(spin, ZERO), tuple(columns))
 
 
 def jointed_link(parent: Link | None, freedom: AbstractFreedom, state: JointState) -> Link:
