@@ -302,7 +302,8 @@ def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
 
 def test_structure_without_motion_is_for_absolute_coordinates():
     joint = cj.FixedJoint(GROUND, "wall", (0, 0, 0), (0, 0, 0))
-    scene = cj.Scene({"wall": cj.Body(2.0, (1.0, 1.0, 1.0))}, {"foot": joint}, gravity=(0, 0, -9.81))
+    wall = cj.Body(2.0, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"wall": wall}, {"foot": joint}, gravity=(0, 0, -9.81))
     state = cj.State({"wall": cj.body_state((0, 0, 0))})
     with pytest.raises(ValueError, match="something is left to move"):
         cj.simulate(scene, state, 0.1)
