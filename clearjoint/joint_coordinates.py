@@ -34,6 +34,12 @@ class JointCoordinates(AbstractCoordinates):
 
     A body that nothing carries has the variables that it has in absolute coordinates, those of its
     `Anchor` included.
+
+    The default, since they are the faster ones on every mechanism measured. Time of a right-hand
+    side in a native loop of one lane, in joint and in absolute coordinates, µs: double pendulum
+    0.14 and 0.24 (0.04 and 0.07 a lane in a batch of 64), ideal one 0.03 and 0.38, double four-bar
+    0.25 and 50, Bricard 0.5 and 45, chain of 4 and of 12 bodies about changing axes 0.2 and 34, 2.3
+    and 150. The large ratios are those of systems of constraints that no longer need LAPACK.
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
