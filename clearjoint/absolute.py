@@ -1,6 +1,6 @@
 """Absolute coordinates: each body by itself, all ideal joints constraints, as in the paper."""
 
-from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Anchor, Body, BodyState, Motion, Wrench
+from .bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -9,6 +9,7 @@ from .coordinates import (
     Speeds,
     Wrenches,
     anchors,
+    free_motion,
 )
 from .joints.base import Row
 from .rotations import euler_parameter_rates, rotation_matrix, turned
@@ -57,47 +58,12 @@ class AbsoluteCoordinates(AbstractCoordinates):
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
         """Motion of each body."""
         points = anchors(scene)
-        motions = {GROUND: GROUND_MOTION}
-        for name, body in variables.items():
-            rotation = rotation_matrix(body.orientation)
-            position, anchor = body.position, None
-            if name in points:
-                local, origin = points[name]
-                velocity = body.velocity + rotation @ body.spin.cross(local)
-                anchor = Anchor(local, origin, body.position, velocity)
-                position = (origin + body.position) - rotation @ local
-            motions[name] = Motion(position, rotation, body.velocity, body.spin, anchor)
-        return motions
+        free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
+        return {GROUND: GROUND_MOTION, **free}
 
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
         """The equations of motion of the bodies (eq. 29)."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
-
-    def moved(self, scene: Scene, variables: Bodies, changes: Speeds) -> Bodies:
-        """Positions shifted and orientations turned."""
-        points = anchors(scene)
-        moved = {}
-        for name, change in by_body(scene, changes).items():
-            body, shift = variables[name], change.linear
-            if name in points:
-                turn = change.angular.cross(points[name][0])
-                shift = shift + rotation_matrix(body.orientation) @ turn
-            turned_body = turned(body.orientation, change.angular)
-            moved[name] = BodyState(body.position + shift, turned_body, body.velocity, body.spin)
-        return moved
-
-    def kicked(self, scene: Scene, variables: Bodies, changes: Speeds) -> Bodies:
-        """Velocities and spins changed."""
-        kicked = {}
-        for name, change in by_body(scene, changes).items():
-            body = variables[name]
-            kicked[name] = BodyState(
-                body.position,
-                body.orientation,
-                body.velocity + change.linear,
-                body.spin + change.angular,
-            )
-        return kicked
 
 
 class AbsoluteMechanics(AbstractMechanics):
@@ -151,6 +117,27 @@ class AbsoluteMechanics(AbstractMechanics):
                 acceleration.angular,
             )
         return found
+
+    def moved(self, changes: Speeds) -> Bodies:
+        """Positions shifted and orientations turned."""
+        moved = {}
+        for name, change in by_body(self._scene, changes).items():
+            body, motion, shift = self._variables[name], self.motions[name], change.linear
+            if motion.anchor is not None:
+                turn = change.angular.cross(motion.anchor.local)
+                shift = shift + motion.direction(turn)
+            orientation = turned(body.orientation, change.angular)
+            moved[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
+        return moved
+
+    def kicked(self, changes: Speeds) -> Bodies:
+        """Velocities and spins changed."""
+        kicked = {}
+        for name, change in by_body(self._scene, changes).items():
+            body = self._variables[name]
+            velocity, spin = body.velocity + change.linear, body.spin + change.angular
+            kicked[name] = BodyState(body.position, body.orientation, velocity, spin)
+        return kicked
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, Acceleration]:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -89,7 +90,14 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    held = _held(scene, state, coordinates)
+    variables, held = _held(scene, state, coordinates)
+    require(
+        bool(jax.tree.leaves(variables)),
+        "coordinates",
+        type(coordinates).__name__,
+        "such that something is left to move",
+        "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
+    )
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
         apart = min(np.abs(turn - other).max(), np.abs(turn + other).max())
@@ -104,10 +112,13 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
 
 @eqx.filter_jit
-def _held(scene: Scene, state: State, coordinates: AbstractCoordinates) -> dict[str, BodyState]:
+def _held(
+    scene: Scene, state: State, coordinates: AbstractCoordinates
+) -> tuple[Any, dict[str, BodyState]]:
+    """The variables of a state, and the state of the variables."""
     scene = unpack(scene)
     variables = coordinates.encode(scene, unpack(state.bodies))
-    return pack(coordinates.decode(scene, variables))
+    return variables, pack(coordinates.decode(scene, variables))
 
 
 def _require_satisfied(

@@ -7,8 +7,8 @@ import abc
 from dataclasses import dataclass
 from typing import Any
 
-from .bodies import Anchor, BodyState, Motion
-from .coordinates import Speeds
+from .bodies import BodyState, Motion
+from .coordinates import Speeds, free_motion
 from .joints.freedoms import AbstractFreedom, JointState, Relative, Twist
 from .links import Link, free_link, jointed_link
 from .rotations import (
@@ -16,7 +16,6 @@ from .rotations import (
     conjugate,
     euler_parameter_rates,
     normalised,
-    rotation_matrix,
     turned,
 )
 from .vectors import EulerParameters, Matrix, Vector, add
@@ -54,16 +53,12 @@ class AbstractBranch(abc.ABC):
         components into global ones."""
 
     @abc.abstractmethod
-    def moved(self, state: Any, changes: Speeds) -> Any:
+    def moved(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
         """The variables after a small motion along the speeds."""
 
     @abc.abstractmethod
-    def kicked(self, state: Any, changes: Speeds) -> Any:
+    def kicked(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
         """The variables after changes of the speeds."""
-
-    @abc.abstractmethod
-    def count(self, state: Any) -> int:
-        """Number of speeds."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
@@ -72,63 +67,63 @@ class AbstractBranch(abc.ABC):
 
 @dataclass(frozen=True)
 class FreeBranch(AbstractBranch):
-    """A body that nothing carries: a `BodyState` of its point `local`, from the ground's `origin`.
+    """A body that nothing carries: a `BodyState` as in absolute coordinates.
 
-    Speeds are the velocity of that point and the spin, both in body axes; rates of the former are
-    those against free fall, since gravity changes nothing else of a free tree.
+    With an anchor, a point of the body and one of the ground, its position is the former's from the
+    latter. Speeds are velocity and spin, both in body axes; rates of the former are those against
+    free fall, since gravity changes nothing else of a free tree.
     """
 
-    local: Vector
-    origin: Vector
-    anchored: bool
+    anchor: tuple[Vector, Vector] | None
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Position and velocity of the point."""
+        """Position of the centre of mass or of the anchor's point."""
         orientation, motion = body
-        arm = motion.rotation @ self.local
-        velocity = motion.velocity_at(self.local)
-        return BodyState((motion.position + arm) - self.origin, orientation, velocity, motion.spin)
+        position = motion.position
+        if self.anchor is not None:
+            local, origin = self.anchor
+            position = (position + motion.rotation @ local) - origin
+        return BodyState(position, orientation, motion.velocity, motion.spin)
 
     def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
         """As it is."""
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """From the point to the centre of mass."""
-        rotation = rotation_matrix(state.orientation)
-        position = (self.origin + state.position) - rotation @ self.local
-        velocity = state.velocity - rotation @ state.spin.cross(self.local)
-        anchor = Anchor(self.local, self.origin, state.position, state.velocity)
-        return Motion(position, rotation, velocity, state.spin, anchor if self.anchored else None)
+        """The state itself, or what the anchor makes of it."""
+        return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
         """The root of its tree."""
-        return free_link(self.local, state.spin)
+        return free_link(state.spin)
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         """Velocity, Euler parameter rates, and accelerations."""
         return BodyState(
-            state.velocity,
+            self._shift(axes, state.velocity, state.spin),
             euler_parameter_rates(state.orientation, state.spin),
             axes @ Vector(*speeds[:3]) + gravity,
             Vector(*speeds[3:]),
         )
 
-    def moved(self, state: BodyState, changes: Speeds) -> BodyState:
+    def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
+        """Velocity, or displacement, of the position's point."""
+        if self.anchor is None:
+            return velocity
+        return velocity + axes @ spin.cross(self.anchor[0])
+
+    def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Shifted and turned."""
-        shift = rotation_matrix(state.orientation) @ Vector(*changes[:3])
-        orientation = turned(state.orientation, Vector(*changes[3:]))
+        turn = Vector(*changes[3:])
+        shift = self._shift(axes, axes @ Vector(*changes[:3]), turn)
+        orientation = turned(state.orientation, turn)
         return BodyState(state.position + shift, orientation, state.velocity, state.spin)
 
-    def kicked(self, state: BodyState, changes: Speeds) -> BodyState:
+    def kicked(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Velocity and spin changed."""
-        velocity = state.velocity + rotation_matrix(state.orientation) @ Vector(*changes[:3])
+        velocity = state.velocity + axes @ Vector(*changes[:3])
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
-
-    def count(self, state: BodyState) -> int:
-        """Six."""
-        return 6
 
     def falls(self) -> bool:
         """They are."""
@@ -179,18 +174,14 @@ class JointedBranch(AbstractBranch):
         """The position's rates, and the speeds'."""
         return JointState(self.freedom.rates(state), tuple(speeds))
 
-    def moved(self, state: JointState, changes: Speeds) -> JointState:
+    def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """Moved along the freedom."""
         return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
 
-    def kicked(self, state: JointState, changes: Speeds) -> JointState:
+    def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """The speeds changed."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
-
-    def count(self, state: JointState) -> int:
-        """As many as the joint leaves free."""
-        return len(state.speeds)
 
     def falls(self) -> bool:
         """They are not."""

@@ -14,9 +14,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import GROUND, BodyState, Motion, Wrench
+from .bodies import GROUND, Anchor, BodyState, Motion, Wrench
 from .joints.base import Row
 from .linear import LARGEST_UNROLLED, AbstractSolver, inner
+from .rotations import rotation_matrix
 from .scene import Scene
 from .vectors import Scalar, Vector, add, is_zero, multiply
 
@@ -68,6 +69,14 @@ class AbstractMechanics(abc.ABC):
     def variable_rates(self, rates: Speeds) -> Any:
         """Time derivative of the variables for rates of the speeds."""
 
+    @abc.abstractmethod
+    def moved(self, changes: Speeds) -> Any:
+        """The variables after a small motion along the speeds (m and rad)."""
+
+    @abc.abstractmethod
+    def kicked(self, changes: Speeds) -> Any:
+        """The variables after changes of the speeds."""
+
 
 class AbstractCoordinates(eqx.Module):
     """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form."""
@@ -91,14 +100,6 @@ class AbstractCoordinates(eqx.Module):
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: Any) -> AbstractMechanics:
         """The equations of motion."""
-
-    @abc.abstractmethod
-    def moved(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
-        """The variables after a small motion along the speeds (m and rad)."""
-
-    @abc.abstractmethod
-    def kicked(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
-        """The variables after changes of the speeds."""
 
 
 def response(
@@ -182,3 +183,15 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
         if anchor is not None and anchor[0] not in found:
             found[anchor[0]] = anchor[1:]
     return found
+
+
+def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
+    """Motion of a body whose position is its centre of mass's, or its anchor's if it has one."""
+    rotation = rotation_matrix(body.orientation)
+    if anchor is None:
+        return Motion(body.position, rotation, body.velocity, body.spin)
+    local, origin = anchor
+    position = (origin + body.position) - rotation @ local
+    velocity = body.velocity + rotation @ body.spin.cross(local)
+    near = Anchor(local, origin, body.position, velocity)
+    return Motion(position, rotation, body.velocity, body.spin, near)

@@ -32,8 +32,14 @@ Variables = dict[str, Any]
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds of the bodies along the ideal joints that carry them.
 
-    A body that nothing carries has a position, Euler parameters, velocity and body spin; position
-    and velocity are those of its `Anchor` if it hangs on the ground by a clearance joint.
+    A body that nothing carries has the variables that it has in absolute coordinates, those of its
+    `Anchor` included.
+
+    The default, since they are the faster ones on every mechanism measured. Time of a right-hand
+    side in a native loop of one lane, in joint and in absolute coordinates, µs: double pendulum
+    0.14 and 0.24 (0.04 and 0.07 a lane in a batch of 64), ideal one 0.03 and 0.38, double four-bar
+    0.25 and 50, Bricard 0.5 and 45, chain of 4 and of 12 bodies about changing axes 0.2 and 34, 2.3
+    and 150. The large ratios are those of systems of constraints that no longer need LAPACK.
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
@@ -80,34 +86,9 @@ class JointCoordinates(AbstractCoordinates):
         """The equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
-    def moved(self, scene: Scene, variables: Variables, changes: Speeds) -> Variables:
-        """Positions of joints and free bodies changed."""
-        return {
-            branch.body: branch.moved(variables[branch.body], own)
-            for branch, own in _shared_out(scene, variables, changes)
-        }
-
-    def kicked(self, scene: Scene, variables: Variables, changes: Speeds) -> Variables:
-        """Speeds of joints and free bodies changed."""
-        return {
-            branch.body: branch.kicked(variables[branch.body], own)
-            for branch, own in _shared_out(scene, variables, changes)
-        }
-
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
     return [branch for tree in forest(scene) for branch in tree]
-
-
-def _shared_out(
-    scene: Scene, variables: Variables, numbers: Speeds
-) -> Iterator[tuple[AbstractBranch, Speeds]]:
-    """Each branch with the numbers of its own speeds."""
-    first = 0
-    for branch in _branches(scene):
-        count = branch.count(variables[branch.body])
-        yield branch, numbers[first : first + count]
-        first += count
 
 
 class JointMechanics(AbstractMechanics):
@@ -150,4 +131,14 @@ class JointMechanics(AbstractMechanics):
     def variable_rates(self, rates: Speeds) -> Variables:
         """Rates of the variables of all trees."""
         parts = [tree.variable_rates(part) for tree, part in self._shared_out(rates)]
+        return {name: found for part in parts for name, found in part.items()}
+
+    def moved(self, changes: Speeds) -> Variables:
+        """The variables of all trees moved."""
+        parts = [tree.moved(part) for tree, part in self._shared_out(changes)]
+        return {name: found for part in parts for name, found in part.items()}
+
+    def kicked(self, changes: Speeds) -> Variables:
+        """The variables of all trees kicked."""
+        parts = [tree.kicked(part) for tree, part in self._shared_out(changes)]
         return {name: found for part in parts for name, found in part.items()}

@@ -1,15 +1,13 @@
-"""The bodies of a tree in one frame: where they are, how they may move, what they weigh.
+"""The bodies of a tree in one frame: where they are, and how they may move.
 
-All vectors of a tree are in the axes of its root body and from a point that the root cannot leave:
-the joint that carries it, or, of a free body, the point that its position variable tells. So the
-root's inertia is constant, constant vectors keep their structural zeros, and the mass matrix holds
-total mass times identity where the root's velocity is an unknown.
+All vectors of a tree are in the axes of its root body and from a point that the root carries along:
+the joint on the ground, or, of a free body, its centre of mass. So the root's inertia is constant,
+constant vectors keep their structural zeros, and the mass matrix holds total mass times identity
+where the root's velocity is an unknown.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from .bodies import Body
 from .joints.freedoms import AbstractFreedom, JointState, Twist
 from .vectors import (
     IDENTITY,
@@ -19,7 +17,6 @@ from .vectors import (
     UNIT_Z,
     ZERO,
     Matrix,
-    Scalar,
     Vector,
     add,
     multiply,
@@ -49,11 +46,11 @@ class Link:
 GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
 
 
-def free_link(local: Vector, spin: Vector) -> Link:
-    """A free body by its point `local`: three velocities of that, and its spin."""
-    spread, axes = _spread(spin, ZERO), (UNIT_X, UNIT_Y, UNIT_Z)
+def free_link(spin: Vector) -> Link:
+    """A free body: three velocities of its centre of mass, and its spin."""
+    axes = UNIT_X, UNIT_Y, UNIT_Z
     columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
-    return Link(IDENTITY, -local, spin, ZERO, spread @ -local, spread, tuple(columns))
+    return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _spread(spin, ZERO), tuple(columns))
 
 
 def jointed_link(parent: Link | None, freedom: AbstractFreedom, state: JointState) -> Link:
@@ -108,51 +105,3 @@ def _spread(spin: Vector, turn_bias: Vector) -> Matrix:
         Vector(add(xy, b.z), subtract(0.0, add(xx, zz)), subtract(yz, b.x)),
         Vector(subtract(xz, b.y), add(yz, b.x), subtract(0.0, add(xx, yy))),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Inertia:
-    """Mass, first moment and moments of inertia about the tree's origin."""
-
-    mass: Scalar
-    first: Vector
-    second: Matrix
-
-    def __add__(self, other: "Inertia") -> "Inertia":
-        return Inertia(
-            add(self.mass, other.mass), self.first + other.first, self.second.plus(other.second)
-        )
-
-    def momentum(self, twist: Twist) -> Twist:
-        """Angular momentum about the origin, and momentum, for a spin and a velocity there."""
-        angular = self.second @ twist.turn + self.first.cross(twist.slide)
-        return Twist(angular, twist.slide * self.mass + twist.turn.cross(self.first))
-
-
-def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """The inertia about the centre of mass in the tree's axes."""
-    rows = (rotation.row_x, rotation.row_y, rotation.row_z)
-    images = [
-        body.inertia @ row if isinstance(body.inertia, Matrix) else row.times(body.inertia)
-        for row in rows
-    ]
-    return _symmetric(lambda i, j: rows[i].dot(images[j]))
-
-
-def inertia(body: Body, place: Vector, central: Matrix) -> Inertia:
-    """The inertia of a body about the tree's origin."""
-    first = place * body.mass
-    h, r = list(first), list(place)
-
-    def shift(i: int, j: int) -> Scalar:
-        if i != j:
-            return subtract(0.0, multiply(h[i], r[j]))
-        k, m = (i + 1) % 3, (i + 2) % 3
-        return add(multiply(h[k], r[k]), multiply(h[m], r[m]))
-
-    return Inertia(body.mass, first, central.plus(_symmetric(shift)))
-
-
-def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
-    lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
-    return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))

@@ -1,11 +1,10 @@
 """Projection of positions and velocities onto the constraints, of least kinetic energy."""
 
-from collections.abc import Callable
 from typing import Any
 
 import jax
 
-from .coordinates import Motions, Speeds, response, row_rate
+from .coordinates import AbstractMechanics, Speeds, response, row_rate
 from .dynamics import Formulation, constraint_rows, flattened
 from .joints.base import Row
 from .scene import Scene
@@ -14,21 +13,23 @@ from .vectors import Scalar
 
 def project_positions(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:
     """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
-    change = _correction(scene, formulation, variables, t, lambda row, _: -row.value)
-    if change is None:
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
+    if not rows:
         return variables
-    return formulation.coordinates.moved(scene, variables, change)
+    targets = [-row.value for row in flattened(rows)]
+    return mechanics.moved(_correction(formulation, mechanics, flattened(rows), targets))
 
 
 def project_velocities(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:
     """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy the
     rate of Phi = 0."""
-    change = _correction(
-        scene, formulation, variables, t, lambda row, motions: -row_rate(row, motions)
-    )
-    if change is None:
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
+    if not rows:
         return variables
-    return formulation.coordinates.kicked(scene, variables, change)
+    targets = [-row_rate(row, mechanics.motions) for row in flattened(rows)]
+    return mechanics.kicked(_correction(formulation, mechanics, flattened(rows), targets))
 
 
 def is_constrained(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> bool:
@@ -42,17 +43,8 @@ def is_constrained(scene: Scene, formulation: Formulation, variables: Any, t: Sc
 
 
 def _correction(
-    scene: Scene,
-    formulation: Formulation,
-    variables: Any,
-    t: Scalar,
-    target: Callable[[Row, Motions], Scalar],
-) -> Speeds | None:
+    formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], targets: list[Scalar]
+) -> Speeds:
     """The change along the speeds by which each row changes by its target."""
-    mechanics = formulation.coordinates.mechanics(scene, variables)
-    rows = flattened(constraint_rows(scene, formulation.coordinates, mechanics.motions, t))
-    if not rows:
-        return None
     directions = [mechanics.projected(row.jacobian) for row in rows]
-    targets = [target(row, mechanics.motions) for row in rows]
     return response(mechanics, directions, targets, formulation.solver())[0]

@@ -72,7 +72,8 @@ def simulate(
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
       looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.
-    - `coordinates`: `JointCoordinates()` unless given, or `AbsoluteCoordinates()`.
+    - `coordinates`: `JointCoordinates()`, which are faster, unless given; or
+      `AbsoluteCoordinates()`, in which every ideal joint is a constraint, as in the paper.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
     - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
       ``None`` steps across them.

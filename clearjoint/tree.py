@@ -7,7 +7,6 @@ from .branches import AbstractBranch, FreeBranch, JointedBranch
 from .coordinates import anchors
 from .joints.base import AbstractConstraint
 from .scene import Scene
-from .vectors import ZERO
 
 Tree = list[AbstractBranch]
 """Branches in an order in which each parent comes before its children. Only the first, the root,
@@ -27,8 +26,7 @@ def forest(scene: Scene) -> list[Tree]:
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
-            local, origin = points.get(name, (ZERO, ZERO))
-            root = FreeBranch(name, GROUND, local, origin, name in points)
+            root = FreeBranch(name, GROUND, points.get(name))
             trees.append([root, *_grown(scene, name, placed)])
     return trees
 

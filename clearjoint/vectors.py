@@ -150,6 +150,12 @@ class Matrix:
         """The sum of two matrices."""
         return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
+    def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
+        """The matrix less the product of a column and a row."""
+        return Matrix(
+            self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
+        )
+
     def times(self, other: "Matrix") -> "Matrix":
         """The product of two matrices."""
         rows = (self.row_x, self.row_y, self.row_z)

@@ -26,6 +26,7 @@ FLOORS = (
         "coordinates",
         "absolute",
         "links",
+        "inertia",
         "branches",
         "tree",
         "tree_mechanics",

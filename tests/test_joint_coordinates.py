@@ -300,6 +300,18 @@ def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
     np.testing.assert_allclose(solution.final.bodies["rod"].orientation[3], np.sin(0.05))
 
 
+def test_structure_without_motion_is_for_absolute_coordinates():
+    joint = cj.FixedJoint(GROUND, "wall", (0, 0, 0), (0, 0, 0))
+    wall = cj.Body(2.0, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"wall": wall}, {"foot": joint}, gravity=(0, 0, -9.81))
+    state = cj.State({"wall": cj.body_state((0, 0, 0))})
+    with pytest.raises(ValueError, match="something is left to move"):
+        cj.simulate(scene, state, 0.1)
+    solution = cj.simulate(scene, state, 0.1, coordinates=ABSOLUTE, save_at=[0.1])
+    force = cj.observe(scene, solution).reactions["foot"]["wall"].force[0]
+    np.testing.assert_allclose(force, (0, 0, 19.62), atol=1e-12)
+
+
 def test_orientations_keep_their_sign_over_several_turns():
     """Euler parameters of a wheel after a turn and a quarter: those of 450 degrees, not of 90."""
     joint = cj.RevoluteJoint(GROUND, "wheel", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))

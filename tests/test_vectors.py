@@ -7,7 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint.bodies import GROUND_MOTION, Motion
-from clearjoint.linear import Exact, LeastNorm, UnrolledFactorisation
+from clearjoint.linear import (
+    Exact,
+    LeastNorm,
+    OrderedFactorisation,
+    UnrolledFactorisation,
+    inner,
+)
 from clearjoint.rotations import (
     euler_parameter_rates,
     normalised,
@@ -282,3 +288,29 @@ def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved)
     s = basis @ np.diag([1.0, 1e-6, 0.0]) @ basis.T
     expected = basis @ [1.0, 1.0, 0.0]
     np.testing.assert_allclose(solved(LeastNorm(), s, s @ expected), expected, atol=1e-5)
+
+
+def test_ordered_factorisation_of_an_arrow_fills_nothing_in():
+    """Coupled to the first unknown only, n unknowns cost a few operations each; in the given order
+    the factors are full, and the cost is cubic."""
+    n = 8
+    full = np.eye(n) * 5.0
+    full[0] = full[:, 0] = RANDOM.normal(size=n)
+    full[0, 0] = 20.0
+    right = RANDOM.normal(size=n)
+
+    def solution(kind, entries, right):
+        numbers = iter(entries)
+        rows = [
+            [next(numbers) if full[i, j] else 0.0 for j in range(i + 1)] for i in range(n)
+        ]
+        return inner(kind(rows).solve(right), [1.0] * n)
+
+    entries = [jnp.asarray(x) for x in full[np.tril_indices(n)] if x]
+    found = solution(OrderedFactorisation, entries, right)
+    np.testing.assert_allclose(found, np.linalg.solve(full, right).sum(), rtol=1e-13)
+    ordered, given = (
+        equations(lambda e, r, kind=kind: solution(kind, e, list(r)), entries, tuple(right))
+        for kind in (OrderedFactorisation, UnrolledFactorisation)
+    )
+    assert ordered < 12 * n and given > 2 * ordered
