@@ -1,7 +1,6 @@
 """Names, shapes and units of what a sweep reports of its lanes."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from ..fields import require
@@ -25,8 +24,8 @@ def variables_of(
         *(Coordinate(name, labels) for name, labels in LABELS.items()),
     ]
     for name, output in outputs.items():
-        own = _reduced if isinstance(output, AbstractReduction) else partial(_recorded, scene)
-        further = own(name, output)
+        reduces = isinstance(output, AbstractReduction)
+        further = _reduced(name, output) if reduces else _recorded(scene, name, output)
         twice = sorted(set(variables) & set(further))
         require(not twice, f"outputs[{name!r}]", twice, "of other names", "rename the output")
         variables |= further
