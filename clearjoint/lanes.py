@@ -118,7 +118,12 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     if plan.looks_inside():
         bracket = _choose(kept, Bracket.of(tried), lane.bracket)
         lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
-    now = _instant(plan, scene, Row(step.t, step.y, step.memory))
+    formulation = plan.method.formulation
+
+    def middle() -> Instant:
+        return Bracket.of(tried).middle(plan.method).instant(scene, formulation)
+
+    now = Row(step.t, step.y, step.memory).instant(scene, formulation, middle)
     lane = _with_tallies(plan, lane, now, kept)
     lane = _with_crossings(plan, scene, lane, now, kept, orders)
     return _with_save(plan, lane, orders)

@@ -125,6 +125,17 @@ def test_dissipated_energy_is_that_of_the_ledger(pairs):
         assert float(lane.dissipated) == pytest.approx(float(taken), rel=1e-5, abs=1e-15)
 
 
+def test_statistics_are_those_of_densely_saved_rows(pairs):
+    for lane, run in pairs:
+        height = run.states.bodies["arm 2"].position[:, 1]
+        mean = np.trapezoid(height, TIMES) / END
+        rms = np.sqrt(np.trapezoid(height**2, TIMES) / END)
+        assert float(lane.height_mean) == pytest.approx(mean, rel=1e-4)
+        assert float(lane.height_rms) == pytest.approx(rms, rel=1e-4)
+        assert float(lane.height_largest) == pytest.approx(height.max(), rel=1e-4)
+        assert float(lane.height_smallest) == 0.0
+
+
 def test_sections_are_where_the_journal_is_deepest(pairs):
     """The rate of the depth changes its sign: the first impact's largest penetration."""
     for lane, run in pairs:

@@ -53,18 +53,20 @@ def test_sections_keep_the_first_crossings_after_the_transient(lanes):
 
 
 def test_peaks_and_statistics_of_an_oscillation(lanes):
-    """Peaks to 2e-5; statistics, of a linear interpolant of the steps, to half a percent."""
-    w = FREQUENCY
-    np.testing.assert_allclose(lanes.largest, AMPLITUDE, rtol=2e-5)
-    turns = (lanes.largest_time.values * w / (np.pi / 2) - 1.0)[1:] / 4
+    """Of parabolas over the steps; and over a window that begins and ends within steps."""
+    w, amplitude = FREQUENCY, AMPLITUDE
+    np.testing.assert_allclose(lanes.largest, amplitude, rtol=2e-5)
+    turns = (lanes.largest_time.values * w / (np.pi / 2) - 1.0) / 4
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-3)
     mean = SPEED / w**2 * (1 - np.cos(w))
-    np.testing.assert_allclose(lanes.angle_mean, mean, atol=5e-3 * AMPLITUDE.max())
-    rms = SPEED / w * np.sqrt(0.5 - np.sin(2 * w) / (4 * w))
-    np.testing.assert_allclose(lanes.angle_rms, rms, rtol=5e-3)
-    np.testing.assert_allclose(lanes.angle_largest, AMPLITUDE, rtol=2e-3)
+    np.testing.assert_allclose(lanes.angle_mean / amplitude, mean / amplitude, atol=1e-6)
+    rms = amplitude * np.sqrt(0.5 - np.sin(2 * w) / (4 * w))
+    np.testing.assert_allclose(lanes.angle_rms, rms, rtol=1e-5)
+    np.testing.assert_allclose(lanes.angle_largest, amplitude, rtol=1e-5)
+    full = 1.5 * np.pi < w
+    np.testing.assert_allclose(lanes.angle_smallest[full], -amplitude[full], rtol=1e-5)
     late = SPEED / w**2 * (np.cos(0.5 * w) - np.cos(0.75 * w)) / 0.25
-    np.testing.assert_allclose(lanes.late_mean / AMPLITUDE, late / AMPLITUDE, atol=5e-3)
+    np.testing.assert_allclose(lanes.late_mean / amplitude, late / amplitude, atol=2e-5)
 
 
 def test_reductions_of_ones_own(lanes):
