@@ -16,7 +16,7 @@ from clearjoint.bodies import Wrench
 from clearjoint.fields import quantity, require_positive
 from clearjoint.vectors import ZERO, Vector
 
-INERTIA, SPEED, END = 0.1, 0.5, 1.0
+INERTIA, SPEED, END, AFTER = 0.1, 0.5, 1.0, 0.3
 TIMES = np.linspace(0.0, END, 401)
 LARGEST = 1e5
 Z = (0.0, 0.0, 1.0)
@@ -73,7 +73,7 @@ class Turnings(cj.AbstractReduction):
 
 OUTPUTS = {
     "swing": cj.Saved(TIMES, {"angle": (angle, "rad"), "spin": (lambda now: spin(now), "rad/s")}),
-    "zero": cj.Section(angle, {"spin": (lambda now: spin(now), "rad/s")}, count=2, after=0.01),
+    "zero": cj.Section(angle, {"spin": (lambda now: spin(now), "rad/s")}, count=2, after=AFTER),
     "largest": cj.Peak(angle, "rad"),
     "angle": cj.Statistics(angle, "rad"),
     "late": cj.Statistics(angle, "rad", start_time=0.5, end_time=0.75),
