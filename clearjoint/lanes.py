@@ -155,6 +155,14 @@ def emptied(lane: Lane) -> Lane:
     return Lane(lane.step, lane.tallies, lane.bracket, saved, crossings, lane.levels)
 
 
+def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
+    """Whether a turn would do anything: the lane neither ended nor waits for the host."""
+    goes = _goes(plan, lane, orders)
+    if lane.saved is None:
+        return goes
+    return goes | (_save_is_due(lane, orders) & ~lane.saved.full())
+
+
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
     goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jax.sharding import Mesh, PartitionSpec
 
-from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, outcome, turn
+from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
 from .records import Ring, Row
 from .reductions import Quantity
 from .vectors import Scalar, Structured, pack, unpack
@@ -34,7 +34,7 @@ class Extent(eqx.Module):
     """How the lanes share a device.
 
     - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
-    - `turns`: of a slice; `slices`: before the host looks again.
+    - `turns`: of a slice at most; `slices`: before the host looks again.
     """
 
     pool: int = eqx.field(static=True)
@@ -204,10 +204,13 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     def one(lane: Lane, task: Task, orders: Orders) -> Lane:
         return turn(common.plan, common.scene(task), lane, orders)
 
-    def all_turn(_: Any, lanes: Lane) -> Lane:
-        return jax.vmap(one)(lanes, chosen.task, orders)
+    def goes(now: tuple[Any, Lane]) -> Any:
+        return (now[0] < extent.turns) & jax.vmap(partial(moves, common.plan))(now[1], orders).any()
 
-    lanes = jax.lax.fori_loop(0, extent.turns, all_turn, chosen.lane)
+    def all_turn(now: tuple[Any, Lane]) -> tuple[Any, Lane]:
+        return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
+
+    _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
     rings = common.logs(lanes)
     counts = {name: ring.count for name, ring in rings.items()}
     page = Page(
