@@ -301,7 +301,7 @@ def row_rate(row: Row, motions: Motions) -> Scalar:
         for name, motion in motions.items()
         if name != GROUND
     }
-    return along(row, twists)
+    return add(along(row, twists), row.time_rate)
 
 
 def _combined(

@@ -22,6 +22,11 @@ def _is(value: Scalar, number: float) -> bool:
     return isinstance(value, int | float) and value == number
 
 
+def is_zero(a: Scalar) -> bool:
+    """Whether a number is a structural zero."""
+    return _is(a, 0)
+
+
 def add(a: Scalar, b: Scalar) -> Scalar:
     """a + b, where a structural zero vanishes."""
     if _is(a, 0):

@@ -18,6 +18,7 @@ FLOORS = (
         "joints.axial",
         "joints.ideal",
         "joints.forces",
+        "joints.drives",
         "joints.clearance",
     ),
     ("scene", "parameters"),
