@@ -89,8 +89,8 @@ def slider_crank(
     journal, the "slider pin", with clearance. Centres of mass are half-way. The other moments of
     inertia are those of bars 10 mm and a cube 30 mm wide, and don't enter the planar motion.
 
-    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane, so
-    the clearance joint is axially free and no constraint redundant; likewise with
+    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane,
+    so the clearance joint is axially free and no constraint redundant; likewise with
     `clearance=None`, which makes the pin an ideal `InlineJoint`.
 
     **Arguments:**

@@ -129,8 +129,8 @@ def check_constraint(
         size = 1.0 + abs(float(expected))
         _require(
             abs(float(rate - expected)) < tolerance * size,
-            f"Row {label!r}: the Jacobian times the velocities, plus the time rate, is not the rate "
-            "of the value.",
+            f"Row {label!r}: the Jacobian times the velocities, plus the time rate, is not the "
+            "rate of the value.",
         )
         _check_bias(label, row, motions, (behind[label], ahead[label]), step, tolerance)
 

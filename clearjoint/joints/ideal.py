@@ -1,4 +1,4 @@
-"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and those that slide."""
+"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
 
 from typing import Any
 
