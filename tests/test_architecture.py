@@ -40,6 +40,7 @@ FLOORS = (
         "identify",
         "plot.style",
         "plot.motion",
+        "plot.cycle",
         "plot.forces",
         "plot.journal",
         "plot.frames",
