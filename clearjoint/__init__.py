@@ -1,5 +1,6 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance."""
 
+from .absolute import AbsoluteCoordinates as AbsoluteCoordinates
 from .assembly import assemble as assemble
 from .bodies import GROUND as GROUND
 from .bodies import Body as Body
@@ -25,6 +26,7 @@ from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
 from .impact_table import Impacts as Impacts
+from .joint_coordinates import JointCoordinates as JointCoordinates
 from .joints.axial import EndPlay as EndPlay
 from .joints.axial import FixedAxially as FixedAxially
 from .joints.axial import FreeAxially as FreeAxially

@@ -7,7 +7,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from .absolute import AbsoluteCoordinates
 from .bodies import BodyState, State
+from .coordinates import AbstractCoordinates
 from .dynamics import Formulation
 from .fields import require
 from .projection import project_positions, project_velocities
@@ -20,6 +22,9 @@ TOLERANCE = 1e-12
 """Largest |Phi| of an assembled state, m for translations."""
 ACCEPTED_VIOLATION = 1e-6
 """Largest |Phi| and |rate of Phi| that a given state may start a run with."""
+
+REPRESENTED = 1e-3
+"""Difference of Euler parameters beyond which an assembled state is another than its variables'."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -58,19 +63,19 @@ def assemble(scene: Scene, state: State, t: Any = 0.0) -> State:
     **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them.
     """
     check_names(scene, state)
-    formulation = Formulation(redundant=True)
+    formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = jnp.asarray(t, dtype=float)
     for _ in range(ITERATIONS):
-        report = constraint_report(scene, State(bodies), t, formulation)
+        report = constraint_report(scene, State(bodies), t)
         if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
             break
         bodies = _corrected(project_positions, scene, formulation, bodies, t)
-    report = constraint_report(scene, State(bodies), t, formulation)
+    report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
     for _ in range(2):
         bodies = _corrected(project_velocities, scene, formulation, bodies, t)
-    report = constraint_report(scene, State(bodies), t, formulation)
+    report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.memory, state.work)
 
@@ -79,6 +84,30 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     """Check that a given initial state satisfies the constraints."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
+
+
+def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
+    """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
+    example, leave its axes parallel or antiparallel, an angle only the former."""
+    held = _held(scene, state, coordinates)
+    for name, body in state.bodies.items():
+        turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
+        apart = min(np.abs(turn - other).max(), np.abs(turn + other).max())
+        require(
+            bool(apart < REPRESENTED),
+            f"state.bodies[{name!r}].orientation",
+            turn,
+            f"one that the coordinates can hold, here {other.tolist()}",
+            "turn round one of the axes of the joint that carries the body, or pass "
+            "coordinates=AbsoluteCoordinates()",
+        )
+
+
+@eqx.filter_jit
+def _held(scene: Scene, state: State, coordinates: AbstractCoordinates) -> dict[str, BodyState]:
+    scene = unpack(scene)
+    variables = coordinates.encode(scene, unpack(state.bodies))
+    return pack(coordinates.decode(scene, variables))
 
 
 def _require_satisfied(

@@ -56,6 +56,12 @@ class Body(eqx.Module):
         if inertia is not None:
             _check_moments(inertia)
 
+    def angular_momentum(self, spin: Vector) -> Vector:
+        """Inertia times spin, body axes, kg m^2/s. In scalar form."""
+        if isinstance(self.inertia, Matrix):
+            return self.inertia @ spin
+        return spin.times(self.inertia)
+
 
 def _check_moments(inertia: np.ndarray) -> None:
     if inertia.ndim == 2:
@@ -87,10 +93,10 @@ class BodyState(eqx.Module):
     - `spin`: (3,) rad/s, angular velocity in body axes.
     """
 
-    position: Any
-    orientation: Any
-    velocity: Any
-    spin: Any
+    position: Any = eqx.field(metadata={"unit": "m"})
+    orientation: Any = eqx.field(metadata={"unit": "1"})
+    velocity: Any = eqx.field(metadata={"unit": "m/s"})
+    spin: Any = eqx.field(metadata={"unit": "rad/s"})
 
 
 class State(eqx.Module):
@@ -127,12 +133,14 @@ class Anchor:
     """A point of a body, `local` in body axes, near a fixed point `origin` of the ground.
 
     `offset` is the small vector from origin to point. Kept as such, and not as the difference of
-    coordinates a metre long, it has digits enough for penetrations of a few nanometres.
+    coordinates a metre long, it has digits enough for penetrations of a few nanometres. `velocity`
+    is that of the point, m/s.
     """
 
     local: Vector
     origin: Vector
     offset: Vector
+    velocity: Vector
 
 
 @jax.tree_util.register_dataclass
@@ -141,16 +149,14 @@ class Motion:
     """Pose and twist of a body: the whole interface between coordinates and everything else.
 
     Position and velocity are global, the spin is in body axes, `rotation` turns body components
-    into global ones. `bias` is what the body accelerations hold beside the coordinates' own
-    second derivatives (the rate of H times u for a twist H u); zero in absolute coordinates.
-    Where there is an `anchor`, points near it are known to more digits than the position.
+    into global ones. Where there is an `anchor`, points near it are known to more digits than the
+    position, and so are their velocities.
     """
 
     position: Vector
     rotation: Matrix
     velocity: Vector
     spin: Vector
-    bias: Wrench
     anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
@@ -174,7 +180,10 @@ class Motion:
 
     def velocity_at(self, local: Vector) -> Vector:
         """Global velocity of a material point given in body axes (eq. 19)."""
-        return self.velocity + self.rotation @ self.spin.cross(local)
+        if self.anchor is None:
+            return self.velocity + self.rotation @ self.spin.cross(local)
+        arm = local - self.anchor.local
+        return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
 
     def wrench(self, force: Vector, local: Vector) -> Wrench:
         """A global force at a point given in body axes, carried to the centre of mass (eqs 22-23).
@@ -192,7 +201,7 @@ class Motion:
         return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
 
 
-GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO, NO_WRENCH)
+GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)
 
 
 def body_state(

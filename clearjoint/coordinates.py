@@ -1,10 +1,12 @@
 """Coordinates: from what is integrated to the motion of each body, and back from accelerations.
 
 Everything else (forces, laws, joints) is written once for bodies. A coordinate system turns its
-variables into `Motion`s and solves the equations of motion projected onto itself.
+variables into `Motion`s, with twists V = H u for its speeds u, and projects the equations of motion
+onto them: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraints J H.
 """
 
 import abc
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,24 +14,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import (
-    GROUND,
-    GROUND_MOTION,
-    NO_WRENCH,
-    Anchor,
-    Body,
-    BodyState,
-    Motion,
-    Wrench,
-)
+from .bodies import GROUND, BodyState, Motion, Wrench
 from .joints.base import Row
-from .linear import LARGEST_UNROLLED, AbstractSolver
-from .rotations import euler_parameter_rates, rotation_matrix, turned
+from .linear import LARGEST_UNROLLED, AbstractSolver, inner
 from .scene import Scene
-from .vectors import ZERO, Matrix, Scalar, Vector, add
+from .vectors import Scalar, Vector, add, is_zero, multiply
 
 Wrenches = dict[str, Wrench]
 Motions = dict[str, Motion]
+Speeds = list[Scalar]
+"""One scalar a speed of the coordinates: their rates, forces on them, or changes of them."""
 
 
 @jax.tree_util.register_dataclass
@@ -40,15 +34,47 @@ class Acceleration:
     linear: Vector
     angular: Vector
 
-    def __add__(self, other: "Acceleration") -> "Acceleration":
-        return Acceleration(self.linear + other.linear, self.angular + other.angular)
 
+class AbstractMechanics(abc.ABC):
+    """The equations of motion at one instant. What is not asked for is not computed.
 
-STILL = Acceleration(ZERO, ZERO)
+    `motions`: pose and twist of each body, the ground included.
+    """
+
+    motions: Motions
+
+    @abc.abstractmethod
+    def free_rates(self, wrenches: Wrenches) -> Speeds:
+        """Rates of the speeds under the given wrenches and gravity, without constraints."""
+
+    @abc.abstractmethod
+    def projected(self, wrenches: Wrenches) -> Speeds:
+        """H^T times wrenches, or times a row's Jacobian; the ground's is left out."""
+
+    @abc.abstractmethod
+    def solved(self, forces: Speeds) -> Speeds:
+        """The inverse of the mass matrix H^T M H times forces."""
+
+    @abc.abstractmethod
+    def bias(self, row: Row) -> Scalar:
+        """The row's Jacobian times the body accelerations at zero rates: H' u, and gravity where
+        rates are those against free fall."""
+
+    @abc.abstractmethod
+    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+        """Accelerations of the bodies for rates of the speeds."""
+
+    @abc.abstractmethod
+    def variable_rates(self, rates: Speeds) -> Any:
+        """Time derivative of the variables for rates of the speeds."""
 
 
 class AbstractCoordinates(eqx.Module):
     """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form."""
+
+    @abc.abstractmethod
+    def eliminated(self, scene: Scene) -> frozenset[str]:
+        """Names of the ideal joints that hold by the choice of variables: no constraints."""
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Any:
@@ -60,287 +86,99 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def motions(self, scene: Scene, variables: Any) -> Motions:
-        """Pose, twist and bias of each body, the ground included."""
+        """Pose and twist of each body, the ground included."""
 
     @abc.abstractmethod
-    def free_accelerations(
-        self, scene: Scene, motions: Motions, wrenches: Wrenches
-    ) -> dict[str, Acceleration]:
-        """Accelerations of the bodies under the given wrenches, without further constraints."""
+    def mechanics(self, scene: Scene, variables: Any) -> AbstractMechanics:
+        """The equations of motion."""
 
     @abc.abstractmethod
-    def response(
-        self,
-        scene: Scene,
-        motions: Motions,
-        rows: list[Row],
-        targets: list[Scalar],
-        solver: AbstractSolver,
-    ) -> tuple[dict[str, Acceleration], list[Scalar]]:
-        """The change M^-1 J^T lambda of the accelerations with J times it equal to the targets.
-
-        Also returns lambda. The same map gives the projections: with velocities or displacements
-        for accelerations it is the correction of least kinetic energy.
-        """
+    def moved(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
+        """The variables after a small motion along the speeds (m and rad)."""
 
     @abc.abstractmethod
-    def rates(self, scene: Scene, variables: Any, accelerations: dict[str, Acceleration]) -> Any:
-        """Time derivative of the variables."""
-
-    @abc.abstractmethod
-    def moved(self, scene: Scene, variables: Any, displacements: dict[str, Acceleration]) -> Any:
-        """The variables after small displacements (m) and turns (rad, body axes)."""
-
-    @abc.abstractmethod
-    def kicked(self, variables: Any, changes: dict[str, Acceleration]) -> Any:
-        """The variables after changes of velocity (m/s) and spin (rad/s)."""
+    def kicked(self, scene: Scene, variables: Any, changes: Speeds) -> Any:
+        """The variables after changes of the speeds."""
 
 
-class AbsoluteCoordinates(AbstractCoordinates):
-    """Position, Euler parameters, velocity and body spin of each body, as in the paper.
+def response(
+    mechanics: AbstractMechanics,
+    directions: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """The change M^-1 D^T lambda of the rates with D times it equal to the targets (eqs 30, 32).
 
-    A body's position variable is that of its centre of mass, or of its `Anchor` if it hangs on the
-    ground by a clearance joint: from the bearing's centre to the journal's, which in metre-sized
-    coordinates would lose the digits that impacts amplify.
+    `directions` are the rows D = J H. Also returns lambda. The same map gives the projections: with
+    speeds or displacements for rates it is the correction of least kinetic energy. A row that is
+    structurally zero, as of a planar loop out of its plane, holds by itself and has no multiplier.
     """
-
-    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> dict[str, BodyState]:
-        """The bodies' states, those with an anchor by its offset."""
-        anchors = _anchors(scene)
-
-        def encoded(name: str, body: BodyState) -> BodyState:
-            if name not in anchors:
-                return body
-            local, origin = anchors[name]
-            arm = rotation_matrix(body.orientation) @ local
-            return BodyState(
-                (body.position + arm) - origin, body.orientation, body.velocity, body.spin
-            )
-
-        return {name: encoded(name, body) for name, body in bodies.items()}
-
-    def decode(self, scene: Scene, variables: dict[str, BodyState]) -> dict[str, BodyState]:
-        """The states of the bodies' centres of mass."""
-        motions = self.motions(scene, variables)
-        return {
-            name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
-            for name, body in variables.items()
-        }
-
-    def motions(self, scene: Scene, variables: dict[str, BodyState]) -> Motions:
-        """Motion of each body; no bias."""
-        anchors = _anchors(scene)
-        motions = {GROUND: GROUND_MOTION}
-        for name, body in variables.items():
-            rotation = rotation_matrix(body.orientation)
-            position, anchor = body.position, None
-            if name in anchors:
-                local, origin = anchors[name]
-                anchor = Anchor(local, origin, body.position)
-                position = (origin + body.position) - rotation @ local
-            motions[name] = Motion(position, rotation, body.velocity, body.spin, NO_WRENCH, anchor)
-        return motions
-
-    def free_accelerations(
-        self, scene: Scene, motions: Motions, wrenches: Wrenches
-    ) -> dict[str, Acceleration]:
-        """Newton and Euler for each body (eq. 29)."""
-        return {
-            name: InverseMass(body)(wrenches[name] + _gyroscopic(body, motions[name]))
-            for name, body in scene.bodies.items()
-        }
-
-    def response(
-        self,
-        scene: Scene,
-        motions: Motions,
-        rows: list[Row],
-        targets: list[Scalar],
-        solver: AbstractSolver,
-    ) -> tuple[dict[str, Acceleration], list[Scalar]]:
-        """Solves the KKT system (eqs 30 and 32) by its Schur complement J M^-1 J^T."""
-        del motions
-        inverse_masses = {name: InverseMass(body) for name, body in scene.bodies.items()}
-        weighted = [
-            {
-                name: inverse_masses[name](pair)
-                for name, pair in row.jacobian.items()
-                if name != GROUND
-            }
-            for row in rows
-        ]
-        if len(rows) > LARGEST_UNROLLED:
-            return _dense_response(list(scene.bodies), rows, weighted, targets, solver)
-        schur = [[along(row, column) for column in weighted[: i + 1]] for i, row in enumerate(rows)]
-        multipliers = solver.unrolled(schur, targets)
-        still = dict.fromkeys(scene.bodies, STILL)
-        return _combined(still, weighted, multipliers), multipliers
-
-    def rates(
-        self,
-        scene: Scene,
-        variables: dict[str, BodyState],
-        accelerations: dict[str, Acceleration],
-    ) -> dict[str, BodyState]:
-        """Velocity, Euler parameter rates, and accelerations."""
-        twists = {name: Acceleration(body.velocity, body.spin) for name, body in variables.items()}
-        shifts = self._shifts(scene, variables, twists)
-        return {
-            name: BodyState(
-                shifts[name],
-                euler_parameter_rates(body.orientation, body.spin),
-                accelerations[name].linear,
-                accelerations[name].angular,
-            )
-            for name, body in variables.items()
-        }
-
-    def moved(
-        self,
-        scene: Scene,
-        variables: dict[str, BodyState],
-        displacements: dict[str, Acceleration],
-    ) -> dict[str, BodyState]:
-        """Positions shifted and orientations turned."""
-        shifts = self._shifts(scene, variables, displacements)
-        return {
-            name: BodyState(
-                body.position + shifts[name],
-                turned(body.orientation, displacements[name].angular),
-                body.velocity,
-                body.spin,
-            )
-            for name, body in variables.items()
-        }
-
-    def _shifts(
-        self,
-        scene: Scene,
-        variables: dict[str, BodyState],
-        displacements: dict[str, Acceleration],
-    ) -> dict[str, Vector]:
-        """Displacement, or velocity, of each position variable for those of the bodies."""
-        shifts = {name: part.linear for name, part in displacements.items()}
-        for name, (local, _) in _anchors(scene).items():
-            turn = displacements[name].angular.cross(local)
-            rotation = rotation_matrix(variables[name].orientation)
-            shifts[name] = shifts[name] + rotation @ turn
-        return shifts
-
-    def kicked(
-        self, variables: dict[str, BodyState], changes: dict[str, Acceleration]
-    ) -> dict[str, BodyState]:
-        """Velocities and spins changed."""
-        return {
-            name: BodyState(
-                body.position,
-                body.orientation,
-                body.velocity + changes[name].linear,
-                body.spin + changes[name].angular,
-            )
-            for name, body in variables.items()
-        }
+    kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+    multipliers: list[Scalar] = [0.0] * len(directions)
+    if not kept:
+        return [0.0] * len(directions[0]), multipliers
+    rows, aims = [directions[k] for k in kept], [targets[k] for k in kept]
+    weighted = [mechanics.solved(row) for row in rows]
+    solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
+    change, found = solve(rows, weighted, aims, solver)
+    for k, multiplier in zip(kept, found, strict=True):
+        multipliers[k] = multiplier
+    return change, multipliers
 
 
-def _anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Point of the body and point of the ground for each body that has an anchor."""
-    anchors = {}
-    for joint in scene.contact_joints().values():
-        anchor = joint.anchor()
-        if anchor is not None and anchor[0] not in anchors:
-            anchors[anchor[0]] = anchor[1:]
-    return anchors
+def _unrolled_response(
+    directions: Sequence[Speeds],
+    weighted: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """In scalar form, from the directions and M^-1 times them."""
+    schur = [
+        [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
+    ]
+    multipliers = solver.unrolled(schur, targets)
+    change: Speeds = [0.0] * len(directions[0])
+    for part, multiplier in zip(weighted, multipliers, strict=True):
+        change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+    return change, multipliers
 
 
-class InverseMass:
-    """Turns a wrench on a free body into its acceleration, without gyroscopic terms."""
-
-    def __init__(self, body: Body):
-        self._inverse = 1.0 / body.mass
-        self._tensor: Matrix | None = None
-        if isinstance(body.inertia, Matrix):
-            self._tensor = body.inertia.inverse()
-        else:
-            moments = body.inertia
-            self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
-
-    def __call__(self, wrench: Wrench) -> Acceleration:
-        """Acceleration of the centre of mass, and of the spin in body axes."""
-        if self._tensor is not None:
-            angular = self._tensor @ wrench.moment
-        else:
-            angular = wrench.moment.times(self._principal)
-        return Acceleration(wrench.force * self._inverse, angular)
+def _dense_response(
+    directions: Sequence[Speeds],
+    weighted: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """The same in arrays, for systems too large to be unrolled."""
+    jacobian, inverse = (
+        jnp.stack([stacked(row) for row in rows]) for rows in (directions, weighted)
+    )
+    multipliers = solver.dense(jacobian @ inverse.T, stacked(targets))
+    change = multipliers @ inverse
+    return list(change), list(multipliers)
 
 
-def angular_momentum(body: Body, spin: Vector) -> Vector:
-    """Inertia times spin, body axes, kg m^2/s."""
-    if isinstance(body.inertia, Matrix):
-        return body.inertia @ spin
-    return spin.times(body.inertia)
-
-
-def _gyroscopic(body: Body, motion: Motion) -> Wrench:
-    return Wrench(ZERO, angular_momentum(body, motion.spin).cross(motion.spin))
-
-
-def along(row: Row, accelerations: dict[str, Acceleration]) -> Scalar:
-    """The row's Jacobian times accelerations (or any other change of the twists)."""
-    total: Scalar = 0.0
-    for name, pair in row.jacobian.items():
-        if name in accelerations:
-            part = accelerations[name]
-            total = add(total, add(pair.force.dot(part.linear), pair.moment.dot(part.angular)))
-    return total
+def stacked(numbers: Sequence[Scalar]) -> jax.Array:
+    """An array of scalars."""
+    return jnp.stack([jnp.asarray(number, dtype=float) for number in numbers])
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
     """First derivative of a row's value."""
-    twists = {
-        name: Acceleration(motion.velocity, motion.spin)
-        for name, motion in motions.items()
-        if name != GROUND
-    }
-    return add(along(row, twists), row.time_rate)
+    total = row.time_rate
+    for name, pair in row.jacobian.items():
+        if name != GROUND:
+            motion = motions[name]
+            part = add(pair.force.dot(motion.velocity), pair.moment.dot(motion.spin))
+            total = add(total, part)
+    return total
 
 
-def _combined(
-    start: dict[str, Acceleration],
-    weighted: list[dict[str, Acceleration]],
-    multipliers: list[Scalar],
-) -> dict[str, Acceleration]:
-    result = dict(start)
-    for parts, multiplier in zip(weighted, multipliers, strict=True):
-        for name, part in parts.items():
-            result[name] = result[name] + Acceleration(
-                part.linear * multiplier, part.angular * multiplier
-            )
-    return result
-
-
-def _dense_response(
-    names: list[str],
-    rows: list[Row],
-    weighted: list[dict[str, Acceleration]],
-    targets: list[Scalar],
-    solver: AbstractSolver,
-) -> tuple[dict[str, Acceleration], list[Scalar]]:
-    """`AbsoluteCoordinates.response` in arrays, for systems too large to be unrolled."""
-    jacobian = jnp.stack(
-        [_gathered([row.jacobian.get(name, NO_WRENCH) for name in names]) for row in rows]
-    )
-    inverse = jnp.stack([_gathered([row.get(name, STILL) for name in names]) for row in weighted])
-    multipliers = solver.dense(jacobian @ inverse.T, _gathered(targets))
-    change = multipliers @ inverse
-    accelerations = {
-        name: Acceleration(
-            Vector(*(change[6 * k + i] for i in range(3))),
-            Vector(*(change[6 * k + i] for i in range(3, 6))),
-        )
-        for k, name in enumerate(names)
-    }
-    return accelerations, [multipliers[i] for i in range(len(rows))]
-
-
-def _gathered(tree: Any) -> jax.Array:
-    return jnp.stack([jnp.asarray(leaf, dtype=float) for leaf in jax.tree.leaves(tree)])
+def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
+    """Point of the body and point of the ground for each body that has an `Anchor`."""
+    found = {}
+    for joint in scene.contact_joints().values():
+        anchor = joint.anchor()
+        if anchor is not None and anchor[0] not in found:
+            found[anchor[0]] = anchor[1:]
+    return found

@@ -6,27 +6,29 @@ friction, no slip; no ledger, no power. That is decided here, in Python, while t
 
 import abc
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import GROUND, NO_WRENCH, Wrench
+from .bodies import GROUND, NO_WRENCH
 from .contact import AbstractContactLaw, Gap
 from .coordinates import (
-    AbsoluteCoordinates,
     AbstractCoordinates,
+    AbstractMechanics,
     Acceleration,
     Motions,
+    Speeds,
     Wrenches,
-    along,
-    angular_momentum,
+    response,
     row_rate,
 )
 from .fields import quantity, require_positive
+from .joint_coordinates import JointCoordinates
 from .joints.base import Contact, Row
-from .linear import AbstractSolver, Exact, LeastNorm
+from .linear import AbstractSolver, Exact, LeastNorm, inner
 from .scene import Scene
 from .vectors import Scalar, Vector, add, is_zero
 
@@ -85,7 +87,7 @@ class Formulation(eqx.Module):
     - `ledger`: whether the dissipated energies are integrated with the state.
     """
 
-    coordinates: AbstractCoordinates = eqx.field(default_factory=AbsoluteCoordinates)
+    coordinates: AbstractCoordinates = eqx.field(default_factory=JointCoordinates)
     stabilisation: AbstractStabilisation = eqx.field(default_factory=Baumgarte)
     redundant: bool = eqx.field(default=False, static=True)
     ledger: bool = eqx.field(default=False, static=True)
@@ -106,16 +108,33 @@ class ContactForce:
     friction: Vector | None
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Dynamics:
-    """All that the equations of motion say at one instant."""
+    """All that the equations of motion say at one instant.
 
-    motions: Motions
+    `rows` and `multipliers` are those of the joints that the coordinates do not eliminate.
+    """
+
+    mechanics: AbstractMechanics
     contact_forces: dict[str, dict[str, ContactForce]]
     rows: dict[str, dict[str, Row]]
-    accelerations: dict[str, Acceleration]
+    rates: Speeds
     multipliers: dict[str, dict[str, Scalar]]
+
+    @property
+    def motions(self) -> Motions:
+        """Pose and twist of each body, the ground included."""
+        return self.mechanics.motions
+
+    @cached_property
+    def accelerations(self) -> dict[str, Acceleration]:
+        """Acceleration of each body."""
+        return self.mechanics.accelerations(self.rates)
+
+    @cached_property
+    def variable_rates(self) -> Any:
+        """Time derivative of the variables."""
+        return self.mechanics.variable_rates(self.rates)
 
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
@@ -147,14 +166,12 @@ def contact_forces(
 def _applied_wrenches(
     scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
 ) -> Wrenches:
+    """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(name: str, wrench: Any) -> None:
         wrenches[name] = wrenches[name] + wrench
 
-    if scene.gravity is not None:
-        for name, body in scene.bodies.items():
-            apply(name, Wrench(scene.gravity * body.mass, NO_WRENCH.moment))
     for element in scene.forces.values():
         for name, wrench in element.wrenches(motions, t).items():
             if name != GROUND:
@@ -172,9 +189,17 @@ def _applied_wrenches(
     return wrenches
 
 
-def constraint_rows(scene: Scene, motions: Motions, t: Scalar) -> dict[str, dict[str, Row]]:
-    """The constraint equations by joint and label; joints without any are left out."""
-    rows = {name: joint.rows(motions, t) for name, joint in scene.joints.items()}
+def constraint_rows(
+    scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
+) -> dict[str, dict[str, Row]]:
+    """The constraint equations by joint and label; joints without any are left out, and so are
+    those that the coordinates eliminate."""
+    eliminated = coordinates.eliminated(scene)
+    rows = {
+        name: joint.rows(motions, t)
+        for name, joint in scene.joints.items()
+        if name not in eliminated
+    }
     return {name: family for name, family in rows.items() if family}
 
 
@@ -187,28 +212,33 @@ def evaluate(
     scene: Scene, formulation: Formulation, variables: Any, memory: Memory, t: Scalar
 ) -> Dynamics:
     """Solve the equations of motion at one instant."""
-    motions = formulation.coordinates.motions(scene, variables)
-    forces = contact_forces(scene, motions, memory)
-    wrenches = _applied_wrenches(scene, motions, forces, t)
-    rows = constraint_rows(scene, motions, t)
-    accelerations = formulation.coordinates.free_accelerations(scene, motions, wrenches)
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    forces = contact_forces(scene, mechanics.motions, memory)
+    rates = mechanics.free_rates(_applied_wrenches(scene, mechanics.motions, forces, t))
+    rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
     multipliers: dict[str, dict[str, Scalar]] = {}
     if rows:
-        targets = [
-            formulation.stabilisation.target(row.value, row_rate(row, motions))
-            - row.bias
-            - along(row, accelerations)
-            for row in flattened(rows)
-        ]
-        change, solved = formulation.coordinates.response(
-            scene, motions, flattened(rows), targets, formulation.solver()
-        )
-        accelerations = {name: part + change[name] for name, part in accelerations.items()}
+        change, solved = _constraint_response(formulation, mechanics, flattened(rows), rates)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
         remaining = iter(solved)
         multipliers = {
             name: {label: next(remaining) for label in family} for name, family in rows.items()
         }
-    return Dynamics(motions, forces, rows, accelerations, multipliers)
+    return Dynamics(mechanics, forces, rows, rates, multipliers)
+
+
+def _constraint_response(
+    formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], rates: Speeds
+) -> tuple[Speeds, list[Scalar]]:
+    """What the constraints change of the rates, and the multipliers."""
+    directions = [mechanics.projected(row.jacobian) for row in rows]
+    targets = [
+        formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
+        - add(row.bias, mechanics.bias(row))
+        - inner(direction, rates)
+        for row, direction in zip(rows, directions, strict=True)
+    ]
+    return response(mechanics, directions, targets, formulation.solver())
 
 
 def state_rates(
@@ -216,9 +246,8 @@ def state_rates(
 ) -> tuple[Any, dict[str, Scalar]]:
     """Time derivatives of the variables and of the ledger's integrals."""
     dynamics = evaluate(scene, formulation, variables, memory, t)
-    rates = formulation.coordinates.rates(scene, variables, dynamics.accelerations)
     powers = ledger_powers(scene, dynamics, t) if formulation.ledger else {}
-    return rates, powers
+    return dynamics.variable_rates, powers
 
 
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
@@ -251,7 +280,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
     for name, body in scene.bodies.items():
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
-        angular = motion.spin.dot(angular_momentum(body, motion.spin))
+        angular = motion.spin.dot(body.angular_momentum(motion.spin))
         energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
     if scene.gravity is not None:
         energies["gravity"] = 0.0

@@ -126,16 +126,31 @@ def require_euler_parameters(argument: str, value: Any) -> None:
 
 def recheck(tree: Any) -> None:
     """Run every construction check of the modules in a PyTree again, on its present values."""
+    _check_here(tree)
+    for child in _children(tree):
+        recheck(child)
+
+
+def recheck_changes(tree: Any, base: Any) -> None:
+    """`recheck`, of those modules only that hold other values than in a tree of like structure."""
+    before, after = jax.tree.leaves(base), jax.tree.leaves(tree)
+    if len(before) == len(after) and all(a is b for a, b in zip(after, before, strict=True)):
+        return
+    _check_here(tree)
+    for child, old in zip(_children(tree), _children(base), strict=True):
+        recheck_changes(child, old)
+
+
+def _check_here(tree: Any) -> None:
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if "__check_init__" in cls.__dict__:
                 cls.__dict__["__check_init__"](tree)
-        children = [getattr(tree, name) for name in tree.__dataclass_fields__]
-    elif isinstance(tree, dict):
-        children = list(tree.values())
-    elif isinstance(tree, list | tuple):
-        children = list(tree)
-    else:
-        return
-    for child in children:
-        recheck(child)
+
+
+def _children(tree: Any) -> list[Any]:
+    if isinstance(tree, eqx.Module):
+        return [getattr(tree, name) for name in tree.__dataclass_fields__]
+    if isinstance(tree, dict):
+        return [tree[key] for key in sorted(tree)]
+    return list(tree) if isinstance(tree, list | tuple) else []

@@ -12,8 +12,7 @@ from .bodies import State
 from .contact import AbstractContactLaw, Gap
 from .dynamics import Formulation, contact_forces, contact_normal_force, state_rates
 from .impacts import second_rates
-from .scene import Scene
-from .vectors import unpack
+from .vectors import Structured, unpack
 
 SAMPLES_A_STEP = 17
 PIECE = 4096
@@ -78,7 +77,7 @@ class Sample(eqx.Module):
 
 @eqx.filter_jit
 def contact_histories(
-    scene: Scene, formulation: Formulation, times: Any, states: State
+    scene: Structured, formulation: Formulation, times: Any, states: State
 ) -> dict[str, dict[str, History]]:
     """The contacts at recorded states (in scalar form, times in front)."""
     scene = unpack(scene)
@@ -188,7 +187,7 @@ def _peak(values: Any) -> tuple[Any, Any]:
 class ImpactCollector:
     """Builds the table from successive pieces of the record, keeping only contacts still open."""
 
-    def __init__(self, scene: Scene, formulation: Formulation):
+    def __init__(self, scene: Structured, formulation: Formulation):
         self._scene, self._formulation = scene, formulation
         self._tails: dict[tuple[str, str], tuple[np.ndarray, History]] = {}
         self._rows: list[tuple[Any, ...]] = []

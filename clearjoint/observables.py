@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .absolute import AbsoluteCoordinates
 from .bodies import GROUND, NO_WRENCH, State, Wrench
 from .coordinates import row_rate
 from .dynamics import Dynamics, Formulation, evaluate, mechanical_energy
@@ -15,7 +16,7 @@ from .fields import require
 from .joints.clearance import BASES, ClearanceJoint
 from .scene import Scene
 from .solution import Solution, Trajectory
-from .vectors import Scalar, Vector, pack, unpack
+from .vectors import Scalar, Structured, Vector, pack, structured, unpack
 
 
 class MotionMode(enum.IntEnum):
@@ -105,6 +106,9 @@ class Observation(eqx.Module):
 def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = None) -> Observation:
     """Observe a scene along a solution.
 
+    In absolute coordinates whatever the run had: there every ideal joint has its multipliers, those
+    that the run eliminated too, and redundant reactions do not depend on the run's coordinates.
+
     **Arguments:** `scene`: the one that was simulated. `trajectory`: `solution.steps`, say, for
     every accepted step; the saved states unless given.
 
@@ -121,19 +125,22 @@ def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = No
     assert trajectory is not None
     times = np.asarray(trajectory.times)
     parts = jax.device_get(
-        _observe(scene, solution.formulation, jnp.asarray(times), trajectory.states)
+        _observe(structured(scene), solution.formulation, jnp.asarray(times), trajectory.states)
     )
     unique = not solution.redundant_constraints
     return Observation(times, *parts, reactions_unique=unique)
 
 
 @eqx.filter_jit
-def _observe(scene: Scene, formulation: Formulation, times: Any, states: State) -> tuple[Any, ...]:
-    scene = unpack(scene)
+def _observe(
+    structure: Structured, formulation: Formulation, times: Any, states: State
+) -> tuple[Any, ...]:
+    scene = unpack(structure)
+    absolute = eqx.tree_at(lambda f: f.coordinates, formulation, AbsoluteCoordinates())
 
     def at(t: Scalar, state: State) -> tuple[Any, ...]:
-        variables = formulation.coordinates.encode(scene, unpack(state.bodies))
-        dynamics = evaluate(scene, formulation, variables, state.memory, t)
+        variables = absolute.coordinates.encode(scene, unpack(state.bodies))
+        dynamics = evaluate(scene, absolute, variables, state.memory, t)
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)

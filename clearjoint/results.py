@@ -1,6 +1,9 @@
 """How a run ended."""
 
+from typing import Any
+
 import equinox as eqx
+import numpy as np
 
 
 class RESULTS(eqx.Enumeration):
@@ -22,3 +25,19 @@ class RESULTS(eqx.Enumeration):
         "The solver or controller gave up on a step, for example because an implicit solve did "
         "not converge."
     )
+    bad_parameters = (
+        "A parameter has a value that no scene can have; the log of the sweep says which."
+    )
+    not_assembled = (
+        "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
+    )
+
+
+def result_number(result: Any) -> np.ndarray:
+    """The number of a result code, or of several."""
+    return np.asarray(result._value)
+
+
+def result_numbers() -> dict[str, int]:
+    """The number of each result code by name."""
+    return {name: int(result_number(item)) for name, item in RESULTS._name_to_item.items()}

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from .vectors import EulerParameters, Matrix, Scalar, Vector
+from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
 
 
 def squared_norm(p: EulerParameters) -> Scalar:
@@ -46,15 +46,28 @@ def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
     return normalised(q)
 
 
+def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
+    """Euler parameters of the turn q followed by the turn p: the product of quaternions."""
+    v, w = Vector(p.e1, p.e2, p.e3), Vector(q.e1, q.e2, q.e3)
+    u = w * p.e0 + v * q.e0 + v.cross(w)
+    return EulerParameters(subtract(multiply(p.e0, q.e0), v.dot(w)), u.x, u.y, u.z)
+
+
+def conjugate(p: EulerParameters) -> EulerParameters:
+    """Euler parameters of the opposite turn."""
+    v = -Vector(p.e1, p.e2, p.e3)
+    return EulerParameters(p.e0, v.x, v.y, v.z)
+
+
 def normalised(p: EulerParameters) -> EulerParameters:
     """Euler parameters scaled to unit norm."""
-    scale = 1.0 / jnp.sqrt(squared_norm(p))
+    scale = 1.0 / square_root(squared_norm(p))
     return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
 
 
 def unit(vector: Vector) -> Vector:
     """A vector of length one; the argument must not vanish."""
-    return vector * (1.0 / jnp.sqrt(vector.dot(vector)))
+    return vector * (1.0 / square_root(vector.dot(vector)))
 
 
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
@@ -64,9 +77,16 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
     antiparallel to the body's zeta axis. Regular for every axis (T. Duff et al., Building an
     orthonormal basis, revisited, 2017); the frame of the zeta axis is the body's own.
     """
-    sign = jnp.where(axis.z >= 0.0, 1.0, -1.0)
+    sign = _sign(axis.z)
     a = -1.0 / (sign + axis.z)
     b = axis.x * axis.y * a
     first = Vector(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x)
     second = Vector(b, sign + axis.y * axis.y * a, -axis.y)
     return first, second
+
+
+def _sign(a: Scalar) -> Scalar:
+    """1 or -1, and 1 for zero; of a Python number, a Python number."""
+    if isinstance(a, int | float):
+        return 1.0 if a >= 0.0 else -1.0
+    return jnp.where(a >= 0.0, 1.0, -1.0)

@@ -12,11 +12,10 @@ from .bodies import State
 from .impact_table import ImpactCollector, Impacts
 from .results import RESULTS
 from .runtime import SlowRunNotice
-from .scene import Scene
 from .segments import Progress, Row, Saved, rewound, segment
 from .solution import Solution, Trajectory
 from .stepping import Method, Step
-from .vectors import pack, unpack
+from .vectors import Structured, pack, unpack
 
 ATTEMPTS_A_SEGMENT = 50_000
 FEW_SAVES = 64
@@ -28,7 +27,7 @@ segment_compiled = eqx.filter_jit(segment)
 class AbstractRun:
     """What both ways share: the parts of a solution."""
 
-    def __init__(self, scene: Scene, method: Method, end: Any, redundant: tuple[str, ...]):
+    def __init__(self, scene: Structured, method: Method, end: Any, redundant: tuple[str, ...]):
         self._scene, self._method, self._end = scene, method, end
         self._redundant = redundant
 

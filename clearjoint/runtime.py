@@ -11,6 +11,7 @@ import os
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 import jax
 
@@ -23,6 +24,11 @@ _EXTRA = "--xla_backend_extra_options="
 SLOW_AFTER = 10.0
 """Seconds of stepping after which a run says what settings are missing."""
 
+_SHARED = (
+    "jax_enable_x64",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+)
 _said = False
 
 
@@ -73,19 +79,51 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     devices = int(variables["JAX_NUM_CPU_DEVICES"])
     late = os.environ.get("XLA_FLAGS") != variables["XLA_FLAGS"]
     if late or jax.config.jax_num_cpu_devices != devices:  # pyright: ignore
-        try:
-            # JAX refuses a change once it has started; setting an equal value would tell nothing.
-            for number in (devices + 1, devices):
-                jax.config.update("jax_num_cpu_devices", number)
-        except RuntimeError as error:
+        if _started():
             raise RuntimeError(
                 "configure() must be called before JAX computes anything: move the call to the top "
                 "of the program, or set the variables that `python -m clearjoint` prints."
-            ) from error
+            )
+        jax.config.update("jax_num_cpu_devices", devices)
     os.environ["XLA_FLAGS"] = variables["XLA_FLAGS"]
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+def in_force() -> dict[str, Any]:
+    """The settings of this process that its results and its speed depend on, for `adopt`."""
+    shared = {name: getattr(jax.config, name) for name in _SHARED}
+    return {"XLA_FLAGS": os.environ.get("XLA_FLAGS", ""), **shared}
+
+
+def adopt(values: dict[str, Any]) -> None:
+    """Set what is in force in another process, unless JAX has already started in this one.
+
+    **Raises:** `RuntimeError` if JAX has started with floats of other length.
+    """
+    if not _started():
+        os.environ["XLA_FLAGS"] = values["XLA_FLAGS"]
+        for name in _SHARED:
+            jax.config.update(name, values[name])
+    elif jax.config.jax_enable_x64 != values["jax_enable_x64"]:  # pyright: ignore
+        raise RuntimeError(
+            "JAX has already started in this worker process with `jax_enable_x64` "
+            f"{jax.config.jax_enable_x64}, but the sweep needs {values['jax_enable_x64']}: "  # pyright: ignore
+            "take fresh workers, or start these with the variables that `python -m clearjoint` "
+            "prints."
+        )
+
+
+def _started() -> bool:
+    """Whether JAX has started: it then refuses another number of CPU devices."""
+    present = jax.config.jax_num_cpu_devices  # pyright: ignore
+    try:
+        for number in (abs(present) + 1, present):
+            jax.config.update("jax_num_cpu_devices", number)
+    except RuntimeError:
+        return True
+    return False
 
 
 def missing() -> list[str]:

@@ -22,7 +22,7 @@ from .stepping import (
     running,
     start,
 )
-from .vectors import Scalar, unpack
+from .vectors import Scalar, Structured, unpack
 
 BLOCK_ROWS = 64
 
@@ -101,7 +101,7 @@ class Saved(eqx.Module):
 
 def begin(
     method: Method,
-    scene: Scene,
+    scene: Structured,
     state: State,
     t0: Any,
     t_end: Any,
@@ -109,7 +109,7 @@ def begin(
     saves: bool,
     record_rows: int | None,
 ) -> Progress:
-    """The run before its first step. Numbers are arrays, the scene and state in packed form."""
+    """The run before its first step. Numbers are arrays, scene and state in packed form."""
     scene = unpack(scene)
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
@@ -130,7 +130,7 @@ def begin(
 
 def segment(
     method: Method,
-    scene: Scene,
+    scene: Structured,
     progress: Progress,
     save_times: Any | None,
     t_end: Any,

@@ -8,12 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .assembly import check_names, require_assembled
+from .assembly import check_names, require_assembled, require_representable
 from .bodies import State
+from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
 from .fields import concrete, recheck, require, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
+from .joint_coordinates import JointCoordinates
 from .results import RESULTS
 from .running import HostLoop, OnePiece
 from .scene import Scene
@@ -22,6 +24,7 @@ from .solution import SimulationError, Solution
 from .solvers import default_controller, ready_solver
 from .stepping import Method
 from .structure import constraint_report
+from .vectors import structured
 
 RECORD_ROWS = 16_384
 
@@ -38,6 +41,7 @@ def simulate(
     solver: diffrax.AbstractSolver | None = None,
     controller: diffrax.AbstractStepSizeController | None = None,
     first_step: Any = None,
+    coordinates: AbstractCoordinates | None = None,
     stabilisation: AbstractStabilisation | None = None,
     landing_tolerance: Any = 1e-12,
     ledger: bool = False,
@@ -68,6 +72,7 @@ def simulate(
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
       looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.
+    - `coordinates`: `JointCoordinates()` unless given, or `AbsoluteCoordinates()`.
     - `stabilisation`: `Baumgarte(5, 5)` unless given, `Projection()`, or `Unstabilised()`.
     - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
       ``None`` steps across them.
@@ -85,37 +90,40 @@ def simulate(
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError`, which carries the
     solution so far, for a run that fails.
     """
-    _check_precision(allow_float32)
+    check_precision(allow_float32)
     traced = _is_traced((scene, state, end_time, start_time))
+    coordinates = JointCoordinates() if coordinates is None else coordinates
     names: tuple[str, ...] = ()
     if not traced:
         save_at = _check_times(start_time, end_time, save_at)
-        _check_values(scene, state, rtol, atol, first_step, landing_tolerance)
-        names = _check_structure(scene, state, start_time)
+        check_values(scene, state, rtol, atol, first_step, landing_tolerance)
+        names = _check_structure(scene, state, start_time, coordinates)
     if redundant is None:
         redundant = bool(names)
     formulation = Formulation(
+        coordinates,
         stabilisation=Baumgarte() if stabilisation is None else stabilisation,
         redundant=redundant,
         ledger=ledger,
     )
-    method = _method(solver, controller, formulation, landing_tolerance, rtol, atol)
+    method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
+    form = structured(scene)
     now = begin_compiled(
         method,
-        scene,
+        form,
         state,
         *(_array(value) for value in (start_time, end_time, first_step)),
         save_at is not None,
         RECORD_ROWS if record else None,
     )
     if traced:
-        run = OnePiece(scene, method, _array(end_time), names)
+        run = OnePiece(form, method, _array(end_time), names)
         return run.solution(now, _array(save_at), max_steps)
-    host = HostLoop(scene, method, _array(end_time), names)
-    collector = ImpactCollector(scene, formulation) if record_impacts else None
+    host = HostLoop(form, method, _array(end_time), names)
+    collector = ImpactCollector(form, formulation) if record_impacts else None
     solution = host.solution(now, save_at, max_steps, collector, record_steps, progress)
     if throw and solution.result != RESULTS.successful:
         raise SimulationError(
@@ -136,7 +144,7 @@ def _array(value: Any) -> Any:
     return None if value is None else jnp.asarray(value, dtype=float)
 
 
-def _method(
+def make_method(
     solver: diffrax.AbstractSolver | None,
     controller: diffrax.AbstractStepSizeController | None,
     formulation: Formulation,
@@ -144,6 +152,7 @@ def _method(
     rtol: Any,
     atol: Any,
 ) -> Method:
+    """The method for the arguments of `simulate`."""
     atol = rtol * 1e-5 if atol is None else atol
     if controller is None:
         controller = default_controller(rtol, atol)
@@ -165,7 +174,8 @@ def _kept(leaf: Any) -> Any:
     return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
 
 
-def _check_precision(allow_float32: bool) -> None:
+def check_precision(allow_float32: bool) -> None:
+    """Check that JAX computes in 64 bits, unless single precision is allowed."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
@@ -173,9 +183,10 @@ def _check_precision(allow_float32: bool) -> None:
         )
 
 
-def _check_values(
+def check_values(
     scene: Scene, state: State, rtol: Any, atol: Any, first_step: Any, landing_tolerance: Any
 ) -> None:
+    """Check the numbers of a run, those of the scene included."""
     recheck(scene)
     check_names(scene, state)
     require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)
@@ -217,10 +228,13 @@ def _check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
     return times
 
 
-def _check_structure(scene: Scene, state: State, t: Any) -> tuple[str, ...]:
+def _check_structure(
+    scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
-    report = constraint_report(scene, state, t)
+    report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
+    require_representable(scene, state, coordinates)
     return report.redundant

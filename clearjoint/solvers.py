@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .explicit import unrolled
 from .fields import require
 
 
@@ -30,8 +31,9 @@ def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
 def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffrax.AbstractSolver:
     """What `diffrax.diffeqsolve` does to a solver before it steps.
 
-    Runge-Kutta methods loop over their stages in a way that forward differentiation can follow, and
-    implicit ones solve their stages to the tolerances of the steps unless they have their own.
+    Explicit Runge-Kutta methods get their stages written out. Others loop over them in a way that
+    forward differentiation can follow, and implicit ones solve their stages to the tolerances of
+    the steps unless they have their own.
     """
     structure = solver.term_structure
     require(
@@ -41,6 +43,7 @@ def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffra
         "a solver of ordinary differential equations in one piece",
         "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5(); split ones don't apply here",
     )
+    solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
         solver = eqx.tree_at(
             lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None

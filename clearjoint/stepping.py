@@ -14,7 +14,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .bodies import BodyState
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
+from .explicit import UnrolledExplicit
 from .impacts import (
     Landing,
     Reach,
@@ -26,10 +28,10 @@ from .impacts import (
     second_rates,
     updated_memory,
 )
-from .projection import project_positions, project_velocities
+from .projection import is_constrained, project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
-from .vectors import Scalar
+from .vectors import Scalar, Vector
 
 REJECTED_ERROR = 1e100
 
@@ -139,16 +141,26 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
     t1 = jnp.minimum(step.t_next, t_end)
     term, args = _term(method), (scene, step.memory)
-    made_jump = step.jumped if _may_jump(method, scene) else False
+    projects = _projects(method, scene, step)
+    may_jump = projects or _may_jump(method, scene)
+    made_jump = step.jumped if may_jump else False
     y1, error, information, solver_state, solver_result = method.solver.step(
         term, step.t, t1, step.y, args, step.solver_state, made_jump
     )
     finite = _all_finite((y1, error))
     y1 = _choose(finite, y1, step.y)
-    if isinstance(method.formulation.stabilisation, Projection):
+    if projects:
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    judged = (step.t, t1, step.y, y1, args, error, _error_order(method, term))
+    judged = (
+        step.t,
+        t1,
+        _magnitudes(step.y),
+        _magnitudes(y1),
+        args,
+        error,
+        _error_order(method, term),
+    )
     controller = method.controller.wrap(1)
     keep, _, t_next, jumped, controller_state, controller_result = controller.adapt_step_size(
         *judged, step.controller_state
@@ -161,7 +173,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         t_next = jnp.where(lands, landing_time, t_next)
         keep = keep & ~passes
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
-    memory = _memory_after(method, scene, step, y1, after, t1, keep)
+    memory = _memory_after(method, scene, step, y1, after, t1, keep, solver_state)
     advanced = Step(
         jnp.where(keep, t1, step.t),
         t_next,
@@ -170,7 +182,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         _choose(keep, after, step.reaches),
         _choose(keep, solver_state, step.solver_state),
         controller_state,
-        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
+        jnp.where(keep, jumped | may_jump, step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -178,13 +190,41 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     return Attempt(advanced, keep, step.t, step.memory, information)
 
 
+def _projects(method: Method, scene: Scene, step: Step) -> bool:
+    """Whether steps end on the constraints, which leaves the last stage stale."""
+    formulation = method.formulation
+    return isinstance(formulation.stabilisation, Projection) and is_constrained(
+        scene, formulation, step.y.motion, step.t
+    )
+
+
+def _magnitudes(y: Variables) -> Variables:
+    """What errors are compared with: each component, but of positions and velocities the largest.
+
+    A journal that rolls along the wall hardly moves along one axis. Judged against that, its
+    velocity would take a third more steps, for nothing, and their number would depend on the axes.
+    """
+
+    def largest(vector: Vector) -> Vector:
+        size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
+        return Vector(size, size, size)
+
+    def of(node: Any) -> Any:
+        if not isinstance(node, BodyState):
+            return node
+        return BodyState(
+            largest(node.position), node.orientation, largest(node.velocity), node.spin
+        )
+
+    return jax.tree.map(of, y, is_leaf=lambda node: isinstance(node, BodyState))
+
+
 def _may_jump(method: Method, scene: Scene) -> bool:
-    """Whether an accepted step may leave the last stage stale.
+    """Whether a new memory may leave the last stage stale.
 
     Landing sets the memory where the force is still zero, so that it leaves it right.
     """
-    projects = isinstance(method.formulation.stabilisation, Projection)
-    return projects or (method.landing is None and has_memory(scene))
+    return method.landing is None and has_memory(scene)
 
 
 def _memory_after(
@@ -195,10 +235,14 @@ def _memory_after(
     after: Reaches,
     t1: Scalar,
     keep: Scalar,
+    solver_state: Any,
 ) -> Memory:
-    """The memory if the step is accepted; costly only where a contact begins."""
+    """The memory if the step is accepted; costly only where a contact begins, if at all."""
     if not has_memory(scene):
         return step.memory
+    if isinstance(method.solver, UnrolledExplicit):
+        seconds = second_rates(scene, method.formulation, y1.motion, solver_state.motion)
+        return updated_memory(scene, step.memory, step.reaches, after, seconds)
     none = jax.tree.map(
         lambda reach: jnp.zeros_like(reach.rate),
         after,

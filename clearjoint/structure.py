@@ -1,5 +1,6 @@
 """What the constraints of a scene are like at a configuration: violations, rank, redundancy."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,12 +8,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from .absolute import AbsoluteCoordinates
 from .bodies import State
-from .coordinates import row_rate
-from .dynamics import Formulation, constraint_rows
+from .coordinates import AbstractCoordinates, row_rate, stacked
+from .dynamics import constraint_rows, flattened
 from .joints.base import Row
 from .scene import Scene
-from .vectors import Scalar, Vector, pack, unpack
+from .vectors import Scalar, unpack
 
 RANK_TOLERANCE = 1e-8
 
@@ -39,65 +41,69 @@ class ConstraintReport:
 
 
 def constraint_report(
-    scene: Scene, state: State, t: Any = 0.0, formulation: Formulation | None = None
+    scene: Scene, state: State, t: Any = 0.0, coordinates: AbstractCoordinates | None = None
 ) -> ConstraintReport:
-    """Evaluate the constraints of a scene, and find those that are redundant there."""
-    formulation = Formulation() if formulation is None else formulation
-    values, rates, jacobian = _constraints(scene, formulation, state, jnp.asarray(t, dtype=float))
+    """Evaluate the constraints of a scene, and find those that are redundant there.
+
+    **Arguments:** `coordinates`: take the joints that these eliminate as given, and look for
+    redundancy among the rows that remain. Otherwise among all, in their order.
+    """
+    coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
+    values, rates, jacobian, remaining = _constraints(
+        scene, coordinates, state, jnp.asarray(t, dtype=float)
+    )
     names = tuple(f"{joint}: {label}" for joint, family in values.items() for label in family)
     matrix = np.asarray(jacobian).reshape(len(names), 6 * len(scene.bodies))
-    dependent = _dependent_rows(matrix)
-    return ConstraintReport(
-        names, _flat(values), _flat(rates), matrix, tuple(names[k] for k in dependent)
-    )
+    scale = {name: np.linalg.norm(row) for name, row in zip(names, matrix, strict=True)}
+    left = {
+        f"{joint}: {label}": np.asarray(row)
+        for joint, family in remaining.items()
+        for label, row in family.items()
+    }
+    redundant = _dependent_rows({name: row / scale[name] for name, row in left.items()})
+    return ConstraintReport(names, _flat(values), _flat(rates), matrix, redundant)
 
 
 @eqx.filter_jit
 def _constraints(
-    scene: Scene, formulation: Formulation, state: State, t: Scalar
-) -> tuple[Any, Any, Any]:
-    scene, state = unpack(scene), unpack(state)
-    variables = formulation.coordinates.encode(scene, state.bodies)
-    motions = formulation.coordinates.motions(scene, variables)
-    rows = constraint_rows(scene, motions, t)
-    values = {
-        name: {label: jnp.asarray(row.value) for label, row in family.items()}
-        for name, family in rows.items()
-    }
-    rates = {
-        name: {label: jnp.asarray(row_rate(row, motions)) for label, row in family.items()}
-        for name, family in rows.items()
-    }
-    flat = [_dense(row, scene) for family in rows.values() for row in family.values()]
-    return values, rates, jnp.stack(flat) if flat else jnp.zeros((0, 6 * len(scene.bodies)))
+    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
+) -> tuple[Any, Any, Any, Any]:
+    scene, bodies = unpack(scene), unpack(state.bodies)
+    absolute = AbsoluteCoordinates()
+    mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
+    rows = constraint_rows(scene, absolute, mechanics.motions, t)
+    values = _each(rows, lambda row: jnp.asarray(row.value))
+    rates = _each(rows, lambda row: jnp.asarray(row_rate(row, mechanics.motions)))
+    flat = [stacked(mechanics.projected(row.jacobian)) for row in flattened(rows)]
+    jacobian = jnp.stack(flat) if flat else jnp.zeros((0, 6 * len(scene.bodies)))
+    mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
+    rows = constraint_rows(scene, coordinates, mechanics.motions, t)
+    remaining = _each(rows, lambda row: stacked(mechanics.projected(row.jacobian)))
+    return values, rates, jacobian, remaining
 
 
-def _dense(row: Row, scene: Scene) -> Any:
-    zero = pack(Vector(0.0, 0.0, 0.0))
-    parts = []
-    for name in scene.bodies:
-        pair = row.jacobian.get(name)
-        parts += [zero, zero] if pair is None else [pack(pair.force), pack(pair.moment)]
-    return jnp.concatenate(parts)
+def _each(rows: dict[str, dict[str, Row]], of: Callable[[Row], Any]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {label: of(row) for label, row in family.items()} for name, family in rows.items()
+    }
 
 
 def _flat(tree: dict[str, dict[str, Any]]) -> np.ndarray:
     return np.array([float(leaf) for family in tree.values() for leaf in family.values()])
 
 
-def _dependent_rows(matrix: np.ndarray) -> list[int]:
+def _dependent_rows(rows: dict[str, np.ndarray]) -> tuple[str, ...]:
     """Rows that are combinations of earlier ones, by orthogonalising one after the other."""
     basis: list[np.ndarray] = []
     dependent = []
-    for index, row in enumerate(matrix):
-        size = float(np.linalg.norm(row))
-        rest = row / size if size > 0 else row
+    for name, row in rows.items():
+        rest = row
         for _ in range(2):
             for direction in basis:
                 rest = rest - (rest @ direction) * direction
         length = float(np.linalg.norm(rest))
         if length < RANK_TOLERANCE:
-            dependent.append(index)
+            dependent.append(name)
         else:
             basis.append(rest / length)
-    return dependent
+    return tuple(dependent)

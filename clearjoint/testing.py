@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .bodies import NO_WRENCH, Motion
+from .bodies import Motion
 from .contact import AbstractContactLaw, Gap
 from .coordinates import row_rate
 from .friction import AbstractFriction
@@ -162,7 +162,6 @@ def _moved(motions: dict[str, Motion], time: float) -> dict[str, Motion]:
             _turned(motion, motion.spin * time),
             motion.velocity,
             motion.spin,
-            motion.bias,
         )
         for name, motion in motions.items()
     }
@@ -190,6 +189,4 @@ def _exponential(angle: Vector) -> EulerParameters:
 def moving(position: Any, orientation: Any, velocity: Any, spin: Any) -> Motion:
     """A motion from plain numbers, for `check_constraint`; the orientation is normalised."""
     parameters = normalised(EulerParameters(*orientation))
-    return Motion(
-        Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin), NO_WRENCH
-    )
+    return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))

@@ -4,10 +4,14 @@ Why not arrays: XLA's CPU compiler turns a stepping loop into one native functio
 elementwise arithmetic on scalars; a `stack`, a `dot` or a concatenation inside costs a kernel
 launch each, which is then nearly all the time of a run. ``vmap`` adds the lanes, so the same code
 is also the fast form of a batch. A component that is a Python ``0.0`` or ``1.0`` is *structural*:
-it drops out while tracing, so that a fixed ground or a unit vector costs nothing.
+it drops out while tracing, so that a fixed ground or a unit vector costs nothing. `structured`
+finds such components in the numbers of a scene: an axis (1, 0, 0) then costs no arithmetic, and a
+program is compiled for each pattern of zeros and ones, not for each number.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -37,7 +41,10 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """a - b, where a structural zero vanishes."""
+    """a - b, where a structural zero vanishes, and so does the difference of one number and
+    itself."""
+    if a is b:
+        return 0.0
     if _is(b, 0):
         return a
     if _is(a, 0):
@@ -54,6 +61,11 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
     if _is(b, 1):
         return a
     return a * b
+
+
+def square_root(a: Scalar) -> Scalar:
+    """The square root; of a Python number, a Python number."""
+    return math.sqrt(a) if isinstance(a, int | float) else jnp.sqrt(a)
 
 
 @jax.tree_util.register_dataclass
@@ -80,6 +92,9 @@ class Vector:
         return Vector(multiply(self.x, factor), multiply(self.y, factor), multiply(self.z, factor))
 
     __rmul__ = __mul__
+
+    def __iter__(self) -> Iterator[Scalar]:
+        return iter((self.x, self.y, self.z))
 
     def dot(self, other: "Vector") -> Scalar:
         """Scalar product."""
@@ -130,6 +145,15 @@ class Matrix:
         x, y, z = self.row_x, self.row_y, self.row_z
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
 
+    def plus(self, other: "Matrix") -> "Matrix":
+        """The sum of two matrices."""
+        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
+
+    def times(self, other: "Matrix") -> "Matrix":
+        """The product of two matrices."""
+        rows = (self.row_x, self.row_y, self.row_z)
+        return Matrix(*(other.transposed_times(row) for row in rows))
+
     def inverse(self) -> "Matrix":
         """The inverse, by the adjugate."""
         x, y, z = self.row_x, self.row_y, self.row_z
@@ -139,6 +163,7 @@ class Matrix:
 
 
 IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
+NOTHING = Matrix(ZERO, ZERO, ZERO)
 
 
 @jax.tree_util.register_dataclass
@@ -153,20 +178,65 @@ class EulerParameters:
 
 
 _KINDS = (Vector, EulerParameters, Matrix)
+Pattern = tuple[Scalar, ...] | None
 
 
-def _unpack_leaf(leaf: Any) -> Any:
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Structured:
+    """A PyTree of numbers, and which components of its vectors and matrices are structural.
+
+    `patterns` has for each leaf either ``None``, or the row of its components, of which 0.0 and 1.0
+    are structural and the others ``None``.
+    """
+
+    tree: Any
+    patterns: tuple[Pattern, ...] = field(metadata={"static": True})
+
+
+def structured(tree: Any, varied: Any = None) -> Structured:
+    """The tree with its exact zeros and ones marked as structural.
+
+    What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
+    says that their values vary.
+    """
+    leaves = jax.tree.leaves(tree)
+    fixed = [True] * len(leaves) if varied is None else [not v for v in jax.tree.leaves(varied)]
+    return Structured(
+        tree,
+        tuple(_pattern(leaf) if f else None for leaf, f in zip(leaves, fixed, strict=True)),
+    )
+
+
+def _pattern(leaf: Any) -> Pattern:
+    if isinstance(leaf, jax.core.Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
+        return None
+    numbers = np.asarray(leaf, dtype=float).ravel()
+    return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
+
+
+def _unpack_leaf(leaf: Any, pattern: Pattern = None) -> Any:
     shape = jnp.shape(leaf)
-    if shape in ((3,), (4,)):
-        kind = Vector if shape == (3,) else EulerParameters
-        return kind(*(leaf[k] for k in range(shape[0])))
-    if shape == (3, 3):
-        return Matrix(*(Vector(*(leaf[i, j] for j in range(3))) for i in range(3)))
-    return leaf
+    if shape == (4,):
+        return EulerParameters(*(leaf[k] for k in range(4)))
+    if shape not in ((3,), (3, 3)):
+        return leaf
+    indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
+    known = (None,) * len(indices) if pattern is None else pattern
+    parts = [leaf[at] if k is None else k for at, k in zip(indices, known, strict=True)]
+    rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
+    return rows[0] if shape == (3,) else Matrix(*rows)
 
 
 def unpack(tree: Any) -> Any:
-    """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form."""
+    """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
+
+    The tree may come as `Structured`: its structural components become Python numbers.
+    """
+    if isinstance(tree, Structured):
+        leaves, shape = jax.tree.flatten(tree.tree)
+        pairs = zip(leaves, tree.patterns, strict=True)
+        return jax.tree.unflatten(shape, [_unpack_leaf(*pair) for pair in pairs])
     return jax.tree.map(_unpack_leaf, tree)
 
 

@@ -35,7 +35,7 @@ class Settings:
     clearance: float = 0.5e-3
     restitution: float = 0.9
     revolutions_a_minute: float = 5000.0
-    revolutions: int = 100
+    revolutions: int = 500
     rtol: float = 1e-6
     output: Path = Path("results/slider_crank")
     quick: bool = False

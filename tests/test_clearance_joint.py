@@ -24,8 +24,8 @@ from clearjoint import (
     body_state,
     observe,
 )
+from clearjoint.absolute import AbsoluteCoordinates
 from clearjoint.bodies import GROUND, BodyState
-from clearjoint.coordinates import STILL, AbsoluteCoordinates
 from clearjoint.dynamics import Formulation, contact_forces, evaluate
 from clearjoint.vectors import EulerParameters, Vector, pack, unpack
 
@@ -86,7 +86,7 @@ MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
 
 def dynamics(**options):
     scene = random_scene(**options)
-    return evaluate(scene, Formulation(), random_states(), MEMORY, 0.0)
+    return evaluate(scene, Formulation(COORDINATES), random_states(), MEMORY, 0.0)
 
 
 def turned(body, rows):
@@ -168,7 +168,7 @@ def test_penetration_rate_is_the_derivative_of_the_penetration():
     """At bases and shoulders, both bodies moving, for all orientations of the axes."""
     scene = random_scene(axial=EndPlay(PLAY, Hertz(30.0)))
     states = random_states()
-    rates = COORDINATES.rates(scene, states, {"a": STILL, "b": STILL})
+    rates = COORDINATES.mechanics(scene, states).variable_rates([0.0] * 12)
     rates = jax.tree.map(lambda rate, like: rate + 0.0 * like, rates, states)
 
     def depths(states):
@@ -267,7 +267,7 @@ def rates_of(scene, body, clearance):
     """Accelerations and contacts of one journal, as functions that can be differentiated."""
     scene = eqx.tree_at(lambda s: s.joints["pin"].clearance, unpack(scene), clearance)
     memory = {"pin": {"V": 0.0, "W": 0.0}}
-    found = evaluate(scene, Formulation(), {"journal": unpack(body)}, memory, 0.0)
+    found = evaluate(scene, Formulation(COORDINATES), {"journal": unpack(body)}, memory, 0.0)
     return found.accelerations, found.contact_forces
 
 

@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint import (
+    AbsoluteCoordinates,
     Body,
     CylindricalJoint,
     FixedJoint,
@@ -25,7 +26,7 @@ from clearjoint import (
     coordinates,
     rows_from_residual,
 )
-from clearjoint.bodies import GROUND_MOTION, NO_WRENCH, Motion
+from clearjoint.bodies import GROUND_MOTION, Motion
 from clearjoint.dynamics import Formulation, evaluate
 from clearjoint.joints.primitives import perpendicular, point_in_plane
 from clearjoint.rotations import transverse_axes
@@ -48,7 +49,7 @@ class Bodies:
     def motion(self, body):
         return Motion(
             vector(self.position[body]), matrix(self.rotation[body]),
-            vector(self.velocity[body]), vector(self.spin[body]), NO_WRENCH,
+            vector(self.velocity[body]), vector(self.spin[body]),
         )
 
     def motions(self):
@@ -328,7 +329,8 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
 
     def found(largest_unrolled):
         monkeypatch.setattr(coordinates, "LARGEST_UNROLLED", largest_unrolled)
-        return evaluate(scene, Formulation(redundant=redundant), variables, {}, 0.0)
+        formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
+        return evaluate(scene, formulation, variables, {}, 0.0)
 
     unrolled, dense = found(99), found(0)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)

@@ -169,7 +169,7 @@ def test_invariants_with_clearance(clearance_runs):
         assert np.abs(pin["V"].normal_force - pin["W"].normal_force).max() == 0.0
         dissipated = observed.energies["normal damping"]
         assert dissipated[-1] > 0.01
-        assert (np.diff(dissipated) >= -1e-5 * dissipated[-1]).all()
+        assert (np.diff(dissipated) >= -1e-4 * dissipated[-1]).all()
         exchanged = np.ptp(observed.energies["kinetic"])
         assert np.abs(observed.ledger_residual()).max() < 1e-5 * exchanged
         for joint, drift in observed.drift.items():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint.bodies import GROUND_MOTION, NO_WRENCH, Motion
+from clearjoint.bodies import GROUND_MOTION, Motion
 from clearjoint.linear import Exact, LeastNorm, UnrolledFactorisation
 from clearjoint.rotations import (
     euler_parameter_rates,
@@ -104,7 +104,7 @@ def test_numbers_of_an_array_are_not_structural():
 
 
 def test_product_with_the_ground_costs_nothing():
-    free = Motion(vector(A[0]), matrix(M[:1]), vector(A[1]), vector(A[2]), NO_WRENCH)
+    free = Motion(vector(A[0]), matrix(M[:1]), vector(A[1]), vector(A[2]))
 
     def uses(motion, local):
         return motion.point(local), motion.velocity_at(local), motion.direction(local)

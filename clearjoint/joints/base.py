@@ -14,6 +14,7 @@ import jax
 from ..bodies import Motion, Wrench
 from ..contact import AbstractContactLaw, Gap
 from ..vectors import Scalar, Vector
+from .freedoms import AbstractFreedom
 
 Motions = Mapping[str, Motion]
 
@@ -50,6 +51,15 @@ class AbstractConstraint(AbstractElement):
     @abc.abstractmethod
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The constraint equations by name, independent of each other."""
+
+    def freedom(self, parent: str) -> AbstractFreedom | None:
+        """The motion that the joint leaves the other one of its two bodies against the given one.
+
+        Joint coordinates follow it and leave the constraint equations out. ``None``, the default,
+        keeps them in.
+        """
+        del parent
+        return None
 
 
 class AbstractForce(AbstractElement):

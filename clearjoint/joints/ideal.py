@@ -11,9 +11,10 @@ from ..fields import (
     require_euler_parameters,
     require_point,
 )
-from ..rotations import rotation_matrix, transverse_axes, unit
+from ..rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row
+from .freedoms import Ball, Hinge, Slider, Weld, aligning
 from .primitives import coincident_points, perpendicular, point_in_plane
 
 
@@ -33,6 +34,10 @@ class AbstractPairJoint(AbstractConstraint):
     def body_names(self) -> tuple[str, ...]:
         """The two bodies."""
         return self.first, self.second
+
+    def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
+        """What belongs to the first and the second body, the parent's before the child's."""
+        return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
         first, second = motions[self.first], motions[self.second]
@@ -94,6 +99,10 @@ class SphericalJoint(AbstractPairJoint):
         del t
         return self._coincidence(motions)
 
+    def freedom(self, parent: str) -> Ball:
+        """Turning freely."""
+        return Ball(*self._ordered(parent, self.point_first, self.point_second))
+
 
 class RevoluteJoint(AbstractPairJoint):
     """Points coincide and axes stay parallel; five rows.
@@ -121,6 +130,12 @@ class RevoluteJoint(AbstractPairJoint):
         tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
         return self._coincidence(motions) | tilts
 
+    def freedom(self, parent: str) -> Hinge:
+        """Turning about the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return Hinge(*points, here, aligning(there, here))
+
 
 class FixedJoint(AbstractPairJoint):
     """Two bodies that move as one; six rows.
@@ -142,6 +157,12 @@ class FixedJoint(AbstractPairJoint):
         """Three translations and three rotations."""
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
+
+    def freedom(self, parent: str) -> Weld:
+        """None."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        return Weld(*points, turn)
 
 
 class InlineJoint(AbstractPairJoint):
@@ -214,3 +235,12 @@ class PrismaticJoint(AbstractPairJoint):
         del t
         held = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | held
+
+    def freedom(self, parent: str) -> Slider:
+        """Sliding along the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        axis = unit(self.axis)
+        in_second = rotation_matrix(self.orientation).transposed_times(axis)
+        _, here = self._ordered(parent, axis, in_second)
+        return Slider(*points, here, turn)

@@ -1,0 +1,399 @@
+"""Continuous batching: many lanes, each on its own time and step size.
+
+A pool holds the lanes that have begun and not ended. A slice is a native loop of some hundred
+turns for a smaller number of them, the places; before each slice the places go to the lanes with
+the most work left, judged by their progress so far. So no lane waits for the slowest, and all lanes
+of a pool end at about the same time. When the lanes that are left no longer fill the places, the
+host takes the results of those that have ended, and waiting ones come into the pool.
+
+Each device has a pool and places of its own and the same program; devices never speak to each
+other, and a turn is elementwise in the lanes. So a lane's numbers depend neither on how many
+devices there are nor on who runs beside it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, outcome, turn
+from .records import Ring, Row
+from .reductions import Quantity
+from .runtime import SlowRunNotice
+from .vectors import Scalar, Structured, pack, unpack
+
+ACROSS = PartitionSpec("lanes")
+UNKNOWN_WORK = 500.0
+"""Attempts, and share of the run, from which on a lane's progress tells what it has left."""
+UNKNOWN_SHARE = 0.02
+
+
+class Extent(eqx.Module):
+    """How the lanes share a device.
+
+    - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
+    - `turns`: of a slice; `slices`: before the host looks again.
+    """
+
+    pool: int = eqx.field(static=True)
+    places: int = eqx.field(static=True)
+    turns: int = eqx.field(default=256, static=True)
+    slices: int = eqx.field(default=8, static=True)
+
+
+class Task(eqx.Module):
+    """A lane to run: what of its scene varies, its initial state (packed), and its end.
+
+    `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
+    """
+
+    varied: Any
+    state: Any
+    end_time: Any
+    first_step: Any
+    save_at: Any | None
+
+
+class Seat(eqx.Module):
+    """A lane in the pool, its task, and how many rows it has recorded in each log."""
+
+    task: Task
+    lane: Lane
+    recorded: dict[str, Any]
+
+
+class Common(eqx.Module):
+    """What all lanes of a batch share.
+
+    - `form`: the scene, what varies in it left as in the base; `start_time`: s.
+    - `capacity`: crossings to record, by section. `channels[log][name]`: quantities to report of
+      each recorded row; `saved` is the name of the log of saved states.
+    """
+
+    plan: Plan
+    form: Structured
+    start_time: Any
+    capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
+    channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
+    saved: str = eqx.field(default="", static=True)
+
+    def logs(self, lane: Lane) -> dict[str, Ring]:
+        """The rings of a lane by the log that they fill."""
+        saved = {} if lane.saved is None else {self.saved: lane.saved}
+        return saved | lane.crossings
+
+    def scene(self, task: Task) -> Any:
+        """The scene of a lane, in scalar form."""
+        tree = eqx.combine(task.varied, self.form.tree)
+        return unpack(Structured(tree, self.form.patterns))
+
+
+class Status(eqx.Module):
+    """What the host looks at between segments: for each lane, and turns given on each device."""
+
+    finished: Any
+    time: Any
+    turns: Any
+
+
+class Page(eqx.Module):
+    """Rows recorded in one slice, as (places, slots, columns); how many; and by which seats."""
+
+    rows: dict[str, Any]
+    counts: dict[str, Any]
+    seats: Any
+
+
+@eqx.filter_jit
+def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
+    """Lanes before their first steps."""
+
+    def one(common: Common, task: Task) -> Seat:
+        orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+        lane = begin_lane(common.plan, common.scene(task), task.state, common.start_time, orders)
+        return Seat(task, lane, {name: jnp.zeros((), int) for name in common.logs(lane)})
+
+    return _on_devices(mesh, jax.vmap(one, (None, 0)), common, tasks)
+
+
+@eqx.filter_jit
+def replaced(fresh: Any, begun: Seat, seats: Seat) -> Seat:
+    """The pool with lanes that have just begun in the seats that `fresh` names."""
+    return _choose(fresh, begun, seats)
+
+
+@eqx.filter_jit(donate="all-except-first")
+def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, Status, Page]:
+    """Slice after slice, until all lanes of a device have ended or its slices are used up."""
+    common, extent, mesh = constants
+
+    def on_device(common: Common, seats: Seat) -> tuple[Seat, Status, Page]:
+        def goes(now: tuple[Seat, Page, Any]) -> Any:
+            return (now[2] < extent.slices) & (_work_left(common, now[0]) > 0.0).any()
+
+        def go(now: tuple[Seat, Page, Any]) -> tuple[Seat, Page, Any]:
+            seats, pages, number = now
+            seats, page = _slice(common, extent, seats)
+            pages = jax.tree.map(
+                lambda all_of, new: jax.lax.dynamic_update_index_in_dim(all_of, new, number, 0),
+                pages,
+                page,
+            )
+            return seats, pages, number + 1
+
+        blank = jax.eval_shape(lambda: _slice(common, extent, seats)[1])
+        pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
+        seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
+        finished = _work_left(common, seats) <= 0.0
+        return seats, Status(finished, seats.lane.step.t, slices[None] * extent.turns), pages
+
+    return _on_devices(mesh, on_device, common, seats)
+
+
+@eqx.filter_jit
+def harvest(
+    common: Common, mesh: Mesh, seats: Seat, logs: dict[str, Any]
+) -> tuple[Outcome, dict[str, Any]]:
+    """Outcome of every lane of the pool, and the channels of its logs' rows."""
+
+    def one(common: Common, seat: Seat, logs: dict[str, Any]) -> tuple[Outcome, dict[str, Any]]:
+        scene = common.scene(seat.task)
+        read = {
+            name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
+        }
+        return pack(outcome(common.plan, scene, seat.lane, seat.task.end_time)), read
+
+    return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
+
+
+def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
+    """Time and quantities of the rows of a log."""
+    example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
+
+    def at(row: Any) -> dict[str, Any]:
+        columns = [row[k] for k in range(len(example))]
+        here: Row = jax.tree.unflatten(structure, columns)
+        now = here.instant(scene, common.plan.method.formulation)
+        values = {key: quantity(now) for key, quantity in common.channels[name].items()}
+        return {"time": here.t, **values}
+
+    return jax.vmap(at)(rows)
+
+
+def _on_devices(mesh: Mesh, function: Callable[..., Any], shared: Any, *trees: Any) -> Any:
+    """The function of what is shared and of the lanes, applied on each device to its lanes."""
+    arrays, rest = eqx.partition(shared, eqx.is_array)
+
+    def on_device(arrays: Any, *trees: Any) -> Any:
+        return function(eqx.combine(arrays, rest), *trees)
+
+    specs = (PartitionSpec(), *(ACROSS for _ in trees))
+    mapped = jax.shard_map(on_device, mesh=mesh, in_specs=specs, out_specs=ACROSS, check_vma=False)
+    return mapped(arrays, *trees)
+
+
+def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
+    """Give the lanes with the most work left their turns; what they recorded, beside."""
+    order = jnp.argsort(-_work_left(common, seats))
+    rank = jnp.argsort(order)
+    chosen = jax.tree.map(lambda leaf: leaf[order[: extent.places]], seats)
+    orders = jax.vmap(partial(_orders, common))(chosen)
+
+    def one(lane: Lane, task: Task, orders: Orders) -> Lane:
+        return turn(common.plan, common.scene(task), lane, orders)
+
+    def all_turn(_: Any, lanes: Lane) -> Lane:
+        return jax.vmap(one)(lanes, chosen.task, orders)
+
+    lanes = jax.lax.fori_loop(0, extent.turns, all_turn, chosen.lane)
+    rings = common.logs(lanes)
+    counts = {name: ring.count for name, ring in rings.items()}
+    page = Page(
+        {name: _table(ring) for name, ring in rings.items()}, counts, order[: extent.places]
+    )
+    recorded = {name: chosen.recorded[name] + count for name, count in counts.items()}
+    chosen = Seat(chosen.task, emptied(lanes), recorded)
+    back = jnp.minimum(rank, extent.places - 1)
+    moved = jax.tree.map(lambda leaf: leaf[back], chosen)
+    return _choose(rank < extent.places, moved, seats), page
+
+
+def _table(ring: Ring) -> Any:
+    """The slots of many lanes' rings: (lanes, slots, columns)."""
+    rows = [jnp.stack(jax.tree.leaves(slot), axis=-1) for slot in ring.slots]
+    return jnp.stack(rows, axis=1)
+
+
+def _choose(condition: Any, first: Any, second: Any) -> Any:
+    """Lane by lane one of two trees."""
+    return jax.tree.map(
+        lambda a, b: jnp.where(condition.reshape(-1, *(1,) * (a.ndim - 1)), a, b), first, second
+    )
+
+
+def _orders(common: Common, seat: Seat) -> Orders:
+    """What is asked of a lane in the next slice."""
+    window: tuple[Scalar, ...] = (jnp.inf,) * WINDOW
+    if common.saved:
+        times = jnp.concatenate([seat.task.save_at, jnp.full(WINDOW, jnp.inf)])
+        following = jax.lax.dynamic_slice_in_dim(times, seat.recorded[common.saved], WINDOW)
+        window = tuple(following[k] for k in range(WINDOW))
+    wanted = {name: count - seat.recorded[name] for name, count in common.capacity.items()}
+    return Orders(seat.task.end_time, seat.task.first_step, window, wanted)
+
+
+def _work_left(common: Common, seats: Seat) -> Any:
+    """Attempts that each lane may still need; zero if it has ended."""
+    step, end = seats.lane.step, seats.task.end_time
+    whole = end - common.start_time
+    done = step.t - common.start_time + UNKNOWN_SHARE * whole
+    guess = (end - step.t) * (step.attempts + UNKNOWN_WORK) / done
+    left = jnp.where(jax.vmap(partial(_runs, common))(seats), jnp.maximum(guess, 1.0), 0.0)
+    if not common.saved:
+        return left
+    following = jax.vmap(lambda seat: _orders(common, seat).window[0])(seats)
+    return jnp.maximum(left, jnp.where(following <= step.t, 1.0, 0.0))
+
+
+def _runs(common: Common, seat: Seat) -> Scalar:
+    return seat.lane.runs(common.plan, seat.task.end_time)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A lane that has ended: its number and outcome, and by log the recorded channels and their
+    number (host arrays)."""
+
+    lane: int
+    outcome: Any
+    logs: dict[str, tuple[dict[str, np.ndarray], int]]
+
+
+class Batch:
+    """Runs lanes on devices.
+
+    **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
+    arrays); `devices`; `extent`: how lanes share a device.
+    """
+
+    def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
+        self._tasks, self._extent = tasks, extent
+        self._mesh = Mesh(np.array(devices), ("lanes",))
+        self._across = NamedSharding(self._mesh, ACROSS)
+        everywhere = NamedSharding(self._mesh, PartitionSpec())
+        self._common = jax.tree.map(
+            lambda leaf: jax.device_put(leaf, everywhere) if eqx.is_array_like(leaf) else leaf,
+            common,
+        )
+        self._lengths = dict(common.capacity)
+        if common.saved:
+            self._lengths[common.saved] = tasks.save_at.shape[1]
+        self._logs: dict[tuple[str, int], list[np.ndarray]] = {}
+        self.turns = 0
+        """Turns given so far, of lanes that advanced and of empty places."""
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[float], None] = lambda share: None,
+    ) -> None:
+        """Run the lanes of the given numbers.
+
+        `on_ended` gets each lane after it has ended; `on_progress` how many lanes those still in
+        the pool come to, by the share of their time that is done.
+        """
+        waiting = list(lanes)
+        pool = self._extent.pool * self._mesh.size
+        sitting = np.full(pool, -1)
+        seats = None
+        while waiting or (sitting >= 0).any():
+            fresh = np.zeros(pool, bool)
+            for k in self._across_devices(np.arange(pool)):
+                if waiting and sitting[k] < 0:
+                    sitting[k], fresh[k] = waiting.pop(0), True
+            seats = self._seated(sitting, fresh, seats)
+            seats, finished = self._advance_until_few(seats, sitting, bool(waiting), on_progress)
+            self._take(seats, sitting, finished, on_ended)
+
+    def _across_devices(self, seats: np.ndarray) -> np.ndarray:
+        """Numbers of seats in turn from each device, so that lanes spread over all of them."""
+        return seats.reshape(self._mesh.size, -1).T.ravel()
+
+    def _seated(self, sitting: np.ndarray, fresh: np.ndarray, seats: Seat | None) -> Seat:
+        """The pool with the lanes that begin now; empty seats hold a lane that has no time."""
+        tasks = jax.tree.map(lambda leaf: leaf[np.maximum(sitting, 0)], self._tasks)
+        ends = np.where(sitting >= 0, tasks.end_time, -np.inf)
+        tasks = eqx.tree_at(lambda task: task.end_time, tasks, ends)
+        begun = begin(self._common, self._mesh, jax.device_put(tasks, self._across))
+        if seats is None:
+            return begun
+        return replaced(jax.device_put(fresh, self._across), begun, seats)
+
+    def _advance_until_few(
+        self, seats: Seat, sitting: np.ndarray, waiting: bool, on_progress: Callable[[float], None]
+    ) -> tuple[Seat, np.ndarray]:
+        """Segments until the unfinished lanes no longer fill the places of a device."""
+        taken, notice = sitting >= 0, SlowRunNotice()
+        end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
+        while True:
+            seats, status, pages = advance((self._common, self._extent, self._mesh), seats)
+            finished = np.asarray(status.finished)
+            self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
+            self._read(pages, sitting)
+            notice.check()
+            share = (np.asarray(status.time) - start) / (end - start)
+            on_progress(float(np.where(finished, 1.0, share)[taken].sum()))
+            left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
+            if left.max() == 0 or (waiting and left.min() < self._extent.places):
+                return seats, taken & finished
+
+    def _read(self, pages: Page, sitting: np.ndarray) -> None:
+        """Add what was recorded to the logs."""
+        for name, counts in pages.counts.items():
+            counts = np.asarray(counts)
+            if not counts.any():
+                continue
+            rows, seats = np.asarray(pages.rows[name]), np.asarray(pages.seats)
+            slices = counts.shape[0] // self._mesh.size
+            for number, place in np.argwhere(counts):
+                seat = seats[number, place] + number // slices * self._extent.pool
+                log = self._logs.setdefault((name, int(sitting[seat])), [])
+                log.append(rows[number, place, : counts[number, place]])
+
+    def _take(
+        self,
+        seats: Seat,
+        sitting: np.ndarray,
+        finished: np.ndarray,
+        on_ended: Callable[[Ended], None],
+    ) -> None:
+        tables, counts = self._tables(seats, sitting)
+        tables = jax.device_put(tables, self._across)
+        found, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
+        for k in np.flatnonzero(finished):
+            lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (found, channels))
+            logs = {name: (values, int(counts[name][k])) for name, values in read.items()}
+            on_ended(Ended(int(sitting[k]), lane, logs))
+            for name in self._lengths:
+                self._logs.pop((name, int(sitting[k])), None)
+            sitting[k] = -1
+
+    def _tables(self, seats: Seat, sitting: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The logs of the pool's lanes, (seats, rows, columns), and how many rows are filled."""
+        tables, counts = {}, {}
+        for name, ring in self._common.logs(seats.lane).items():
+            columns = len(jax.tree.leaves(ring.slots[0]))
+            tables[name] = np.zeros((len(sitting), self._lengths[name], columns))
+            counts[name] = np.zeros(len(sitting), int)
+            for k, lane in enumerate(sitting):
+                for rows in self._logs.get((name, int(lane)), []):
+                    tables[name][k, counts[name][k] :][: len(rows)] = rows
+                    counts[name][k] += len(rows)
+        return tables, counts

@@ -1,0 +1,50 @@
+"""One instant of one run, as outputs and sections see it."""
+
+from functools import cached_property
+from typing import Any
+
+from .coordinates import Motions
+from .dynamics import ContactForce, Dynamics, Formulation, Memory, contact_forces, evaluate
+from .impacts import Reaches, reaches
+from .scene import Scene
+from .vectors import Scalar
+
+
+class Instant:
+    """A scene at a time, in scalar form. What is not asked for is not computed.
+
+    `time` s; `scene`; `memory[joint][contact]` entry speeds, m/s; `work[name]` integrals of the
+    energy ledger, J.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        formulation: Formulation,
+        time: Scalar,
+        variables: Any,
+        memory: Memory,
+        work: dict[str, Scalar],
+    ):
+        self.scene, self.time, self.memory, self.work = scene, time, memory, work
+        self._formulation, self._variables = formulation, variables
+
+    @cached_property
+    def motions(self) -> Motions:
+        """Pose and twist of each body."""
+        return self._formulation.coordinates.motions(self.scene, self._variables)
+
+    @cached_property
+    def contacts(self) -> dict[str, dict[str, ContactForce]]:
+        """Geometry and forces of all contacts, by joint and contact."""
+        return contact_forces(self.scene, self.motions, self.memory)
+
+    @cached_property
+    def reaches(self) -> Reaches:
+        """How deep each contact is from where its force begins, and how fast."""
+        return reaches(self.scene, self.motions)
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """The equations of motion solved: accelerations, constraint rows, multipliers."""
+        return evaluate(self.scene, self._formulation, self._variables, self.memory, self.time)

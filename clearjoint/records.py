@@ -1,0 +1,161 @@
+"""Looking inside the steps of a batch: dense output in scalar form, and rings that hold rows.
+
+Inside the native loop nothing may be written at an index that differs from lane to lane, so a lane
+has a ring of a few slots for each thing it records; the host empties them between segments, and a
+lane whose ring is full waits for that.
+"""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .dynamics import Formulation, Memory
+from .explicit import UnrolledExplicit, dense_weights
+from .fields import require
+from .instant import Instant
+from .reductions import Quantity
+from .scene import Scene
+from .stepping import Attempt, Method, Variables
+from .vectors import Scalar
+
+SLOTS = 8
+ROOT_STEPS = 4
+
+
+class Row(eqx.Module):
+    """A time, the variables and the memory there."""
+
+    t: Scalar
+    y: Variables
+    memory: Memory
+
+    def instant(self, scene: Scene, formulation: Formulation) -> Instant:
+        """The scene at this row."""
+        return Instant(scene, formulation, self.t, self.y.motion, self.memory, self.y.work)
+
+
+class Bracket(eqx.Module):
+    """The latest accepted step, with its stages."""
+
+    start: Row
+    end: Row
+    stages: Any
+
+    @staticmethod
+    def of(tried: Attempt) -> "Bracket":
+        """The bracket of an accepted attempt."""
+        step, inside = tried.step, tried.information
+        return Bracket(
+            Row(tried.t_start, inside["y0"], tried.memory_start),
+            Row(step.t, step.y, step.memory),
+            inside["stages"],
+        )
+
+    def inside(self, method: Method, x: Scalar) -> Variables:
+        """The variables at a fraction x of the step, by the solver's dense output."""
+        assert isinstance(method.solver, UnrolledExplicit)
+        h = self.end.t - self.start.t
+        weights = [h * _horner(row, x) for row in dense_weights(method.solver.method)]
+
+        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
+            for weight, stage in zip(weights, stages, strict=True):
+                y0 = y0 + weight * stage
+            return y0
+
+        return jax.tree.map(leaf, self.start.y, *self.stages)
+
+    def at(self, method: Method, t: Scalar) -> Row:
+        """The row at a time of the step."""
+        length = self.end.t - self.start.t
+        x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
+        ends = t >= self.end.t
+        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), self.end.y, self.inside(method, x))
+        memory = jax.tree.map(
+            lambda a, b: jnp.where(ends, a, b), self.end.memory, self.start.memory
+        )
+        return Row(t, y, memory)
+
+
+def _horner(coefficients: Any, x: Scalar) -> Scalar:
+    """A polynomial without constant term, lowest power first."""
+    value: Scalar = float(coefficients[-1])
+    for coefficient in coefficients[-2:0:-1]:
+        value = value * x + float(coefficient)
+    return value * x
+
+
+class Ring(eqx.Module):
+    """A few rows, and how many of them are filled."""
+
+    slots: tuple[Row, ...]
+    count: Scalar
+
+    @staticmethod
+    def like(row: Row) -> "Ring":
+        """An empty ring."""
+        return Ring((row,) * SLOTS, jnp.zeros((), int))
+
+    def full(self) -> Scalar:
+        """Whether another row must wait."""
+        return self.count >= SLOTS
+
+    def emptied(self) -> "Ring":
+        """The ring after the host has taken its rows."""
+        return Ring(self.slots, jnp.zeros_like(self.count))
+
+    def with_row(self, row: Row, wanted: Scalar) -> "Ring":
+        """The row added, if it is wanted."""
+        slots = tuple(
+            jax.tree.map(
+                lambda new, old, k=k: jnp.where(wanted & (self.count == k), new, old), row, slot
+            )
+            for k, slot in enumerate(self.slots)
+        )
+        return Ring(slots, self.count + wanted)
+
+
+class Crossing(eqx.Module):
+    """Where a Poincaré section is: a quantity passes zero, rising.
+
+    **Arguments:** `quantity`: a scalar function of an `Instant`. `after`: s, earlier crossings are
+    left out.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    after: float = eqx.field(default=0.0, static=True)
+
+
+def crossing_row(
+    method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any
+) -> Row:
+    """The row where a function of the variables, of given values at both ends, rises through zero.
+
+    Secant steps on the dense output, kept inside the step. `value(row)` evaluates the function.
+    """
+    start, end = bracket.start.t, bracket.end.t
+    x_old, x, value_old = jnp.zeros_like(before), jnp.ones_like(after), before
+    value_here = after
+    for _ in range(ROOT_STEPS):
+        change = value_here - value_old
+        slope = jnp.where(change == 0.0, 1.0, change)
+        x_old, x = x, jnp.clip(x - value_here * (x - x_old) / slope, 0.0, 1.0)
+        t = start + x * (end - start)
+        value_old, value_here = (
+            value_here,
+            value(Row(t, bracket.inside(method, x), bracket.start.memory)),
+        )
+    return bracket.at(method, start + x * (end - start))
+
+
+def require_dense(solver: diffrax.AbstractSolver) -> None:
+    """Check that a solver's dense output is known in scalar form."""
+    require(
+        isinstance(solver, UnrolledExplicit),
+        "solver",
+        type(solver).__name__,
+        "an explicit Runge-Kutta method where sweeps save states or sections",
+        "take one such as diffrax.Tsit5(), or leave out the saved states",
+    )

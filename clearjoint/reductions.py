@@ -1,0 +1,218 @@
+"""What a lane of a sweep keeps of its run: reductions, updated at every accepted step.
+
+A reduction of one's own subclasses `AbstractReduction`. Its tally is a PyTree of scalars, so that
+memory does not grow with the steps.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .fields import require
+from .instant import Instant
+from .vectors import Scalar
+
+Quantity = Callable[[Instant], Scalar]
+"""A scalar function of an instant, such as those of `clearjoint.quantities`."""
+
+
+class AbstractReduction(eqx.Module):
+    """Something that is gathered along a run."""
+
+    @abc.abstractmethod
+    def start(self, now: Instant) -> Any:
+        """The tally at the start."""
+
+    @abc.abstractmethod
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The tally after an accepted step that ends now."""
+
+    @abc.abstractmethod
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """What is reported at the end, by name; the name "" stands for the reduction's own."""
+
+    @abc.abstractmethod
+    def units(self) -> dict[str, str]:
+        """Unit of each result."""
+
+
+class Peak(AbstractReduction):
+    """Largest value of a quantity, and when: "" and "time".
+
+    Between steps the maximum is that of the parabola through three successive ones.
+
+    **Arguments:** `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+
+    def start(self, now: Instant) -> Any:
+        """Peak and its time; the last two instants and values."""
+        value = jnp.asarray(self.quantity(now), dtype=float)
+        return (value, now.time), (now.time, value), (now.time, value)
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The peak of the parabola's arc, if it is higher."""
+        (peak, when), before, last = tally
+        here = (now.time, jnp.asarray(self.quantity(now), dtype=float))
+        time, value = _vertex(before, last, here)
+        higher = value > peak
+        peak, when = jnp.where(higher, value, peak), jnp.where(higher, time, when)
+        return (peak, when), last, here
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The peak and its time."""
+        del now
+        return {"": tally[0][0], "time": tally[0][1]}
+
+    def units(self) -> dict[str, str]:
+        """The quantity's, and s."""
+        return {"": self.unit, "time": "s"}
+
+
+def _vertex(first: Any, middle: Any, last: Any) -> tuple[Scalar, Scalar]:
+    """Place and height of the largest value: of the parabola through three points where the middle
+    one is the highest, else of the last point."""
+    (a, u), (b, v), (c, w) = first, middle, last
+    rises, falls = v > u, v > w
+    inside = rises & falls
+    left = jnp.where(inside, (v - u) / jnp.where(b > a, b - a, 1.0), 1.0)
+    right = jnp.where(inside, (w - v) / jnp.where(c > b, c - b, 1.0), -1.0)
+    curvature = (right - left) / jnp.where(c > a, c - a, 1.0)
+    slope = left + curvature * (b - a)
+    shift = -0.5 * slope / curvature
+    time = jnp.where(inside, b + shift, c)
+    return time, jnp.where(inside, v + 0.5 * slope * shift, w)
+
+
+class Statistics(AbstractReduction):
+    """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
+
+    Mean and root mean square are those of the linear interpolant over the steps.
+
+    **Arguments:** `quantity` and `unit` as for `Peak`; `start_time`, `end_time`: s, the window;
+    from the start to the end of the run unless given.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    start_time: float = eqx.field(default=-float("inf"), static=True)
+    end_time: float = eqx.field(default=float("inf"), static=True)
+
+    def __check_init__(self):
+        require(
+            self.end_time > self.start_time,
+            "end_time",
+            self.end_time,
+            f"after start_time = {self.start_time}",
+            "give the window in s",
+        )
+
+    def start(self, now: Instant) -> Any:
+        """The last instant and value, duration, integrals, smallest and largest."""
+        value = jnp.asarray(self.quantity(now), dtype=float)
+        zero = jnp.zeros_like(value)
+        inside = (now.time >= self.start_time) & (now.time <= self.end_time)
+        extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
+        return (now.time, value), (zero, zero, zero), extremes
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The part of the step inside the window added."""
+        (t0, u), (duration, first, second), (smallest, largest) = tally
+        t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
+        a, b = jnp.maximum(t0, self.start_time), jnp.minimum(t1, self.end_time)
+        inside = b > a
+        slope = (v - u) / jnp.where(t1 > t0, t1 - t0, 1.0)
+        p, q = u + slope * (a - t0), u + slope * (b - t0)
+        h = jnp.where(inside, b - a, 0.0)
+        sums = (
+            duration + h,
+            first + 0.5 * h * (p + q),
+            second + h * (p * p + p * q + q * q) / 3.0,
+        )
+        smallest = jnp.where(inside, jnp.minimum(smallest, jnp.minimum(p, q)), smallest)
+        largest = jnp.where(inside, jnp.maximum(largest, jnp.maximum(p, q)), largest)
+        return (t1, v), sums, (smallest, largest)
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The four statistics; NaN if the run ended before the window."""
+        del now
+        _, (duration, first, second), (smallest, largest) = tally
+        reached = duration > 0.0
+        length = jnp.where(reached, duration, jnp.nan)
+        return {
+            "mean": first / length,
+            "rms": jnp.sqrt(second / length),
+            "smallest": jnp.where(reached, smallest, jnp.nan),
+            "largest": jnp.where(reached, largest, jnp.nan),
+        }
+
+    def units(self) -> dict[str, str]:
+        """The quantity's."""
+        return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
+
+
+class ImpactCount(AbstractReduction):
+    """Number of contacts that began, of all contacts of a joint.
+
+    **Arguments:** `joint`: its name.
+    """
+
+    joint: str = eqx.field(static=True)
+
+    def _touching(self, now: Instant) -> dict[str, Scalar]:
+        return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
+
+    def start(self, now: Instant) -> Any:
+        """Count, and which contacts touch."""
+        return jnp.zeros(()), self._touching(now)
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """One more for each contact that did not touch before."""
+        count, before = tally
+        after = self._touching(now)
+        for label, touches in after.items():
+            count = count + jnp.where(touches & ~before[label], 1.0, 0.0)
+        return count, after
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The count."""
+        del now
+        return {"": tally[0]}
+
+    def units(self) -> dict[str, str]:
+        """A number."""
+        return {"": "1"}
+
+
+class DissipatedEnergy(AbstractReduction):
+    """Energy that normal damping and friction took, by the energy ledger (`ledger=True`)."""
+
+    def start(self, now: Instant) -> Any:
+        """Nothing: the ledger is integrated with the state."""
+        require(
+            bool(now.work),
+            "ledger",
+            False,
+            "True for DissipatedEnergy",
+            "pass ledger=True to the sweep",
+        )
+        return ()
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """Nothing."""
+        del now
+        return tally
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The sum of both."""
+        del tally
+        return {"": now.work.get("normal damping", 0.0) + now.work.get("friction", 0.0)}
+
+    def units(self) -> dict[str, str]:
+        """An energy."""
+        return {"": "J"}

@@ -1,0 +1,1 @@
+"""Sweeps: many runs of one mechanism, their results and where they are computed."""

@@ -1,0 +1,232 @@
+"""What a sweep produces, known before it runs, and its results with labels.
+
+A sweep's lanes are numbered. Its axes give each lane its values: all combinations of them, the last
+axis fastest, or one value of each ("zipped"). Lanes are computed and stored in chunks of equal size
+(the last may be shorter); a chunk's results are a dictionary of arrays whose first axis is the
+chunk's lanes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..fields import require, require_finite
+
+LANE = "lane"
+RESULT = "result"
+PENDING = -1
+"""Result code of a lane that has not been computed."""
+
+
+class Coordinate(NamedTuple):
+    """Labels along a dimension: `values` (n,), numbers or texts, in `unit` ("1" if none)."""
+
+    name: str
+    values: Any
+    unit: str = "1"
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """The unit, of numbers, by the CF conventions."""
+        return {} if self.values.dtype.kind == "U" else {"units": self.unit}
+
+
+class Variable(NamedTuple):
+    """An array of numbers for every lane: `dims` and `shape` are those behind the lanes.
+
+    What has not been computed is NaN, -1 in integers and false in truth values. `attrs` are further
+    attributes, for example the `flag_values` and `flag_meanings` of a code.
+    """
+
+    dims: tuple[str, ...] = ()
+    shape: tuple[int, ...] = ()
+    dtype: str = "float64"
+    unit: str = "1"
+    description: str = ""
+    attrs: Mapping[str, Any] = {}
+
+    @property
+    def fill(self) -> Any:
+        """The value of what has not been computed."""
+        kind = np.dtype(self.dtype).kind
+        return {"b": False, "i": PENDING}.get(kind, np.nan)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Unit, description and further attributes by the CF conventions."""
+        return {"units": self.unit, "long_name": self.description, **self.attrs}
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The shape, the labels and the settings of a sweep.
+
+    **Arguments:**
+
+    - `axes`: the values swept over, one `Coordinate` an axis.
+    - `chunk`: lanes in a chunk.
+    - `variables`: what is computed, by name. One is ``"result"``: a signed integer for each lane,
+      zero or positive. Its presence marks a chunk as done.
+    - `coordinates`: labels of the variables' own dimensions.
+    - `settings`: whatever else decides the numbers; texts, numbers and truth values. Infinities
+      and NaN, which JSON lacks, become texts.
+    - `zipped`: whether the axes run side by side and have one length, the number of lanes.
+
+    **Raises:** `ValueError` if these don't fit together.
+    """
+
+    axes: tuple[Coordinate, ...]
+    chunk: int
+    variables: Mapping[str, Variable]
+    coordinates: tuple[Coordinate, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    zipped: bool = False
+
+    def __post_init__(self) -> None:
+        settings = {name: _setting(name, value) for name, value in self.settings.items()}
+        object.__setattr__(self, "settings", settings)
+        object.__setattr__(self, "axes", tuple(map(_labels, self.axes)))
+        object.__setattr__(self, "coordinates", tuple(map(_labels, self.coordinates)))
+        self._check_names()
+        self._check_variables()
+        code = {RESULT: _with_pending(self.variables[RESULT])}
+        object.__setattr__(self, "variables", {**self.variables, **code})
+
+    def _check_names(self) -> None:
+        labelled = (*self.axes, *self.coordinates)
+        for name, values, _ in labelled:
+            one_row = values.ndim == 1 and values.size > 0
+            require(one_row, name, values, "a row of values", "pass an array of shape (n,)")
+        names = [LANE, *(c.name for c in labelled), *self.variables]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        require(not twice, "axes", twice, "names that occur once", "rename the axis")
+        require(self.chunk > 0, "chunk", self.chunk, "positive", "pass 1 or more lanes")
+        sizes = [c.values.size for c in self.axes]
+        count = len(set(sizes)) if self.zipped else len(sizes)
+        remedy = "pass at least one axis; those zipped need equally many values"
+        require(count == 1 if self.zipped else count > 0, "axes", sizes, "axes that fit", remedy)
+
+    def _check_variables(self) -> None:
+        code = self.variables.get(RESULT)
+        signed = code is not None and np.dtype(code.dtype).kind == "i" and code.shape == ()
+        expected = "a signed integer for each lane"
+        require(signed, "variables: result", code, expected, 'add one with dtype "int8"')
+        sizes = {c.name: c.values.size for c in self.coordinates}
+        for name, variable in self.variables.items():
+            fits = len(variable.dims) == len(variable.shape) and all(
+                size == sizes.get(dim, size)
+                for dim, size in zip(variable.dims, variable.shape, strict=True)
+            )
+            shape = variable.shape
+            expected = f"as long as the coordinates of {variable.dims}"
+            require(fits, f"variables: {name}", shape, expected, "make shape and dims agree")
+            kind = np.dtype(variable.dtype).kind
+            expected = "a type of real or complex numbers, signed integers or truth values"
+            require(kind in "bifc", f"variables: {name}", variable.dtype, expected, "convert it")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lanes along each dimension of the sweep."""
+        sizes = tuple(axis.values.size for axis in self.axes)
+        return sizes[:1] if self.zipped else sizes
+
+    @property
+    def lanes(self) -> int:
+        """Number of lanes."""
+        return int(np.prod(self.shape))
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.lanes // self.chunk)
+
+    def span(self, chunk: int) -> slice:
+        """The lanes of a chunk."""
+        return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Each axis' value in every lane, (lanes,)."""
+        columns = [axis.values for axis in self.axes]
+        if not self.zipped:
+            columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
+        return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
+
+    def pending(self) -> dict[str, np.ndarray]:
+        """Arrays for all lanes, none of them computed."""
+        return {
+            name: np.full((self.lanes, *v.shape), v.fill, v.dtype)
+            for name, v in self.variables.items()
+        }
+
+    def checked(self, chunk: int, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """A chunk's results as arrays, found to have the names, shapes and types announced."""
+        require(
+            0 <= chunk < self.chunks, "chunk", chunk, f"in [0, {self.chunks})", "pass its number"
+        )
+        expected = set(self.variables)
+        require(set(arrays) == expected, "arrays", sorted(arrays), str(sorted(expected)), "rename")
+        span = self.span(chunk)
+        found = {name: np.asarray(arrays[name]) for name in self.variables}
+        for name, variable in self.variables.items():
+            shape, given = (span.stop - span.start, *variable.shape), found[name]
+            same = given.shape == shape and given.dtype == np.dtype(variable.dtype)
+            what, wanted = f"{given.dtype}{given.shape}", f"{variable.dtype}{shape}"
+            require(same, f"arrays: {name}", what, wanted, "return what the layout announces")
+        codes = found[RESULT]
+        require(bool((codes >= 0).all()), "arrays: result", codes, "codes >= 0", "-1 is pending")
+        return found
+
+
+def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+    """The results of all lanes along the sweep's axes, with units and settings as attributes.
+
+    If zipped, they stay along the dimension `lane`, with the axes as coordinates of it.
+    """
+    dims = (LANE,) if layout.zipped else tuple(axis.name for axis in layout.axes)
+    along = [LANE] * len(layout.axes) if layout.zipped else list(dims)
+    along += [c.name for c in layout.coordinates]
+    coordinates = {
+        c.name: (dim, c.values, c.attributes)
+        for dim, c in zip(along, (*layout.axes, *layout.coordinates), strict=True)
+    }
+    data = {
+        name: (
+            (*dims, *variable.dims),
+            arrays[name].reshape(*layout.shape, *variable.shape),
+            variable.attributes,
+        )
+        for name, variable in layout.variables.items()
+    }
+    return xr.Dataset(data, coordinates, dict(layout.settings))
+
+
+def _labels(coordinate: Coordinate) -> Coordinate:
+    """Its values as an array of numbers, or of texts of fixed length."""
+    name, values, unit = coordinate
+    values = np.asarray(values)
+    if values.dtype.kind in "bif":
+        require_finite(name, values)
+        return Coordinate(name, values, unit)
+    return Coordinate(name, np.array(values.tolist(), dtype=str))
+
+
+def _with_pending(code: Variable) -> Variable:
+    """The result codes with a flag for pending lanes in front."""
+    values = [int(value) for value in code.attrs.get("flag_values", ()) if value != PENDING]
+    meanings = code.attrs.get("flag_meanings", "").removeprefix("pending").strip()
+    flags = {
+        "flag_values": [PENDING, *values],
+        "flag_meanings": f"pending {meanings}".strip(),
+    }
+    return code._replace(attrs={**code.attrs, **flags})
+
+
+def _setting(name: str, value: Any) -> str | int | float | bool:
+    if isinstance(value, np.generic):
+        value = value.item()
+    plain = isinstance(value, str | int | float | bool)
+    require(plain, f"settings: {name}", value, "a text, number or truth value", "pass its repr")
+    return str(value) if isinstance(value, float) and not np.isfinite(value) else value

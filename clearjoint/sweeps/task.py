@@ -1,0 +1,121 @@
+"""The work of a sweep: lanes ready to run, and their results as arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..batch import Batch, Common, Ended, Extent, Task
+from ..results import RESULTS, result_number
+from .layout import RESULT, Variable
+
+PLACES_ON_CPU, PLACES_ON_ACCELERATOR = 32, 4096
+POOL_ON_CPU = 256
+FINAL = {
+    "position": ("component", "m"),
+    "orientation": ("parameter", "1"),
+    "velocity": ("component", "m/s"),
+    "spin": ("component", "rad/s"),
+}
+
+Results = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Work:
+    """All lanes of a sweep.
+
+    - `common`, `tasks`: what they share, and each one's own (host arrays, lanes in front).
+    - `bodies`: names in the order of the variables' dimension "body".
+    - `bad`: numbers of those whose parameters no scene can have; they are not run.
+    - `variables`: what is reported of a lane; `chunk`: lanes in a chunk.
+    """
+
+    common: Common
+    tasks: Task
+    bodies: tuple[str, ...]
+    bad: frozenset[int]
+    variables: Mapping[str, Variable]
+    chunk: int
+
+    def __len__(self) -> int:
+        return len(self.tasks.end_time)
+
+    def __call__(self, chunk: int) -> Results:
+        """The results of a chunk, computed on this process's devices."""
+        span = range(chunk * self.chunk, min((chunk + 1) * self.chunk, len(self)))
+        found: dict[int, Results] = {}
+        self.run(span, lambda lane, results: found.update({lane: results}))
+        return joined([found[lane] for lane in span])
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[int, Results], None],
+        *,
+        devices: Sequence[Any] | None = None,
+        on_progress: Callable[[float], None] = lambda lanes: None,
+    ) -> Batch:
+        """Run lanes; `on_ended` gets the number and the results of each."""
+        for lane in lanes:
+            if lane in self.bad:
+                on_ended(lane, self._refused(lane))
+        batch = Batch(self.common, self.tasks, devices or jax.devices(), extent(devices))
+        batch.run(
+            [lane for lane in lanes if lane not in self.bad],
+            lambda ended: on_ended(ended.lane, self._results(ended)),
+            on_progress,
+        )
+        return batch
+
+    def _refused(self, lane: int) -> Results:
+        results = {name: np.full(v.shape, v.fill, v.dtype) for name, v in self.variables.items()}
+        results[RESULT] = np.asarray(result_number(RESULTS.bad_parameters), np.int8)
+        results["time_reached"] = np.asarray(float(self.common.start_time))
+        return results
+
+    def _results(self, ended: Ended) -> Results:
+        """The results of a lane by variable; what was not recorded is NaN."""
+        outcome = ended.outcome
+        results: Results = {
+            RESULT: result_number(outcome.result),
+            "time_reached": outcome.time,
+            "attempts": outcome.attempts,
+            "accepted": outcome.accepted,
+        }
+        bodies = [outcome.final.bodies[name] for name in self.bodies]
+        for part in FINAL:
+            results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
+        for name, values in outcome.results.items():
+            for key, value in values.items():
+                results[variable_name(name, key)] = value
+        for name, (rows, count) in ended.logs.items():
+            for key, values in rows.items():
+                results[variable_name(name, key)] = np.where(
+                    np.arange(len(values)) < count, values, np.nan
+                )
+            if (counted := variable_name(name, "count")) in self.variables:
+                results[counted] = count
+        return {
+            name: np.asarray(results[name], variable.dtype)
+            for name, variable in self.variables.items()
+        }
+
+
+def extent(devices: Sequence[Any] | None = None) -> Extent:
+    """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
+    on_cpu = (devices or jax.devices())[0].platform == "cpu"
+    places = PLACES_ON_CPU if on_cpu else PLACES_ON_ACCELERATOR
+    return Extent(POOL_ON_CPU if on_cpu else places, places)
+
+
+def variable_name(output: str, key: str) -> str:
+    """Name in the data set of one result of an output."""
+    return f"{output}_{key}" if key else output
+
+
+def joined(results: Sequence[Results]) -> Results:
+    """Results of several lanes, lanes in front."""
+    return {name: np.stack([lane[name] for lane in results]) for name in results[0]}

@@ -1,0 +1,61 @@
+"""Names, shapes and units of what a sweep reports of its lanes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..reductions import AbstractReduction
+from ..results import result_numbers
+from ..scene import Scene
+from .layout import RESULT, Coordinate, Variable
+from .outputs import Saved, Section
+from .task import FINAL, variable_name
+
+LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
+
+
+def variables_of(
+    scene: Scene, outputs: Mapping[str, Any]
+) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
+    """The variables of a sweep with the given outputs, and the labels of their dimensions."""
+    variables = _always(scene)
+    coordinates = [
+        Coordinate("body", list(scene.bodies)),
+        *(Coordinate(name, labels) for name, labels in LABELS.items()),
+    ]
+    for name, output in outputs.items():
+        if isinstance(output, AbstractReduction):
+            described = type(output).__name__
+            for key, unit in output.units().items():
+                text = f"{described}, {key}" if key else described
+                variables[variable_name(name, key)] = Variable(unit=unit, description=text)
+        else:
+            variables |= _recorded(scene, name, output)
+    return variables, tuple(coordinates)
+
+
+def _always(scene: Scene) -> dict[str, Variable]:
+    codes = result_numbers()
+    flags = {"flag_values": list(codes.values()), "flag_meanings": " ".join(codes)}
+    variables = {
+        RESULT: Variable(dtype="int8", description="how the run ended", attrs=flags),
+        "time_reached": Variable(unit="s", description="where the run ended"),
+        "attempts": Variable(dtype="int64", description="steps tried"),
+        "accepted": Variable(dtype="int64", description="steps accepted"),
+    }
+    for part, (dim, unit) in FINAL.items():
+        shape = (len(scene.bodies), len(LABELS[dim]))
+        text = f"{part} of the bodies at the end"
+        variables[f"final_{part}"] = Variable(("body", dim), shape, unit=unit, description=text)
+    return variables
+
+
+def _recorded(scene: Scene, name: str, output: Saved | Section) -> dict[str, Variable]:
+    dim, variables = f"{name}_number", {}
+    if isinstance(output, Section):
+        length = output.count
+        variables[f"{name}_count"] = Variable(dtype="int64", description="crossings recorded")
+    else:
+        length = len(output.at(scene))
+    for key, unit in [("time", "s"), *((key, unit) for key, (_, unit) in output.channels.items())]:
+        variables[variable_name(name, key)] = Variable((dim,), (length,), unit=unit)
+    return variables
