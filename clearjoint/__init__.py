@@ -1,5 +1,6 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance."""
 
+from . import quantities as quantities
 from .absolute import AbsoluteCoordinates as AbsoluteCoordinates
 from .assembly import assemble as assemble
 from .bodies import GROUND as GROUND
@@ -53,6 +54,13 @@ from .mechanisms import slider_crank as slider_crank
 from .observables import MotionMode as MotionMode
 from .observables import Observation as Observation
 from .observables import observe as observe
+from .parameters import parameters as parameters
+from .parameters import put as put
+from .reductions import AbstractReduction as AbstractReduction
+from .reductions import DissipatedEnergy as DissipatedEnergy
+from .reductions import ImpactCount as ImpactCount
+from .reductions import Peak as Peak
+from .reductions import Statistics as Statistics
 from .restitution import delivered_restitution as delivered_restitution
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
@@ -62,3 +70,9 @@ from .solution import SimulationError as SimulationError
 from .solution import Solution as Solution
 from .solution import Trajectory as Trajectory
 from .structure import constraint_report as constraint_report
+from .sweeps.axes import Axis as Axis
+from .sweeps.execution import ChunkError as ChunkError
+from .sweeps.outputs import Saved as Saved
+from .sweeps.outputs import Section as Section
+from .sweeps.store import open_sweep as open_sweep
+from .sweeps.sweep import sweep as sweep

@@ -342,8 +342,13 @@ class Batch:
         """Segments until the unfinished lanes no longer fill the places of a device."""
         taken, notice = sitting >= 0, SlowRunNotice()
         end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
+        constants = self._common, self._extent, self._mesh
+        seats, *report = advance(constants, seats)
         while True:
-            seats, status, pages = advance((self._common, self._extent, self._mesh), seats)
+            # The next segment runs while the host reads this one's report. Lanes that have ended
+            # stay as they are, so it does no harm if it is one too many.
+            seats, *next_report = advance(constants, seats)
+            status, pages = report
             finished = np.asarray(status.finished)
             self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
             self._read(pages, sitting)
@@ -351,8 +356,13 @@ class Batch:
             share = (np.asarray(status.time) - start) / (end - start)
             on_progress(float(np.where(finished, 1.0, share)[taken].sum()))
             left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
+            report = next_report
             if left.max() == 0 or (waiting and left.min() < self._extent.places):
-                return seats, taken & finished
+                break
+        status, pages = report
+        self._read(pages, sitting)
+        self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
+        return seats, taken & np.asarray(status.finished)
 
     def _read(self, pages: Page, sitting: np.ndarray) -> None:
         """Add what was recorded to the logs."""
