@@ -15,12 +15,16 @@ from clearjoint import (
     Body,
     BodyState,
     ClearanceJoint,
+    DriveTorque,
     EndPlay,
     FixedJoint,
     Flores2011,
     Hertz,
     HuntCrossley,
+    InlineJoint,
     LankaraniNikravesh,
+    PrescribedRotation,
+    PrismaticJoint,
     RavnStiffness,
     RegularisedCoulomb,
     RevoluteJoint,
@@ -104,6 +108,42 @@ CONSTRUCTION = {
     "point of two": (
         lambda: SphericalJoint("ground", "rod", (1, 2), ZERO), "point_first", "[1.0, 2.0]", "(3,)",
         "three coordinates in m",
+    ),
+    "slide along nothing": (
+        lambda: PrismaticJoint("ground", "rod", ZERO, ZERO, ZERO), "axis", "[0.0, 0.0, 0.0]",
+        "non-zero length", "give a direction",
+    ),
+    "line along nothing": (
+        lambda: InlineJoint("ground", "rod", ZERO, ZERO, ZERO), "axis", "[0.0, 0.0, 0.0]",
+        "non-zero length", "give a direction",
+    ),
+    "slide turned by no rotation": (
+        lambda: PrismaticJoint("ground", "rod", ZERO, ZERO, AXIS, (1, 1, 0, 0)), "orientation",
+        "[1.0, 1.0, 0.0, 0.0]", "unit norm", "divide them",
+    ),
+    "driver of one body": (
+        lambda: PrescribedRotation("rod", "rod", AXIS, 1.0), "second", "'rod'", "another body",
+        "name two bodies",
+    ),
+    "driver about nothing": (
+        lambda: PrescribedRotation("ground", "rod", ZERO, 1.0), "axis", "[0.0, 0.0, 0.0]",
+        "non-zero length", "give a direction",
+    ),
+    "speed of a driver that is none": (
+        lambda: PrescribedRotation("ground", "rod", AXIS, NAN), "speed", "nan", "finite",
+        "replace the NaN",
+    ),
+    "angles instead of one": (
+        lambda: PrescribedRotation("ground", "rod", AXIS, 1.0, (0.0, 1.0)), "initial_angle",
+        "[0.0, 1.0]", "()", "rad",
+    ),
+    "torque with components": (
+        lambda: DriveTorque("ground", "rod", AXIS, (0, 0, 1)), "torque", "[0.0, 0.0, 1.0]", "()",
+        "N m",
+    ),
+    "drive turned by no rotation": (
+        lambda: DriveTorque("ground", "rod", AXIS, 1.0, (1, 1, 0, 0)), "orientation",
+        "[1.0, 1.0, 0.0, 0.0]", "unit norm", "divide them",
     ),
     "orientation not of unit norm": (
         lambda: FixedJoint("ground", "rod", ZERO, ZERO, (1, 1, 0, 0)), "orientation",

@@ -25,13 +25,16 @@ class Row:
     """One scalar constraint at a configuration.
 
     `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
-    moment . spin (so that the reaction on the body is this pair times the multiplier); `bias` is
-    what is left of Phi's second derivative when all accelerations vanish.
+    moment . spin + `time_rate` (so that the reaction on the body is this pair times the
+    multiplier); `bias` is what is left of Phi's second derivative when all accelerations vanish.
+    `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
+    as a driver's does, which then supplies the power -multiplier time_rate.
     """
 
     value: Scalar
     jacobian: dict[str, Wrench]
     bias: Scalar
+    time_rate: Scalar = 0.0
 
 
 class AbstractElement(eqx.Module):
