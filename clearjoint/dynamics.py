@@ -182,10 +182,11 @@ def _applied_wrenches(
             push = -(force.contact.normal * force.normal_force)
             if force.friction is not None:
                 push = push + force.friction
+            on_first, on_second = force.contact.points_of_force(force.friction is not None)
             if second != GROUND:
-                apply(second, motions[second].wrench(push, force.contact.arm_second))
+                apply(second, motions[second].wrench(push, on_second))
             if first != GROUND:
-                apply(first, motions[first].wrench(-push, force.contact.arm_first))
+                apply(first, motions[first].wrench(-push, on_first))
     return wrenches
 
 

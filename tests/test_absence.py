@@ -44,7 +44,12 @@ def scene(joint=None, **options):
 
 def pin(law, **options):
     return ClearanceJoint(
-        "ground", "rod", bearing_radius=0.01, clearance=1e-4, journal_length=0.02, law=law,
+        "ground",
+        "rod",
+        bearing_radius=0.01,
+        clearance=1e-4,
+        journal_length=0.02,
+        law=law,
         **options,
     )
 

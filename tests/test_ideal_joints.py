@@ -48,8 +48,10 @@ class Bodies:
 
     def motion(self, body):
         return Motion(
-            vector(self.position[body]), matrix(self.rotation[body]),
-            vector(self.velocity[body]), vector(self.spin[body]),
+            vector(self.position[body]),
+            matrix(self.rotation[body]),
+            vector(self.velocity[body]),
+            vector(self.spin[body]),
         )
 
     def motions(self):
@@ -142,9 +144,7 @@ CASES = {
     "fixed": (FixedJoint("a", "b", P1, P2, TURN.as_quat(scalar_first=True)), fixed),
     "inline": (InlineJoint("a", "b", P1, P2, A1), inline),
     "cylindrical": (CylindricalJoint("a", "b", P1, P2, A1, A2), cylindrical),
-    "prismatic": (
-        PrismaticJoint("a", "b", P1, P2, A1, TURN.as_quat(scalar_first=True)), prismatic
-    ),
+    "prismatic": (PrismaticJoint("a", "b", P1, P2, A1, TURN.as_quat(scalar_first=True)), prismatic),
 }
 PRIMITIVES = {
     "right angle": (perpendicular, (A1, A2), lambda r, a: right_angles(a, [(A1, A2)])),
@@ -215,8 +215,12 @@ def spread(wrench):
 
 
 AXES = [
-    *np.eye(3), *-np.eye(3), *RANDOM.normal(size=(6, 3)),
-    np.array([1e-9, 0.0, -1.0]), np.array([0.0, 1e-5, -1.0]), np.array([0.0, -1e-12, 1.0]),
+    *np.eye(3),
+    *-np.eye(3),
+    *RANDOM.normal(size=(6, 3)),
+    np.array([1e-9, 0.0, -1.0]),
+    np.array([0.0, 1e-5, -1.0]),
+    np.array([0.0, -1e-12, 1.0]),
 ]
 
 

@@ -94,7 +94,8 @@ class Contact:
     the normal force on the second body is -F normal, on the first +F normal. `arm_first` and
     `arm_second` are the contact points on the two surfaces, from each body's centre of mass in its
     axes, m (eq. 17). `slip` is the tangential velocity of the second body relative to the first,
-    m/s, or ``None`` without friction.
+    m/s, or ``None`` without friction. A normal force alone may act at any points on its line,
+    `line_first` and `line_second`, if some are known with less arithmetic and rounding.
     """
 
     gap: Gap
@@ -102,6 +103,14 @@ class Contact:
     arm_first: Vector
     arm_second: Vector
     slip: Vector | None
+    line_first: Vector | None = None
+    line_second: Vector | None = None
+
+    def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
+        """Where the force acts on the first and on the second body, in their axes, m."""
+        if has_friction or self.line_first is None or self.line_second is None:
+            return self.arm_first, self.arm_second
+        return self.line_first, self.line_second
 
 
 class AbstractContactJoint(AbstractElement):
