@@ -91,9 +91,13 @@ class Common(eqx.Module):
 
 
 class Status(eqx.Module):
-    """What the host looks at between segments: for each lane, and turns given on each device."""
+    """What the host looks at between segments.
 
-    finished: Any
+    For each lane the attempts it may still need, zero if it has ended, and the time reached, s;
+    and on each device the turns given to each place.
+    """
+
+    left: Any
     time: Any
     turns: Any
 
@@ -146,8 +150,8 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
         blank = jax.eval_shape(lambda: _slice(common, extent, seats)[1])
         pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
         seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
-        finished = _work_left(common, seats) <= 0.0
-        return seats, Status(finished, seats.lane.step.t, slices[None] * extent.turns), pages
+        left = _work_left(common, seats)
+        return seats, Status(left, seats.lane.step.t, slices[None] * extent.turns), pages
 
     return _on_devices(mesh, on_device, common, seats)
 

@@ -6,15 +6,19 @@ matplotlib axes, or into new ones, and returns them. None simulates, saves or sh
 the axes show the units that suit them.
 """
 
+from .cycle import over_angle as over_angle
+from .cycle import poincare_map as poincare_map
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .frames import animate_journal as animate_journal
 from .frames import journal_frames as journal_frames
 from .journal import XY as XY
+from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
 from .journal import eccentricity_vectors as eccentricity_vectors
 from .journal import journal_orbit as journal_orbit
+from .journal import orbit_in_contact as orbit_in_contact
 from .motion import acceleration as acceleration
 from .motion import path as path
 from .motion import position as position
