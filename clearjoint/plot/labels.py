@@ -1,0 +1,50 @@
+"""Labels, units and scales of the axes, from what a sweep's data set says of its numbers."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+PREFIXED = ("m", "s", "N", "J", "W", "Pa")
+"""Units that take a prefix, also in front of a quotient: mm/s."""
+NEVER_LARGER = ("m", "s")
+"""Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
+LOGARITHMIC = 9.0
+"""Largest over smallest value from which on an axis is logarithmic."""
+
+
+class Shown(NamedTuple):
+    """Numbers to draw: `values` are those of the data set times `factor`; `label` has the unit."""
+
+    values: np.ndarray
+    label: str
+    factor: float
+
+
+def shown(data: xr.DataArray) -> Shown:
+    """A variable's values with the SI prefix that brings the largest between 1 and 1000."""
+    values = np.asarray(data.values, dtype=float)
+    exponent, unit = _shown_unit(values, data.attrs.get("units", "1"))
+    name = str(data.name).replace("_", " ")
+    factor = 10.0**-exponent
+    return Shown(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
+
+
+def _shown_unit(values: np.ndarray, unit: str) -> tuple[int, str]:
+    """The power of ten that the prefix stands for, and the unit with the prefix."""
+    text = unit.replace("^2", "²").replace("^3", "³")
+    first = unit.split("/")[0]
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    if first not in PREFIXED or largest == 0.0:
+        return 0, text
+    highest = 0 if first in NEVER_LARGER else max(PREFIXES)
+    exponent = int(np.clip(3 * np.floor(np.log10(largest) / 3), min(PREFIXES), highest))
+    return exponent, PREFIXES[exponent] + text
+
+
+def scale_of(values: np.ndarray) -> str:
+    """The scale that suits an axis: "log" for positive values over about a decade, or "linear"."""
+    finite = values[np.isfinite(values)]
+    wide = finite.size > 0 and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min()
+    return "log" if wide else "linear"
