@@ -56,7 +56,7 @@ class PenetrationRate(eqx.Module):
 
 
 class JournalOffset(eqx.Module):
-    """Where the centre of a clearance joint's journal, or of one base, is in the bearing's frame, m.
+    """Centre of a clearance joint's journal, or of one base, in the bearing's frame, m.
 
     Components "x" and "y" are across the bearing's axis, "z" is along it. `base` is "V" or "W".
     """

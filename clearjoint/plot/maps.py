@@ -1,5 +1,7 @@
 """Outputs of a sweep over two of its parameters."""
 
+from typing import Any
+
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
@@ -9,7 +11,7 @@ from .labels import scale_of, shown
 from .outcomes import of_lanes
 from .style import axes_or_new, dress
 
-MISSING = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
+MISSING: Any = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
 
 
 def parameter_map(

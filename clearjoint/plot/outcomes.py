@@ -64,6 +64,7 @@ def mark_failed(axes: Axes, places: np.ndarray, well: np.ndarray) -> None:
 
 
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
+    """Check that a data set has variables of these names."""
     unknown = [name for name in names if name not in dataset.variables]
     require(
         not unknown,

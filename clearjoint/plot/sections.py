@@ -1,5 +1,7 @@
 """Poincaré sections of a sweep: bifurcation diagrams."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -41,7 +43,7 @@ def bifurcation(
     recorded = dataset[variable].where(well).transpose(*dataset[axis].dims, crossings)
     x, y = shown(dataset[axis]), shown(recorded.rename(channel))
     places, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
-    colours = {"c": numbers, "cmap": "viridis_r"} if number else {"color": DARK}
+    colours: Any = {"c": numbers, "cmap": "viridis_r"} if number else {"color": DARK}
     dots = axes.scatter(places, y.values, s=3, linewidths=0, **colours)
     if number:
         axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
