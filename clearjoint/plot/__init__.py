@@ -10,7 +10,7 @@ and forces in N on the way in; the axes show the units that suit them. Of a swee
 from .against import against as against
 from .against import running_median as running_median
 from .convergence import convergence as convergence
-from .convergence import convergence_rate as convergence_rate
+from .convergence import power_law_exponent as power_law_exponent
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..fields import require
-from .labels import scale_of, shown
+from .labels import scale_axes, shown
 from .outcomes import ended_well, mark_failed, of_lanes, only_axis
 from .style import BLUE, DARK, axes_or_new, dress
 
@@ -46,7 +46,7 @@ def against(
     if median is not None:
         line = running_median(x.values, y.values, median)
         axes.plot(*line, color=DARK, linewidth=2, label=f"median of {median} neighbours")
-    axes.set(xscale=scale_of(x.values), yscale=scale_of(y.values))
+    scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, ended_well(dataset).values)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(frameon=False)

@@ -49,7 +49,7 @@ def convergence(
     return dress(axes, x.label, y.label)
 
 
-def convergence_rate(
+def power_law_exponent(
     dataset: xr.Dataset, variable: str, axis: str | None = None, *, within: Bounds | None = None
 ) -> float:
     """The exponent p of the power law C a^p in a parameter a, by least squares of logarithms.

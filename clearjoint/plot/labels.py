@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa")
@@ -12,6 +15,8 @@ NEVER_LARGER = ("m", "s")
 """Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
 LOGARITHMIC = 9.0
 """Largest over smallest value from which on an axis is logarithmic."""
+MANY_DECADES = 500.0
+"""Likewise, from which on ticks are powers of ten."""
 
 
 class Shown(NamedTuple):
@@ -43,8 +48,25 @@ def _shown_unit(values: np.ndarray, unit: str) -> tuple[int, str]:
     return exponent, PREFIXES[exponent] + text
 
 
-def scale_of(values: np.ndarray) -> str:
-    """The scale that suits an axis: "log" for positive values over about a decade, or "linear"."""
+def suits_logarithm(values: np.ndarray) -> bool:
+    """Whether values are positive and spread over about a decade."""
     finite = values[np.isfinite(values)]
-    wide = finite.size > 0 and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min()
-    return "log" if wide else "linear"
+    return finite.size > 0 and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min()
+
+
+def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Make each axis logarithmic if that suits its values, with ticks that a reader can read."""
+    for axis, values in ((axes.xaxis, x), (axes.yaxis, y)):
+        if suits_logarithm(values):
+            scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
+            scale("log")
+            tick_logarithm(axis, values)
+
+
+def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
+    """Ticks at 1, 2, 5 times powers of ten in plain numbers, unless there are too many decades."""
+    finite = values[np.isfinite(values)]
+    if finite.max() < MANY_DECADES * finite.min():
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from .labels import scale_of, shown
+from .labels import scale_axes, shown, suits_logarithm, tick_logarithm
 from .outcomes import of_lanes
 from .style import axes_or_new, dress
 
@@ -29,10 +29,12 @@ def parameter_map(
     axes = axes_or_new(axes)
     right, up = shown(dataset[x]), shown(dataset[y])
     values, label, _ = shown(of_lanes(dataset, variable, (y, x)))
-    norm = LogNorm() if scale_of(values) == "log" else Normalize()
-    axes.set(xscale=scale_of(right.values), yscale=scale_of(up.values))
+    norm = LogNorm() if suits_logarithm(values) else Normalize()
     mesh = axes.pcolormesh(right.values, up.values, values, norm=norm, shading="nearest")
-    axes.figure.colorbar(mesh, ax=axes, label=label)
+    scale_axes(axes, right.values, up.values)
+    bar = axes.figure.colorbar(mesh, ax=axes, label=label)
+    if suits_logarithm(values):
+        tick_logarithm(bar.ax.yaxis, values)
     axes.patch.set(**MISSING)
     missing = int((values != values).sum())
     if missing:

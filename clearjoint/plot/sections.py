@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 
-from .labels import scale_of, shown
+from .labels import scale_axes, shown, tick_logarithm
 from .outcomes import ended_well, mark_failed, only_axis, require_names
 from .style import DARK, axes_or_new, dress
 
@@ -43,11 +44,14 @@ def bifurcation(
     recorded = dataset[variable].where(well).transpose(*dataset[axis].dims, crossings)
     x, y = shown(dataset[axis]), shown(recorded.rename(channel))
     places, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
-    colours: Any = {"c": numbers, "cmap": "viridis_r"} if number else {"color": DARK}
+    colours: Any = (
+        {"c": numbers, "cmap": "turbo_r", "norm": LogNorm()} if number else {"color": DARK}
+    )
     dots = axes.scatter(places, y.values, s=3, linewidths=0, **colours)
     if number:
-        axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
-    axes.set(xscale=scale_of(x.values), yscale=scale_of(y.values))
+        bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
+        tick_logarithm(bar.ax.yaxis, numbers)
+    scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, well.values)
     if not well.all():
         axes.legend(frameon=False)
