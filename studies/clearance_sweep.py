@@ -6,21 +6,24 @@ clearance, over clearance and restitution, and towards no clearance at all:
 
     python -m studies.clearance_sweep sweep | map | limit [--quick] [--output FOLDER]
 
-Results are stored as they come; a command that was interrupted continues, and one that was finished
-only draws again. `clearjoint.open_sweep` reads the stores, as does `notebooks/clearance_sweep.ipynb`.
+Results are stored as they come: a command that was interrupted continues, and one that was finished
+only draws again. `clearjoint.open_sweep` reads the stores.
+
+Nothing drives the pendulum, so that no motion repeats: what is drawn is half a second of a decaying
+transient. In place of a stroboscopic section, which needs a period, the bifurcation diagram takes
+the section of impact oscillators: a base at the wall, on its way in. Its coordinates are in units
+of the first impact's speed and time, sqrt(2 g c) and sqrt(2 c / g); a feature that does not
+depend on the clearance is a level line in it, and chaos a cloud.
 """
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from PIL import Image
 
 import clearjoint as cj
 from clearjoint import plot
@@ -30,8 +33,9 @@ from clearjoint.quantities import (
     JournalOffset,
     Penetration,
     PenetrationRate,
-    Position,
 )
+from studies.clearance_limit import limit
+from studies.output import Output
 
 SHOULDER, END_ARM, BASE = "shoulder", "arm 3", "V"
 GRAVITY = 9.81
@@ -42,40 +46,11 @@ FREE_FALLS = 12.0
 ORBITS = (0.05e-3, 0.2e-3, 1e-3)
 """Clearances whose orbits are drawn, m."""
 MEDIAN = 15
-PROPORTIONAL = (5e-6, 0.3e-3)
-"""Clearances over which the deviation from the ideal joint is proportional to them, m."""
-COMPLIANT = (0.1e-6, 1e-6)
-"""Clearances smaller than the penetration, m."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The folder for stores and figures, and whether to take few lanes and coarse pictures."""
-
-    output: Path = Path("results/clearance_sweep")
-    quick: bool = False
-
-    @property
-    def folder(self) -> Path:
-        """Where this setting's stores and figures go."""
-        return self.output / "quick" if self.quick else self.output
-
-    def store(self, name: str) -> Path:
-        """The store of a sweep; says what is there already."""
-        path = self.folder / f"{name}.zarr"
-        if path.exists():
-            done = cj.open_sweep(path)["result"].values != -1
-            print(f"{path} is there, with {done.sum()} of {done.size} lanes: computing the others.")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return path
-
-    def save(self, figure: Figure, name: str) -> None:
-        """Write a picture with a palette of 64 colours, which makes it a third as large."""
-        file = self.folder / f"{name}.png"
-        figure.savefig(file, dpi=80 if self.quick else 130)
-        with Image.open(file) as picture:
-            small = picture.convert("RGB").quantize(64)
-        small.save(file, optimize=True)
+"""Lanes whose median is drawn through the points."""
+TRANSITION = 0.3e-3
+"""Where the growth of the dissipated energy with the clearance slackens, m."""
+LOSSY = 0.8
+"""Up to which restitution impacts take nearly all the energy they can."""
 
 
 def clearance_axis(values: Any) -> cj.Axis:
@@ -95,8 +70,8 @@ def free_fall(clearance: Any) -> Any:
 
 def orbit_times(scene: cj.Scene) -> np.ndarray:
     """Instants of the first impacts, in proportion to a lane's free fall, s."""
-    clearance: Any = scene.joints[SHOULDER]
-    return np.linspace(0.0, FREE_FALLS * free_fall(float(clearance.clearance)), 1201)
+    shoulder: Any = scene.joints[SHOULDER]
+    return np.linspace(0.0, FREE_FALLS * free_fall(float(shoulder.clearance)), 1201)
 
 
 SUMMARY: dict[str, Any] = {
@@ -113,10 +88,10 @@ ORBIT = cj.Saved(orbit_times, {c: (JournalOffset(SHOULDER, c, BASE), "m") for c 
 """Path of a base across the bearing."""
 
 
-def sweep(settings: Settings) -> list[str]:
+def sweep(output: Output) -> list[str]:
     """Summaries, impacts and orbits over the clearance; returns the findings."""
     scene, state = cj.double_pendulum()
-    values = np.geomspace(0.05e-3, 1e-3, 16 if settings.quick else 256)
+    values = np.geomspace(0.05e-3, 1e-3, 16 if output.quick else 256)
     swept = cj.sweep(
         scene,
         state,
@@ -124,13 +99,13 @@ def sweep(settings: Settings) -> list[str]:
         {"clearance": clearance_axis(values)},
         {**SUMMARY, "impact": IMPACTS, "orbit": ORBIT},
         ledger=True,
-        path=settings.store("sweep"),
+        path=output.store("sweep"),
         chunk=32,
     )
     in_free_falls(swept)
-    settings.save(_summary(swept), "summary")
-    settings.save(_impacts(swept), "impacts")
-    settings.save(_orbits(swept), "orbits")
+    output.save(_summary(swept), "summary")
+    output.save(_impacts(swept), "impacts")
+    output.save(_orbits(swept), "orbits")
     return sweep_findings(swept)
 
 
@@ -170,7 +145,7 @@ def _orbits(swept: xr.Dataset) -> Figure:
         lane = swept.sel(clearance=clearance, method="nearest")
         radius = float(lane["clearance"])
         plot.orbit(lane, "orbit", radius, axes=axes)
-        axes.invert_yaxis()
+        axes.invert_yaxis()  # gravity is along y
         last = FREE_FALLS * free_fall(radius)
         axes.set_title(f"{radius * 1e3:.2g} mm, first {last * 1e3:.0f} ms", fontsize="medium")
     return figure
@@ -182,6 +157,10 @@ def sweep_findings(swept: xr.Dataset) -> list[str]:
     speeds = swept["impact_relative_entry_speed"].values
     first = np.abs(speeds[:, 0] - 1.0).max()
     power = {name: plot.power_law_exponent(swept, name) for name in SUMMARY}
+    energy = [
+        plot.power_law_exponent(swept, "dissipated_energy", within=within)
+        for within in ((0.0, TRANSITION), (TRANSITION, 1.0))
+    ]
     early = swept["peak_acceleration_time"] < 1.1 * free_fall(swept["clearance"])
     together = shared_impacts(speeds)
     return [
@@ -193,13 +172,15 @@ def sweep_findings(swept: xr.Dataset) -> list[str]:
         f"peak force {float(low['peak_force']) / 1e3:.3g} to {float(high['peak_force']) / 1e3:.3g} "
         f"kN, about as c^{power['peak_force']:.2f}, reached between "
         f"{_range(swept['peak_force_time'].values, '.2f')} s",
-        f"peak acceleration {float(low['peak_acceleration']):.0f} to "
-        f"{float(high['peak_acceleration']):.0f} m/s², as c^{power['peak_acceleration']:.2f}; it is "
-        f"that of the first impact in {float(early.mean()):.0%} of the lanes",
+        "peak acceleration "
+        f"{float(low['peak_acceleration']):.0f} to {float(high['peak_acceleration']):.0f} m/s², "
+        f"as c^{power['peak_acceleration']:.2f}; it is that of the first impact in "
+        f"{float(early.mean()):.0%} of the lanes",
         f"impacts: {_range(swept['impacts'].values, '.0f')}, without a trend "
         f"(c^{power['impacts']:.2f})",
         f"dissipated energy {float(low['dissipated_energy']):.2g} to "
-        f"{float(high['dissipated_energy']):.2g} J, about as c^{power['dissipated_energy']:.2f}",
+        f"{float(high['dissipated_energy']):.2g} J, as c^{energy[0]:.2f} below "
+        f"{TRANSITION * 1e3:g} mm and as c^{energy[1]:.2f}, with scatter, above",
     ]
 
 
@@ -212,10 +193,10 @@ def shared_impacts(speeds: np.ndarray) -> int:
     return int(np.argmin(spread < 0.05))
 
 
-def restitution_map(settings: Settings) -> list[str]:
+def restitution_map(output: Output) -> list[str]:
     """Summaries over clearance and restitution; returns the findings."""
     scene, state = cj.double_pendulum()
-    columns, rows = (6, 4) if settings.quick else (32, 24)
+    columns, rows = (6, 4) if output.quick else (32, 24)
     swept = cj.sweep(
         scene,
         state,
@@ -226,121 +207,36 @@ def restitution_map(settings: Settings) -> list[str]:
         },
         SUMMARY,
         ledger=True,
-        path=settings.store("map"),
+        path=output.store("map"),
         chunk=64,
     )
     figure = Figure(figsize=(12.0, 3.6), layout="constrained")
     shown = ("peak_force", "impacts", "dissipated_energy")
     for name, axes in zip(shown, figure.subplots(1, 3), strict=True):
         plot.parameter_map(swept, name, "clearance", "restitution", axes=axes)
-    settings.save(figure, "map")
+    output.save(figure, "map")
     return map_findings(swept)
 
 
 def map_findings(swept: xr.Dataset) -> list[str]:
-    """What the map shows, measured on its results: medians over the clearances."""
-    medians = swept[["peak_force", "impacts", "dissipated_energy"]].median("clearance")
-    least, most = (medians.isel(restitution=index) for index in (0, -1))
-    energy = medians["dissipated_energy"]
-    largest = float(energy["restitution"][int(energy.argmax())])
-    shift = np.abs(np.log(swept["peak_force"] / swept["peak_force"].mean("restitution"))).max()
+    """What the map shows, measured on its results."""
+    outputs = swept[["peak_force", "impacts", "dissipated_energy"]]
+    least, most = (outputs.isel(restitution=index) for index in (0, -1))
+    impacts = outputs["impacts"].median("clearance")
+    lossy = outputs.sel(restitution=slice(None, LOSSY))
+    change = np.abs((lossy / lossy.isel(restitution=0)).median("clearance") - 1.0).max()
+    rise = (most["peak_force"] / least["peak_force"]).median()
     return [
         f"{int((swept['result'] != 0).sum())} of {swept['result'].size} lanes failed",
-        f"medians over the clearances at restitution {float(least['restitution']):g} and "
-        f"{float(most['restitution']):g}: {float(least['impacts']):.0f} and "
-        f"{float(most['impacts']):.0f} impacts, peaks of {float(least['peak_force']) / 1e3:.3g} and "
-        f"{float(most['peak_force']) / 1e3:.3g} kN",
-        f"restitution shifts the peak force by {float(np.expm1(shift)):.0%} at most from its mean "
-        "at the same clearance",
-        f"dissipated energy is largest at restitution {largest:.2g} (median over the clearances "
-        f"{float(energy.max()):.2g} J); at restitution 1 it is "
-        f"{float(np.abs(most['dissipated_energy'])):.0e} J",
-    ]
-
-
-def limit(settings: Settings) -> list[str]:
-    """Deviation of the end arm from that with an ideal joint; returns the findings.
-
-    The largest over the whole run, by axial policy: only a journal that is held along the axis
-    tends to the ideal revolute joint; a free one tends to a cylindrical joint.
-    """
-    swept = {
-        "held axially": _deviations(settings, "limit held", cj.FixedAxially()),
-        "free axially (the paper)": _deviations(settings, "limit free", cj.FreeAxially()),
-    }
-    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
-    axes = figure.subplots()
-    for (label, dataset), colour in zip(swept.items(), ("#0072B2", "#D55E00"), strict=True):
-        plot.convergence(
-            dataset, "deviation", within=PROPORTIONAL, label=label, colour=colour, axes=axes
-        )
-    _mark_compliance(swept["held axially"], axes)
-    settings.save(figure, "limit")
-    return limit_findings(*swept.values())
-
-
-def _deviations(settings: Settings, name: str, axial: Any) -> xr.Dataset:
-    times = np.linspace(0.0, DURATION, 251)
-    ideal = cj.simulate(*cj.double_pendulum(None), DURATION, save_at=times, rtol=1e-10).saved
-    assert ideal is not None
-    scene, state = cj.double_pendulum(axial=axial)
-    swept = cj.sweep(
-        scene,
-        state,
-        DURATION,
-        {"clearance": clearance_axis(np.geomspace(1e-7, 1e-3, 13 if settings.quick else 65))},
-        {
-            "path": cj.Saved(times, {c: (Position(END_ARM, c), "m") for c in "xyz"}),
-            "penetration": cj.Peak(Penetration(SHOULDER, BASE), "m"),
-        },
-        path=settings.store(name),
-        chunk=16,
-    )
-    path = np.stack([swept[f"path_{c}"].values for c in "xyz"], axis=-1)
-    away = np.linalg.norm(path - np.asarray(ideal.states.bodies[END_ARM].position), axis=-1)
-    swept["deviation"] = ("clearance", away.max(axis=1), {"units": "m"})
-    return swept
-
-
-def _mark_compliance(swept: xr.Dataset, axes: Axes) -> None:
-    """A line where the penetration equals the clearance."""
-    equal = equal_penetration(swept)
-    axes.axvline(equal * 1e3, color="0.5", linewidth=1.0, linestyle="--")
-    axes.annotate(
-        "penetration = clearance",
-        (equal * 1e3, 0.97),
-        xycoords=("data", "axes fraction"),
-        xytext=(-4, 0),
-        textcoords="offset points",
-        rotation=90,
-        ha="right",
-        va="top",
-        color="0.4",
-    )
-
-
-def equal_penetration(swept: xr.Dataset) -> float:
-    """Clearance at which the largest penetration is as large, m."""
-    ratio = np.log(swept["penetration"] / swept["clearance"]).values
-    return float(np.exp(np.interp(0.0, -ratio, np.log(swept["clearance"].values))))
-
-
-def limit_findings(held: xr.Dataset, free: xr.Dataset) -> list[str]:
-    """What the limit shows, measured on the deviations."""
-    exponent = plot.power_law_exponent
-    low, high = (value * 1e6 for value in PROPORTIONAL)
-    compliant = exponent(held, "deviation", within=COMPLIANT)
-    left = float(free["deviation"][0])
-    return [
-        f"held axially, the deviation over {DURATION} s goes with c^"
-        f"{exponent(held, 'deviation', within=PROPORTIONAL):.2f} from {low:g} to {high:g} µm, and "
-        f"is {float((held['deviation'] / held['clearance']).median()):.0f} clearances (median)",
-        f"below {equal_penetration(held) * 1e6:.1f} µm the wall gives way by more than the "
-        f"clearance, and it goes with c^{compliant:.2f} (penetration at constant load: c^0.33)",
-        f"at 1 mm it is {float(held['deviation'][-1]) * 1e3:.0f} mm and levels off: the run ends "
-        "before the journal has tilted across the clearance",
-        f"free axially it tends to {left * 1e3:.0f} mm, not to zero: the arm slides along the "
-        "journal, and the limit is a cylindrical joint",
+        f"impacts grow from {float(impacts[0]):.0f} at restitution "
+        f"{float(impacts['restitution'][0]):g} to {float(impacts[-1]):.0f} at 1 (medians over the "
+        "clearances)",
+        f"up to restitution {LOSSY} the clearance alone decides the rest: dissipated energy "
+        f"changes by {float(change['dissipated_energy']):.0%} at most, peak force by "
+        f"{float(change['peak_force']):.0%} (medians over the clearances)",
+        f"at restitution 1 nothing is dissipated ({float(most['dissipated_energy'].max()):.0e} J), "
+        f"and peak forces are {float(rise):.1f} times those at "
+        f"{float(impacts['restitution'][0]):g} (median)",
     ]
 
 
@@ -348,7 +244,7 @@ def _range(values: np.ndarray, form: str) -> str:
     return f"{np.nanmin(values):{form}} to {np.nanmax(values):{form}}"
 
 
-COMMANDS: dict[str, Callable[[Settings], list[str]]] = {
+COMMANDS: dict[str, Callable[[Output], list[str]]] = {
     "sweep": sweep,
     "map": restitution_map,
     "limit": limit,
@@ -360,16 +256,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("command", choices=COMMANDS)
     parser.add_argument("--quick", action="store_true", help="few lanes and coarse pictures")
-    parser.add_argument("--output", type=Path, default=Settings.output, help="folder")
+    parser.add_argument("--output", type=Path, default=Path("results/clearance_sweep"))
     chosen = parser.parse_args(arguments)
-    settings = Settings(chosen.output, chosen.quick)
+    folder = chosen.output / "quick" if chosen.quick else chosen.output
+    output = Output(folder, chosen.quick)
     cj.configure()
     try:
-        findings = COMMANDS[chosen.command](settings)
+        findings = COMMANDS[chosen.command](output)
     except ValueError as error:
         raise SystemExit(f"error: {error}") from error
     print("\n".join(f"- {line}" for line in findings))
-    print(f"Figures and stores: {settings.folder}")
+    print(f"Figures and stores: {output.folder}")
 
 
 if __name__ == "__main__":

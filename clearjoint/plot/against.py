@@ -49,7 +49,7 @@ def against(
     scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, ended_well(dataset).values)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     return dress(axes, x.label, y.label)
 
 

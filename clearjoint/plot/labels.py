@@ -13,7 +13,7 @@ PREFIXED = ("m", "s", "N", "J", "W", "Pa")
 """Units that take a prefix, also in front of a quotient: mm/s."""
 NEVER_LARGER = ("m", "s")
 """Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
-LOGARITHMIC = 9.0
+LOGARITHMIC = 12.0
 """Largest over smallest value from which on an axis is logarithmic."""
 MANY_DECADES = 500.0
 """Likewise, from which on ticks are powers of ten."""
@@ -49,7 +49,7 @@ def _shown_unit(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray) -> bool:
-    """Whether values are positive and spread over about a decade."""
+    """Whether values are positive and spread over more than a decade."""
     finite = values[np.isfinite(values)]
     return finite.size > 0 and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min()
 

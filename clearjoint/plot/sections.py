@@ -54,5 +54,5 @@ def bifurcation(
     scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, well.values)
     if not well.all():
-        axes.legend(frameon=False)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return dress(axes, x.label, y.label)
