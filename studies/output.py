@@ -8,7 +8,7 @@ from PIL import Image
 
 import clearjoint as cj
 
-PALETTE = 256
+PALETTE = 128
 
 
 @dataclass(frozen=True)
