@@ -189,8 +189,8 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         local = self.journal_point
         if base is not None:
-            sign = dict(zip(BASES, (-1.0, 1.0), strict=True))[base]
-            local = local + unit(self.journal_axis) * (0.5 * self.journal_length * sign)
+            signs: dict[str, float] = dict(zip(BASES, (-1.0, 1.0), strict=True))
+            local = local + unit(self.journal_axis) * (0.5 * self.journal_length * signs[base])
         offset = bearing.components(self._offset(bearing, journal, local))
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
