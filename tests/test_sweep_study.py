@@ -79,16 +79,19 @@ def test_map_of_clearance_and_restitution(output):
 
 def test_limit_is_the_ideal_joint_if_the_journal_is_held(output):
     """Its tilt over 20 mm moves the end arm's centre, sqrt(1.25) m away, by 112 times the play."""
-    findings = clearance_limit.limit(output)
-    assert pictures(output, "limit")
-    assert len(findings) == 5
     held = clearance_limit.deviations(output, "limit_held", cj.FixedAxially())
-    assert plot.power_law_exponent(held, "deviation", "play", within=(0, 0.3e-3)) == pytest.approx(
-        1.0, abs=0.05
-    )
+    rate = plot.power_law_exponent(held, "deviation", "play", within=(0, 0.3e-3))
+    assert rate == pytest.approx(1.0, abs=0.05)
     ratio = (held["deviation"] / held["play"]).sel(clearance=slice(None, 0.3e-3))
     assert float(ratio.min()) > 100.0
     assert float(ratio.max()) < 160.0
+
+
+@pytest.mark.slow
+def test_limit_is_another_joint_if_it_is_not(output):
+    findings = clearance_limit.limit(output)
+    assert pictures(output, "limit")
+    assert len(findings) == 5
     free = clearance_limit.deviations(output, "limit_free", cj.FreeAxially())
     assert float(free["deviation"][0]) > 0.04
 
