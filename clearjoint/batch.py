@@ -17,7 +17,6 @@ from .pool import (
     ACROSS,
     Common,
     Extent,
-    Page,
     Seat,
     Status,
     Task,
@@ -110,17 +109,18 @@ class Batch:
         """
         taken, notice = sitting >= 0, SlowRunNotice()
         constants = self._common, self._extent, self._mesh
-        seats, status, pages = advance(constants, seats)
+        report: Any
+        seats, *report = advance(constants, seats)
         few = False
         while not few:
             seats, *following = advance(constants, seats)
-            finished = self._read(status, pages, sitting)
-            on_progress(self._progress(status, sitting))
+            finished = self._read(report, sitting)
+            on_progress(self._progress(report[0], sitting))
             notice.check()
             left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
             few = left.max() == 0 or (waiting and left.min() < self._extent.places)
-            status, pages = following
-        return seats, taken & self._read(status, pages, sitting)
+            report = following
+        return seats, taken & self._read(report, sitting)
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
         """Lanes' worth of simulated time in the pool."""
@@ -128,8 +128,9 @@ class Batch:
         share = (np.asarray(status.time) - start) / (end - start)
         return float(np.where(status.finished, 1.0, share)[sitting >= 0].sum())
 
-    def _read(self, status: Status, pages: Page, sitting: np.ndarray) -> np.ndarray:
+    def _read(self, report: Any, sitting: np.ndarray) -> np.ndarray:
         """Add what was recorded to the logs, and count the turns; which lanes have ended."""
+        status, pages = report
         self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
         for name, counts in pages.counts.items():
             counts = np.asarray(counts)

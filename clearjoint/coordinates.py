@@ -166,7 +166,7 @@ def stacked(numbers: Sequence[Scalar]) -> jax.Array:
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
     """First derivative of a row's value."""
-    total: Scalar = 0.0
+    total = row.time_rate
     for name, pair in row.jacobian.items():
         if name != GROUND:
             motion = motions[name]

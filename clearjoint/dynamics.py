@@ -30,7 +30,7 @@ from .joint_coordinates import JointCoordinates
 from .joints.base import Contact, Row
 from .linear import AbstractSolver, Exact, LeastNorm, inner
 from .scene import Scene
-from .vectors import Scalar, Vector, add
+from .vectors import Scalar, Vector, add, is_zero
 
 Memory = dict[str, dict[str, Scalar]]
 
@@ -182,10 +182,11 @@ def _applied_wrenches(
             push = -(force.contact.normal * force.normal_force)
             if force.friction is not None:
                 push = push + force.friction
+            on_first, on_second = force.contact.points_of_force(force.friction is not None)
             if second != GROUND:
-                apply(second, motions[second].wrench(push, force.contact.arm_second))
+                apply(second, motions[second].wrench(push, on_second))
             if first != GROUND:
-                apply(first, motions[first].wrench(-push, force.contact.arm_first))
+                apply(first, motions[first].wrench(-push, on_first))
     return wrenches
 
 
@@ -267,8 +268,10 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
         book("supplied", element.supplied_power(dynamics.motions, t))
     for name, family in dynamics.rows.items():
         for label, row in family.items():
-            rate = row_rate(row, dynamics.motions)
-            book("stabilisation", -dynamics.multipliers[name][label] * rate)
+            multiplier = dynamics.multipliers[name][label]
+            book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
+            if not is_zero(row.time_rate):
+                book("supplied", -multiplier * row.time_rate)
     return powers
 
 

@@ -15,7 +15,7 @@ from .impacts import second_rates
 from .scene import Scene
 from .vectors import Structured, unpack
 
-SAMPLES_A_STEP = 17
+SAMPLES_A_STEP = 33
 PIECE = 4096
 RESOLVED_TRAVEL = 1e-8
 """Distance in m that a step must cover at entry speed for depths to tell the rate within it."""

@@ -129,7 +129,8 @@ def check_constraint(
         size = 1.0 + abs(float(expected))
         _require(
             abs(float(rate - expected)) < tolerance * size,
-            f"Row {label!r}: the Jacobian times the velocities is not the rate of the value.",
+            f"Row {label!r}: the Jacobian times the velocities, plus the time rate, is not the "
+            "rate of the value.",
         )
         _check_bias(label, row, motions, (behind[label], ahead[label]), step, tolerance)
 
@@ -148,8 +149,8 @@ def _check_bias(
     bias = (rates[1] - rates[0]) / (2 * step)
     _require(
         abs(bias - float(row.bias)) < 10 * tolerance * (1.0 + abs(bias)),
-        f"Row {label!r}: the bias is not the rate of (Jacobian times velocities) at constant "
-        "velocities and body spins.",
+        f"Row {label!r}: the bias is not the rate of (Jacobian times velocities, plus time rate) "
+        "at constant velocities and body spins.",
     )
 
 

@@ -104,7 +104,8 @@ def _double_pendulum(duration: float, step: float) -> tuple[np.ndarray, np.ndarr
     sensors = [
         system.AddSensor(
             eu.SensorBody(
-                bodyNumber=body, storeInternal=True,
+                bodyNumber=body,
+                storeInternal=True,
                 outputVariableType=exu.OutputVariableType.Position,
             )
         )
@@ -147,10 +148,15 @@ def _bouncing_mass(restitution: float, speed: float) -> tuple[Any, list[int]]:
     )
     contact = system.AddObject(
         eu.ObjectContactSphereSphere(
-            markerNumbers=markers, nodeNumber=memory, isHollowSphere1=True,
+            markerNumbers=markers,
+            nodeNumber=memory,
+            isHollowSphere1=True,
             spheresRadii=[BEARING_RADIUS - BOUNCE_CLEARANCE, BEARING_RADIUS],
-            contactStiffness=BOUNCE_STIFFNESS, contactStiffnessExponent=1.5,
-            impactModel=1, restitutionCoefficient=restitution, minimumImpactVelocity=1e-6,
+            contactStiffness=BOUNCE_STIFFNESS,
+            contactStiffnessExponent=1.5,
+            impactModel=1,
+            restitutionCoefficient=restitution,
+            minimumImpactVelocity=1e-6,
         )
     )
     kinds = exu.OutputVariableType
@@ -178,6 +184,8 @@ def bounce(restitution: float, speed: float = 0.1, step: float = 1e-7) -> Bounce
     inside = np.flatnonzero(memory[:, 0] < 0.0)
     ends = [t[i] + memory[i, 0] / velocity[i, 1] for i in (inside[0], inside[-1])]
     return Bounce(
-        float(memory[inside[0], 2]), float(-velocity[-1, 1]),
-        float(np.linalg.norm(force, axis=1).max()), float(ends[1] - ends[0]),
+        float(memory[inside[0], 2]),
+        float(-velocity[-1, 1]),
+        float(np.linalg.norm(force, axis=1).max()),
+        float(ends[1] - ends[0]),
     )

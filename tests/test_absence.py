@@ -17,6 +17,7 @@ from clearjoint import (
     FixedAxially,
     Hertz,
     LankaraniNikravesh,
+    PrescribedRotation,
     RegularisedCoulomb,
     RevoluteJoint,
     Scene,
@@ -43,7 +44,12 @@ def scene(joint=None, **options):
 
 def pin(law, **options):
     return ClearanceJoint(
-        "ground", "rod", bearing_radius=0.01, clearance=1e-4, journal_length=0.02, law=law,
+        "ground",
+        "rod",
+        bearing_radius=0.01,
+        clearance=1e-4,
+        journal_length=0.02,
+        law=law,
         **options,
     )
 
@@ -53,6 +59,7 @@ FREE = scene()
 FORCED = pin(ELASTIC)
 ROUGH = pin(ELASTIC, friction=RegularisedCoulomb(0.1))
 BALL = SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))
+DRIVER = PrescribedRotation("ground", "rod", AXIS, 3.0)
 HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
 
 
@@ -150,6 +157,7 @@ def test_power_of_the_ledger_is_only_what_the_scene_can_have():
         return set(state_rates(unpack(of), formulation, unpack(STATE.bodies), memory, 0.0)[1])
 
     assert booked(scene(BALL), {}) == {"stabilisation"}
+    assert booked(scene(DRIVER), {}) == {"stabilisation", "supplied"}
     assert booked(scene(pin(DAMPED)), BASES) == {"normal damping"}
     assert booked(scene(ROUGH), {}) == {"normal damping", "friction"}
 

@@ -56,7 +56,9 @@ def random_states():
     quaternions = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
     return {
         name: BodyState(
-            vector(POSITION[k]), EulerParameters(*quaternions[k].T), vector(VELOCITY[k]),
+            vector(POSITION[k]),
+            EulerParameters(*quaternions[k].T),
+            vector(VELOCITY[k]),
             vector(SPIN[k]),
         )
         for k, name in enumerate("ab")
@@ -69,16 +71,19 @@ MATRICES = ROTATION.as_matrix().reshape(2, N, 3, 3)
 def random_scene(bearing_body="a", **options):
     """Two free bodies and a joint between them; points and axes differ from state to state."""
     joint = ClearanceJoint(
-        bearing_body, "b", bearing_radius=BEARING, clearance=CLEARANCE, journal_length=LENGTH,
-        law=LankaraniNikravesh(0.6, 50.0), **options,
+        bearing_body,
+        "b",
+        bearing_radius=BEARING,
+        clearance=CLEARANCE,
+        journal_length=LENGTH,
+        law=LankaraniNikravesh(0.6, 50.0),
+        **options,
     )
     bodies = {name: Body(MASSES[name], INERTIAS[name]) for name in MASSES}
     scene = unpack(Scene(bodies, {"pin": joint}))
     places = [vector(rows) for rows in (*POINTS.values(), *AXES.values())]
     names = [*POINTS, *AXES]
-    return eqx.tree_at(
-        lambda s: [getattr(s.joints["pin"], name) for name in names], scene, places
-    )
+    return eqx.tree_at(lambda s: [getattr(s.joints["pin"], name) for name in names], scene, places)
 
 
 MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
@@ -144,7 +149,9 @@ def test_geometry_is_that_of_the_paper(base, sign):
     motions = COORDINATES.motions(scene, random_states())
     contact = scene.joints["pin"].contacts(motions)[base]
     found = (
-        contact.gap.depth, contact.gap.rate, contact.normal,
+        contact.gap.depth,
+        contact.gap.rate,
+        contact.normal,
         *contact_points(scene, motions, contact),
     )
     for ours, papers in zip(found, paper_geometry(sign), strict=True):
@@ -215,9 +222,7 @@ def loads(found):
     result = []
     for k, name in enumerate("ab"):
         part = found.accelerations[name]
-        angular = pack(part.angular) @ INERTIAS[name] + np.cross(
-            SPIN[k], SPIN[k] @ INERTIAS[name]
-        )
+        angular = pack(part.angular) @ INERTIAS[name] + np.cross(SPIN[k], SPIN[k] @ INERTIAS[name])
         result.append((MASSES[name] * pack(part.linear), turned(k, angular)))
     return result
 

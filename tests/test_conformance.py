@@ -133,9 +133,26 @@ class Rod(cj.AbstractConstraint):
         return cj.rows_from_residual(("a", "b"), ("length",), residual, motions["a"], motions["b"])
 
 
+class Swing(cj.AbstractRotationDriver):
+    """A driver by a third party, who writes the fields and the angle."""
+
+    first: str = eqx.field(default="a", static=True)
+    second: str = eqx.field(default="b", static=True)
+    axis: Any = quantity("1", default=(1.0, -2.0, 0.5))
+    orientation: Any = quantity("1", default=(0.5, 0.5, 0.5, -0.5))
+
+    def angle(self, t):
+        return 0.4 + 2.0 * t + 0.7 * jnp.sin(3.0 * t + 0.5)
+
+
 @pytest.mark.parametrize(
     "joint",
     [
+        cj.PrescribedRotation("a", "b", (1.0, -2.0, 0.5), speed=-3.0, initial_angle=20.0),
+        Swing(),
+        cj.InlineJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3)),
+        cj.CylindricalJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1)),
+        cj.PrismaticJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3)),
         cj.SphericalJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2)),
         cj.RevoluteJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1)),
         cj.FixedJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (0.5, 0.5, 0.5, -0.5)),
@@ -144,6 +161,19 @@ class Rod(cj.AbstractConstraint):
 )
 def test_joints_conform(joint):
     check_constraint(joint, MOTIONS)
+
+
+@pytest.mark.parametrize("forgotten", ["time_rate", "bias"])
+def test_forgotten_time_dependence_is_refused(forgotten):
+    class Forgetful(Swing):
+        def rows(self, motions, t):
+            row = super().rows(motions, t)["angle"]
+            bias = super().turn(motions).bias if forgotten == "bias" else row.bias
+            time_rate = 0.0 if forgotten == "time_rate" else row.time_rate
+            return {"angle": Row(row.value, row.jacobian, bias, time_rate)}
+
+    with pytest.raises(AssertionError, match=forgotten.replace("_", " ")):
+        check_constraint(Forgetful(), MOTIONS)
 
 
 def test_wrong_bias_is_refused():

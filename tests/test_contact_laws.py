@@ -88,8 +88,12 @@ def test_smooth_law_tends_to_the_exact_one():
 def test_stored_energy_is_the_integral_of_the_elastic_force(depth, exponent, smoothing):
     law = LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
     work, _ = quad(
-        lambda x: float(law.elastic_force(Gap(x, 0.0))), -1e-5, depth,
-        points=[x for x in (-4e-6, 0.0, 4e-6) if x < depth], epsabs=0.0, epsrel=1e-10,
+        lambda x: float(law.elastic_force(Gap(x, 0.0))),
+        -1e-5,
+        depth,
+        points=[x for x in (-4e-6, 0.0, 4e-6) if x < depth],
+        epsabs=0.0,
+        epsrel=1e-10,
     )
     np.testing.assert_allclose(law.stored_energy(Gap(depth, 0.0)), work, rtol=1e-9, atol=1e-15)
 

@@ -15,7 +15,10 @@ from scipy.spatial.transform import Rotation
 from clearjoint import (
     AbsoluteCoordinates,
     Body,
+    CylindricalJoint,
     FixedJoint,
+    InlineJoint,
+    PrismaticJoint,
     RevoluteJoint,
     Scene,
     SphericalJoint,
@@ -45,8 +48,10 @@ class Bodies:
 
     def motion(self, body):
         return Motion(
-            vector(self.position[body]), matrix(self.rotation[body]),
-            vector(self.velocity[body]), vector(self.spin[body]),
+            vector(self.position[body]),
+            matrix(self.rotation[body]),
+            vector(self.velocity[body]),
+            vector(self.spin[body]),
         )
 
     def motions(self):
@@ -91,18 +96,41 @@ def right_angles(a, pairs):
     return [np.sum((a[0] @ u) * (a[1] @ v), axis=-1) for u, v in pairs]
 
 
-def revolute(r, a):
+def across(axis):
+    return [pack(v) for v in transverse_axes(Vector(*axis / np.linalg.norm(axis)))]
+
+
+def tilts(a):
     """For eq. (26): the first axis at right angles to two directions across the second."""
     axis = A1 / np.linalg.norm(A1)
-    across = transverse_axes(Vector(*A2 / np.linalg.norm(A2)))
-    return [*spherical(r, a), *right_angles(a, [(axis, pack(v)) for v in across])]
+    return right_angles(a, [(axis, v) for v in across(A2)])
+
+
+def rotations(a):
+    x, y, z = np.eye(3)
+    to_second = TURN.inv().apply
+    return right_angles(a, [(y, to_second(z)), (z, to_second(x)), (x, to_second(y))])
+
+
+def inline(r, a):
+    gap = r[1] + a[1] @ P2 - r[0] - a[0] @ P1
+    return [np.sum((a[0] @ v) * gap, axis=-1) for v in across(A1)]
+
+
+def revolute(r, a):
+    return [*spherical(r, a), *tilts(a)]
+
+
+def cylindrical(r, a):
+    return [*inline(r, a), *tilts(a)]
 
 
 def fixed(r, a):
-    x, y, z = np.eye(3)
-    to_second = TURN.inv().apply
-    pairs = [(y, to_second(z)), (z, to_second(x)), (x, to_second(y))]
-    return [*spherical(r, a), *right_angles(a, pairs)]
+    return [*spherical(r, a), *rotations(a)]
+
+
+def prismatic(r, a):
+    return [*inline(r, a), *rotations(a)]
 
 
 def plane(r, a):
@@ -114,6 +142,9 @@ CASES = {
     "spherical": (SphericalJoint("a", "b", P1, P2), spherical),
     "revolute": (REVOLUTE, revolute),
     "fixed": (FixedJoint("a", "b", P1, P2, TURN.as_quat(scalar_first=True)), fixed),
+    "inline": (InlineJoint("a", "b", P1, P2, A1), inline),
+    "cylindrical": (CylindricalJoint("a", "b", P1, P2, A1, A2), cylindrical),
+    "prismatic": (PrismaticJoint("a", "b", P1, P2, A1, TURN.as_quat(scalar_first=True)), prismatic),
 }
 PRIMITIVES = {
     "right angle": (perpendicular, (A1, A2), lambda r, a: right_angles(a, [(A1, A2)])),
@@ -184,8 +215,12 @@ def spread(wrench):
 
 
 AXES = [
-    *np.eye(3), *-np.eye(3), *RANDOM.normal(size=(6, 3)),
-    np.array([1e-9, 0.0, -1.0]), np.array([0.0, 1e-5, -1.0]), np.array([0.0, -1e-12, 1.0]),
+    *np.eye(3),
+    *-np.eye(3),
+    *RANDOM.normal(size=(6, 3)),
+    np.array([1e-9, 0.0, -1.0]),
+    np.array([0.0, 1e-5, -1.0]),
+    np.array([0.0, -1e-12, 1.0]),
 ]
 
 
@@ -248,12 +283,33 @@ def test_fixed_joint_has_six_independent_rows():
     assert j.shape == (6, 12) and free_rank(j) == 6
 
 
-@pytest.mark.parametrize("case", ["revolute", "fixed"])
+def test_sliding_joints_have_independent_rows_and_leave_the_slide_free():
+    """Along every axis, at every offset along it: turned by TURN, and about the axis or not."""
+    quaternion = TURN.as_quat(scalar_first=True)
+    for axis in AXES:
+        axis = axis / np.linalg.norm(axis)
+        cases = (
+            (PrismaticJoint("a", "b", P1, P2, 3.0 * axis, quaternion), TURN.as_matrix(), 5),
+            (CylindricalJoint("a", "b", P1, P2, axis, TURN.inv().apply(axis)),
+             (Rotation.from_rotvec(0.7 * axis) * TURN).as_matrix(), 4),
+            (InlineJoint("a", "b", P1, P2, axis), Rotation.random(rng=RANDOM).as_matrix(), 2),
+        )  # fmt: skip
+        for joint, turn, count in cases:
+            bodies = joined(joint, turn)
+            bodies.position[1] += 2.5 * bodies.rotation[0] @ axis
+            j = jacobian(joint, bodies)
+            slide = np.concatenate([np.zeros(6), bodies.rotation[0][0] @ axis, np.zeros(3)])
+            assert j.shape == (count, 12) and free_rank(j) == count
+            np.testing.assert_allclose(j @ slide, 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("case", ["revolute", "fixed", "cylindrical", "prismatic"])
 def test_a_tilted_joint_violates_its_rows(case):
     """A turn by 1e-3 about each axis that the joint holds shows as 1e-3 in its rows."""
     joint = CASES[case][0]
-    start = Rotation.align_vectors(A1, A2)[0] if case == "revolute" else TURN
-    held = np.eye(3) if case == "fixed" else np.cross(A1, np.eye(3)[:2])
+    turned = case in ("fixed", "prismatic")
+    start = TURN if turned else Rotation.align_vectors(A1, A2)[0]
+    held = np.eye(3) if turned else np.cross(A1, np.eye(3)[:2])
     for axis in held:
         tilt = Rotation.from_rotvec(1e-3 * axis / np.linalg.norm(axis))
         rows = unpack(joint).rows(joined(joint, (tilt * start).as_matrix()).motions(), 0.0)

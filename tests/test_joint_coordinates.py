@@ -77,6 +77,8 @@ def joint(kind, first, second):
         return cj.SphericalJoint(first, second, one, other)
     if kind == "fixed":
         return cj.FixedJoint(first, second, one, other, TURN)
+    if kind == "prismatic":
+        return cj.PrismaticJoint(first, second, one, other, axis, TURN)
     return Rail(first, second, one, axis, TURN)
 
 
@@ -86,7 +88,7 @@ EDGES = {
         ("b", "d", "prismatic"), ("d", "e", "revolute"),
     ),
     "hanging from a ball": ((GROUND, "a", "spherical"), ("a", "b", "revolute")),
-    "on a rail": ((GROUND, "a", "prismatic"), ("a", "b", "revolute"), (GROUND, "c", "fixed")),
+    "on a rail": ((GROUND, "a", "rail"), ("a", "b", "revolute"), (GROUND, "c", "fixed")),
     "flying": (
         ("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"),
         ("a", "e", "prismatic"),

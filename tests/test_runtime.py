@@ -12,7 +12,10 @@ from clearjoint import runtime
 FUSION = "xla_cpu_use_multi_output_fusion"
 THRESHOLD = "xla_cpu_small_while_loop_byte_threshold"
 SETTINGS = {
-    "JAX_ENABLE_X64", "XLA_FLAGS", "JAX_NUM_CPU_DEVICES", "JAX_COMPILATION_CACHE_DIR",
+    "JAX_ENABLE_X64",
+    "XLA_FLAGS",
+    "JAX_NUM_CPU_DEVICES",
+    "JAX_COMPILATION_CACHE_DIR",
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS",
 }
 
@@ -78,8 +81,12 @@ SHELL = (
 def printed():
     """What a shell has, and is told, after evaluating what the module prints."""
     return completed(
-        "bash", "-c", SHELL.format(names=" ".join(sorted(SETTINGS))), sys.executable,
-        XLA_FLAGS="--xla_dump_to=/tmp/x", CLEARJOINT_CACHE="/tmp/a cache",
+        "bash",
+        "-c",
+        SHELL.format(names=" ".join(sorted(SETTINGS))),
+        sys.executable,
+        XLA_FLAGS="--xla_dump_to=/tmp/x",
+        CLEARJOINT_CACHE="/tmp/a cache",
     )
 
 

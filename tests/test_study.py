@@ -8,8 +8,14 @@ import pytest
 
 FILE = Path(__file__).resolve().parents[1] / "studies" / "double_pendulum.py"
 WRITTEN = {
-    "figure_13.png", "figure_14.png", "figure_15.png", "figure_16.png", "figure_17.png",
-    "orbit.png", "journal.gif", "claims.md",
+    "figure_13.png",
+    "figure_14.png",
+    "figure_15.png",
+    "figure_16.png",
+    "figure_17.png",
+    "orbit.png",
+    "journal.gif",
+    "claims.md",
 }
 
 

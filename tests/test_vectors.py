@@ -187,7 +187,9 @@ def test_turned_is_a_small_rotation_about_body_axes():
 
 AXES = np.concatenate(
     [
-        np.eye(3), -np.eye(3), A,
+        np.eye(3),
+        -np.eye(3),
+        A,
         [[1e-9, 0, -1], [0, -1e-9, -1], [1e-9, 1e-9, 1], [1, 0, 1e-300], [1, 0, -1e-300]],
     ]
 )
@@ -301,9 +303,7 @@ def test_ordered_factorisation_of_an_arrow_fills_nothing_in():
 
     def solution(kind, entries, right):
         numbers = iter(entries)
-        rows = [
-            [next(numbers) if full[i, j] else 0.0 for j in range(i + 1)] for i in range(n)
-        ]
+        rows = [[next(numbers) if full[i, j] else 0.0 for j in range(i + 1)] for i in range(n)]
         return inner(kind(rows).solve(right), [1.0] * n)
 
     entries = [jnp.asarray(x) for x in full[np.tril_indices(n)] if x]

@@ -25,13 +25,16 @@ class Row:
     """One scalar constraint at a configuration.
 
     `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
-    moment . spin (so that the reaction on the body is this pair times the multiplier); `bias` is
-    what is left of Phi's second derivative when all accelerations vanish.
+    moment . spin + `time_rate` (so that the reaction on the body is this pair times the
+    multiplier); `bias` is what is left of Phi's second derivative when all accelerations vanish.
+    `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
+    as a driver's does, which then supplies the power -multiplier time_rate.
     """
 
     value: Scalar
     jacobian: dict[str, Wrench]
     bias: Scalar
+    time_rate: Scalar = 0.0
 
 
 class AbstractElement(eqx.Module):
@@ -91,7 +94,8 @@ class Contact:
     the normal force on the second body is -F normal, on the first +F normal. `arm_first` and
     `arm_second` are the contact points on the two surfaces, from each body's centre of mass in its
     axes, m (eq. 17). `slip` is the tangential velocity of the second body relative to the first,
-    m/s, or ``None`` without friction.
+    m/s, or ``None`` without friction. A normal force alone may act at any points on its line,
+    `line_first` and `line_second`, if some are known with less arithmetic and rounding.
     """
 
     gap: Gap
@@ -99,6 +103,14 @@ class Contact:
     arm_first: Vector
     arm_second: Vector
     slip: Vector | None
+    line_first: Vector | None = None
+    line_second: Vector | None = None
+
+    def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
+        """Where the force acts on the first and on the second body, in their axes, m."""
+        if has_friction or self.line_first is None or self.line_second is None:
+            return self.arm_first, self.arm_second
+        return self.line_first, self.line_second
 
 
 class AbstractContactJoint(AbstractElement):

@@ -6,6 +6,7 @@ is small, so that the bases' circles are taken in the bearing's cross-section (a
 contact of an edge along the wall is not modelled.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -164,19 +165,22 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis = bearing.direction(unit(self.bearing_axis))
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        centre = self._offset(bearing, journal)
+        arm, turning = journal.direction(half), journal.direction(journal.spin.cross(half))
+        middle = journal.velocity_at(self.journal_point)
         contacts = {}
         for sign, base, shoulder in zip((-1.0, 1.0), BASES, SHOULDERS, strict=True):
-            local = self.journal_point + half * sign
-            offset = self._offset(bearing, journal, local)
+            local, reach = self.journal_point + half * sign, arm * sign
+            offset = centre + reach
             on_bearing = self.bearing_point + bearing.components(offset)
-            relative = journal.velocity_at(local) - bearing.velocity_at(on_bearing)
-            along = offset.dot(axis)
-            base_contact = self._radial(bearing, journal, local, axis * along, offset, relative)
-            contacts[base] = base_contact
+            relative = (middle + turning * sign) - bearing.velocity_at(on_bearing)
+            height = offset.dot(axis)
+            place = _Base(axis, height, _across(centre, axis), _across(reach, axis), local)
+            contacts[base] = self._radial(bearing, journal, place, relative)
             if isinstance(self.axial, EndPlay):
                 outward = axis * sign
-                reach = sign * along - 0.5 * self.journal_length
-                gap = self.axial.gap(reach, relative.dot(outward))
+                depth = sign * height - 0.5 * self.journal_length
+                gap = self.axial.gap(depth, relative.dot(outward))
                 contacts[shoulder] = Contact(gap, outward, on_bearing, local, None)
         return contacts
 
@@ -187,11 +191,12 @@ class ClearanceJoint(AbstractContactJoint):
         `bearing_axis` of (0, 0, 1) these are the body's own axes.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        local = self.journal_point
+        reach = self._offset(bearing, journal)
         if base is not None:
             signs: dict[str, float] = dict(zip(BASES, (-1.0, 1.0), strict=True))
-            local = local + unit(self.journal_axis) * (0.5 * self.journal_length * signs[base])
-        offset = bearing.components(self._offset(bearing, journal, local))
+            half = unit(self.journal_axis) * (0.5 * self.journal_length)
+            reach = reach + journal.direction(half) * signs[base]
+        offset = bearing.components(reach)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
@@ -204,41 +209,43 @@ class ClearanceJoint(AbstractContactJoint):
             return self.bearing_body, self.bearing_point, self.journal_point
         return None
 
-    def _offset(self, bearing: Motion, journal: Motion, local: Vector) -> Vector:
-        """From the bearing's centre to a point of the journal (eq. 8)."""
+    def _offset(self, bearing: Motion, journal: Motion) -> Vector:
+        """From the bearing's centre to the journal's (eq. 8)."""
         if self.journal_body == GROUND:
-            return -bearing.point_from(journal.point(local), self.bearing_point)
-        return journal.point_from(bearing.point(self.bearing_point), local)
+            return -bearing.point_from(self.journal_point, self.bearing_point)
+        return journal.point_from(bearing.point(self.bearing_point), self.journal_point)
 
-    def _radial(
-        self,
-        bearing: Motion,
-        journal: Motion,
-        local: Vector,
-        along: Vector,
-        offset: Vector,
-        relative: Vector,
-    ) -> Contact:
+    def _radial(self, bearing: Motion, journal: Motion, base: "_Base", relative: Vector) -> Contact:
         """Contact of one base with the wall, from the eccentricity vector (eqs 10-21).
 
-        `local`: the base on the journal, body axes. `along` and `offset`: from the bearing's centre
-        to the base's projection on the axis, and to the base, global. `relative`: velocity of the
-        base relative to the bearing, global.
+        `relative`: velocity of the base relative to the bearing, global.
         """
-        eccentricity, normal = norm_and_direction(offset - along)
-        rate = relative.dot(normal)
-        gap = Gap(eccentricity - self.clearance, rate, self.bearing_radius, self.clearance)
+        eccentricity, normal = norm_and_direction(base.centre + base.reach)
+        depth = self._depth(base, eccentricity)
+        gap = Gap(depth, relative.dot(normal), self.bearing_radius, self.clearance)
+        along = base.axis * base.height
         # Friction acts on both bodies at one point between the surfaces: at the points of eqs
         # (15)-(16), a penetration apart, it would leave a moment.
         shift = 0.0 if self.friction is None else 0.5 * gap.depth
         to_wall = along + normal * add(self.bearing_radius, shift)
         on_bearing = self.bearing_point + bearing.components(to_wall)
-        on_journal = local + journal.components(normal * subtract(self.journal_radius, shift))
+        on_journal = base.local + journal.components(normal * subtract(self.journal_radius, shift))
         slip = None
         if self.friction is not None:
             sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
             slip = slip_velocity(sliding, normal, sliding.dot(normal))
-        return Contact(gap, normal, on_bearing, on_journal, slip)
+        on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
+        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+
+    def _depth(self, base: "_Base", eccentricity: Scalar) -> Scalar:
+        """Eccentricity less clearance, by the difference of their squares.
+
+        Subtracting the two themselves leaves each base a rounding of its own, from which impacts
+        grow a misalignment. Here what rounds most is common to both.
+        """
+        common = base.centre.dot(base.centre) - self.clearance * self.clearance
+        own = base.reach.dot(base.centre * 2.0 + base.reach)
+        return (common + own) / (eccentricity + self.clearance)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Friction on the journal at a base, N."""
@@ -258,3 +265,20 @@ class ClearanceJoint(AbstractContactJoint):
             self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
         )
         return {"axial": row}
+
+
+@dataclass(frozen=True)
+class _Base:
+    """Where a base is: `local` in the journal's body axes; along the bearing's `axis` at a `height`
+    from its centre; and across it by the journal's `centre` and by the `reach` from there."""
+
+    axis: Vector
+    height: Scalar
+    centre: Vector
+    reach: Vector
+    local: Vector
+
+
+def _across(vector: Vector, axis: Vector) -> Vector:
+    """The part of a vector at a right angle to an axis."""
+    return vector - axis * vector.dot(axis)

@@ -1,4 +1,4 @@
-"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26) and fixed."""
+"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
 
 from typing import Any
 
@@ -12,10 +12,10 @@ from ..fields import (
     require_point,
 )
 from ..rotations import conjugate, rotation_matrix, transverse_axes, unit
-from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, Scalar, Vector
+from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row
-from .freedoms import Ball, Hinge, Weld, aligning
-from .primitives import coincident_points, perpendicular
+from .freedoms import Ball, Hinge, Slider, Weld, aligning
+from .primitives import coincident_points, perpendicular, point_in_plane
 
 
 class AbstractPairJoint(AbstractConstraint):
@@ -48,6 +48,32 @@ class AbstractPairJoint(AbstractConstraint):
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
         names = (self.first, self.second)
         return perpendicular(names, motions[self.first], motions[self.second], a, b)
+
+    def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
+        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
+        across = transverse_axes(unit(axis))
+        return {
+            label: point_in_plane(names, *pair, self.point_first, normal, self.point_second)
+            for label, normal in zip(("offset 1", "offset 2"), across, strict=True)
+        }
+
+    def _parallel_axes(self, motions: Motions, first: Vector, second: Vector) -> dict[str, Row]:
+        across = transverse_axes(unit(second))
+        return {
+            label: self._perpendicular(motions, unit(first), direction)
+            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
+        }
+
+    def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
+        relative = rotation_matrix(orientation)
+        return {
+            label: self._perpendicular(motions, a, relative.transposed_times(b))
+            for label, a, b in (
+                ("rotation x", UNIT_Y, UNIT_Z),
+                ("rotation y", UNIT_Z, UNIT_X),
+                ("rotation z", UNIT_X, UNIT_Y),
+            )
+        }
 
 
 def require_distinct(first: str, second: str) -> None:
@@ -101,11 +127,8 @@ class RevoluteJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and two tilts."""
         del t
-        rows = self._coincidence(motions)
-        across = transverse_axes(unit(self.axis_second))
-        for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True):
-            rows[label] = self._perpendicular(motions, unit(self.axis_first), direction)
-        return rows
+        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
+        return self._coincidence(motions) | tilts
 
     def freedom(self, parent: str) -> Hinge:
         """Turning about the axis."""
@@ -133,18 +156,91 @@ class FixedJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and three rotations."""
         del t
-        rows = self._coincidence(motions)
-        relative = rotation_matrix(self.orientation)
-        for label, a, b in (
-            ("rotation x", UNIT_Y, UNIT_Z),
-            ("rotation y", UNIT_Z, UNIT_X),
-            ("rotation z", UNIT_X, UNIT_Y),
-        ):
-            rows[label] = self._perpendicular(motions, a, relative.transposed_times(b))
-        return rows
+        return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
     def freedom(self, parent: str) -> Weld:
         """None."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         return Weld(*points, turn)
+
+
+class InlineJoint(AbstractPairJoint):
+    """A point of the second body stays on a line of the first; two rows.
+
+    **Arguments:** as `SphericalJoint`, and the line's `axis` on the first body, (3,) in its axes,
+    any length. With the axis across a planar mechanism it is a pin that adds no redundant
+    constraint to those that already hold the bodies in the plane.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis: Any = quantity("1")
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations across the line."""
+        del t
+        return self._point_on_line(motions, self.axis)
+
+
+class CylindricalJoint(AbstractPairJoint):
+    """Bodies that turn about a common axis and slide along it; four rows.
+
+    **Arguments:** as `RevoluteJoint`.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis_first: Any = quantity("1")
+    axis_second: Any = quantity("1")
+
+    def __check_init__(self):
+        require_axis("axis_first", self.axis_first)
+        require_axis("axis_second", self.axis_second)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations and two tilts."""
+        del t
+        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
+        return self._point_on_line(motions, self.axis_first) | tilts
+
+
+class PrismaticJoint(AbstractPairJoint):
+    """The second body slides along an axis of the first without turning; five rows.
+
+    **Arguments:** as `FixedJoint`, and the `axis` on the first body, (3,) in its axes, any length;
+    the joint's point on the second body stays on the line along it through that on the first.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis: Any = quantity("1")
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+        require_euler_parameters("orientation", self.orientation)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations across the axis and three rotations."""
+        del t
+        held = self._same_orientation(motions, self.orientation)
+        return self._point_on_line(motions, self.axis) | held
+
+    def freedom(self, parent: str) -> Slider:
+        """Sliding along the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        axis = unit(self.axis)
+        in_second = rotation_matrix(self.orientation).transposed_times(axis)
+        _, here = self._ordered(parent, axis, in_second)
+        return Slider(*points, here, turn)

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 
 from ..bodies import Motion, Wrench
-from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector
+from ..rotations import transverse_axes
+from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
 from .base import Row
 
 Pair = tuple[str, str]
@@ -74,6 +75,33 @@ def point_in_plane(
         names[1]: along,
     }
     return Row(axis.dot(arm - origin), jacobian, bias_second - bias_first)
+
+
+def turning_angle(
+    names: Pair, first: Motion, second: Motion, axis: Vector, direction: Vector
+) -> Row:
+    """One row: the angle, within (-pi, pi], of a direction of the second body about an axis of the
+    first, from the first of its `transverse_axes`.
+
+    It is that of the direction's projection across the axis, so that its derivatives are exact
+    wherever the axes of both bodies point.
+    """
+    start, quarter = transverse_axes(axis)
+    cosine = perpendicular(names, first, second, start, direction)
+    sine = perpendicular(names, first, second, quarter, direction)
+    c, s = cosine.value, sine.value
+    inverse = 1.0 / (c * c + s * s)
+    jacobian = {}
+    for name in names:
+        turn = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
+        jacobian[name] = Wrench(ZERO, turn * inverse)
+    c_rate, s_rate = (
+        add(first.power(row.jacobian[names[0]]), second.power(row.jacobian[names[1]]))
+        for row in (cosine, sine)
+    )
+    rate = (c * s_rate - s * c_rate) * inverse
+    swing = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
+    return Row(jnp.arctan2(s, c), jacobian, swing * inverse)
 
 
 Pose = tuple[Vector, Matrix]

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ..joints.clearance import BASES
 from ..observables import Observation
-from .style import Window, axes_or_new, dress, inside, lines
+from .style import BLUE, DARK, Window, axes_or_new, dress, inside, lines
 
 XY: Mapping[str, Any] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is Z."""
@@ -84,10 +84,47 @@ def journal_orbit(
     for base, (colour, style) in zip(BASES, lines(), strict=False):
         orbit = eccentricity_vectors(observation, joint, base, section)[shown] * 1e3
         axes.plot(*orbit.T, color=colour, linestyle=style, linewidth=1.2, label=f"base {base}")
+    return _dress_orbit(axes, clearance, section)
+
+
+def orbit_in_contact(
+    observation: Observation,
+    joint: str,
+    base: str,
+    clearance: float,
+    *,
+    section: Mapping[str, Any] = XY,
+    window: Window | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Path of one base's centre in the bearing's cross-section, dark and thick where it touches.
+
+    **Arguments:** as `journal_orbit`, and the name of the `base`.
+
+    **Returns:** the axes, of equal scale, in mm.
+    """
+    axes = axes_or_new(axes, (4.8, 5.0))
+    shown = inside(observation.times, window)
+    orbit = eccentricity_vectors(observation, joint, base, section)[shown] * 1e3
+    touching = observation.contacts[joint][base].penetration[shown] > 0.0
+    contact = np.where(touching[:, None], orbit, np.nan)
+    axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
+    axes.plot(*contact.T, color=DARK, linewidth=1.8, label="in contact")
+    return _dress_orbit(axes, clearance, section)
+
+
+def clearance_circle(axes: Axes, clearance: float) -> Axes:
+    """Draw the circle on which a base touches the wall, for a radial clearance in m; the axes, now
+    of equal scale, are in mm."""
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = clearance * 1e3 * np.stack([np.cos(angle), np.sin(angle)])
     axes.plot(*circle, color="black", linewidth=1.0, label="clearance")
     axes.set_aspect("equal")
+    return axes
+
+
+def _dress_orbit(axes: Axes, clearance: float, section: Mapping[str, Any]) -> Axes:
+    clearance_circle(axes, clearance)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     right, up = section
     return dress(axes, f"eccentricity along {right}, mm", f"eccentricity along {up}, mm")

@@ -1,0 +1,229 @@
+"""The slider-crank: ideal against Newton and Euler by hand, with clearance against its limits."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import clearjoint as cj
+
+CRANK, ROD = 0.05, 0.12
+ROD_MASS, ROD_INERTIA, SLIDER_MASS = 0.21, 2.5e-4, 0.14
+SPEED = 5000.0 * np.pi / 30.0
+REVOLUTION = 2.0 * np.pi / SPEED
+
+
+def turned(v):
+    """A quarter turn of planar vectors, (..., 2)."""
+    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
+
+
+def crossed(a, b):
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+class Ideal:
+    """The planar slider-crank at constant speed, by hand; fields over the crank angles (n,).
+
+    `position`, `velocity`, `acceleration` of the slider along X; `force` (n, 2) on the rod at the
+    slider pin; `torque` on the crank. SI units.
+    """
+
+    def __init__(self, angle, speed=SPEED):
+        tip = CRANK * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        tilt = -np.arcsin(tip[:, 1] / ROD)
+        rod = ROD * np.stack([np.cos(tilt), np.sin(tilt)], axis=-1)
+        rate = -speed * tip[:, 0] / rod[:, 0]
+        growth = (rod[:, 1] * rate**2 + tip[:, 1] * speed**2) / rod[:, 0]
+        self.position = (tip + rod)[:, 0]
+        self.velocity = (speed * turned(tip) + rate[:, None] * turned(rod))[:, 0]
+        tip_acceleration = -(speed**2) * tip
+        swing = growth[:, None] * turned(rod) - rate[:, None] ** 2 * rod
+        self.acceleration = (tip_acceleration + swing)[:, 0]
+        self.rod_rate = rate
+        inertial = ROD_MASS * (tip_acceleration + 0.5 * swing)
+        along = -SLIDER_MASS * self.acceleration
+        moment = ROD_INERTIA * growth + 0.5 * crossed(rod, inertial)
+        across = (moment + rod[:, 1] * along) / rod[:, 0]
+        self.force = np.stack([along, across], axis=-1)
+        self.torque = crossed(tip, inertial - self.force)
+
+
+def revolution(count=361):
+    return np.linspace(0.0, REVOLUTION, count)
+
+
+def test_newton_and_euler_give_the_table():
+    """The closed-form values of the literature's mechanism, so that `Ideal` may be trusted."""
+    ideal = Ideal(np.linspace(0.0, 2.0 * np.pi, 100_001))
+    assert np.abs(ideal.acceleration).max() == pytest.approx(19419.4, abs=0.05)
+    assert ideal.acceleration[50_000] == pytest.approx(7996.2, abs=0.05)
+    assert np.abs(ideal.velocity).max() == pytest.approx(28.4113, abs=5e-5)
+    assert (ideal.position.min(), ideal.position.max()) == pytest.approx((0.07, 0.17), abs=1e-9)
+    assert np.linalg.norm(ideal.force, axis=1).max() == pytest.approx(2718.7, abs=0.05)
+    assert ideal.torque.max() == pytest.approx(138.52, abs=0.005)
+    assert ideal.torque.min() == pytest.approx(-138.52, abs=0.005)
+
+
+@pytest.fixture(scope="module")
+def ideal_run() -> tuple[cj.Solution, cj.Observation]:
+    scene, state = cj.slider_crank(clearance=None)
+    solution = cj.simulate(scene, state, REVOLUTION, save_at=revolution(), rtol=1e-9, ledger=True)
+    return solution, cj.observe(scene, solution)
+
+
+def test_ideal_mechanism_follows_newton_and_euler(ideal_run):
+    """Motion, pin force, driving moment and its work, over a revolution."""
+    solution, observed = ideal_run
+    ideal = Ideal(SPEED * solution.times)
+    slider = solution.states.bodies["slider"]
+    np.testing.assert_allclose(slider.position[:, 0], ideal.position, atol=1e-9)
+    np.testing.assert_allclose(slider.velocity[:, 0], ideal.velocity, atol=1e-6)
+    found = observed.accelerations["slider"].linear[:, 0]
+    np.testing.assert_allclose(found, ideal.acceleration, atol=2e-3)
+    reactions = observed.reactions
+    force = reactions["slider pin"]["rod"].force
+    np.testing.assert_allclose(force[:, :2], ideal.force, atol=1e-3)
+    moment = reactions["motor"]["crank"].moment
+    np.testing.assert_allclose(moment[:, 2], ideal.torque, atol=1e-4)
+    np.testing.assert_allclose(moment[:, :2], 0.0, atol=1e-9)
+    assert observed.reactions_unique
+    work = observed.energies["supplied"]
+    kinetic = observed.energies["kinetic"]
+    np.testing.assert_allclose(work, kinetic - kinetic[0], atol=1e-6)
+    assert np.ptp(work) > 50.0
+
+
+@pytest.mark.parametrize("clearance", [None, 0.5e-3])
+@pytest.mark.parametrize("angle", [0.0, 2.0, -1.0, 100.0])
+def test_state_and_constraints_fit_at_every_angle(clearance, angle):
+    """No row is redundant, and the start satisfies all of them to rounding."""
+    scene, state = cj.slider_crank(clearance, angle=angle, speed=-300.0)
+    report = cj.constraint_report(scene, state)
+    assert report.redundant == ()
+    assert report.degrees_of_freedom() == (0 if clearance is None else 2)
+    assert np.abs(report.values).max() < 1e-15
+    assert np.abs(report.rates).max() < 1e-13
+    ideal = Ideal(np.array([angle]), -300.0)
+    assert state.bodies["slider"].position[0] == pytest.approx(ideal.position[0], abs=1e-15)
+    assert state.bodies["slider"].velocity[0] == pytest.approx(ideal.velocity[0], abs=1e-13)
+
+
+def test_crank_driven_by_a_torque():
+    """One degree of freedom: the torque's work is the change of J(angle) rate^2/2, J from `Ideal`
+    at unit speed."""
+    torque = 20.0
+    motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
+    scene, state = cj.slider_crank(None, speed=200.0, angle=1.0, motor=motor)
+    times = np.linspace(0.0, 0.04, 81)
+    solution = cj.simulate(scene, state, 0.04, save_at=times, rtol=1e-9)
+    crank = solution.states.bodies["crank"]
+    angle = 2.0 * np.unwrap(np.arctan2(crank.orientation[:, 3], crank.orientation[:, 0]))
+    unit = Ideal(angle, 1.0)
+    crank_inertia = 1e-5 + 0.30 * (0.5 * CRANK) ** 2
+    tip_speed, half = CRANK * np.stack([-np.sin(angle), np.cos(angle)], axis=-1), 0.5 * ROD
+    tilt = -np.arcsin(CRANK * np.sin(angle) / ROD)
+    swing = half * unit.rod_rate[:, None] * np.stack([-np.sin(tilt), np.cos(tilt)], axis=-1)
+    rod = ROD_MASS * ((tip_speed + swing) ** 2).sum(axis=1) + ROD_INERTIA * unit.rod_rate**2
+    inertia = crank_inertia + rod + SLIDER_MASS * unit.velocity**2
+    energy = 0.5 * inertia * crank.spin[:, 2] ** 2
+    assert angle[-1] - angle[0] > 2.0 * np.pi
+    np.testing.assert_allclose(
+        energy - energy[0], torque * (angle - angle[0]), rtol=1e-7, atol=1e-6
+    )
+
+
+@pytest.fixture(scope="module")
+def clearance_runs() -> dict[float, Any]:
+    """One revolution with 0.5, 0.05 and 0.005 mm; they share a compiled program."""
+    runs = {}
+    for clearance in (5e-4, 5e-5, 5e-6):
+        scene, state = cj.slider_crank(clearance)
+        solution = cj.simulate(
+            scene, state, REVOLUTION, save_at=revolution(), ledger=True, record_impacts=True
+        )
+        runs[clearance] = (solution, cj.observe(scene, solution))
+    return runs
+
+
+def test_motion_tends_to_the_ideal_with_the_clearance(clearance_runs):
+    """Linearly: an eccentricity shifts the slider by at most 1/cos of the rod's largest tilt, and
+    it is the clearance plus a penetration."""
+    expected = Ideal(SPEED * revolution()).position
+    leverage = 1.0 / np.sqrt(1.0 - (CRANK / ROD) ** 2)
+    for clearance, (solution, observed) in clearance_runs.items():
+        error = np.abs(solution.states.bodies["slider"].position[:, 0] - expected)
+        eccentricity = observed.contacts["slider pin"]["V"].eccentricity
+        assert (error <= 1.02 * leverage * eccentricity + 1e-9).all()
+        penetration = solution.impacts.largest_penetration.max()
+        assert eccentricity.max() < clearance + penetration < 2.0 * clearance
+        assert error.max() > 0.9 * clearance
+
+
+def test_invariants_with_clearance(clearance_runs):
+    for solution, observed in clearance_runs.values():
+        pin = observed.contacts["slider pin"]
+        for base in pin.values():
+            assert (base.normal_force >= 0.0).all()
+        assert np.abs(pin["V"].normal_force - pin["W"].normal_force).max() == 0.0
+        dissipated = observed.energies["normal damping"]
+        assert dissipated[-1] > 0.01
+        assert (np.diff(dissipated) >= -1e-4 * dissipated[-1]).all()
+        exchanged = np.ptp(observed.energies["kinetic"])
+        assert np.abs(observed.ledger_residual()).max() < 1e-5 * exchanged
+        for joint, drift in observed.drift.items():
+            assert drift.max() < 1e-6, joint
+        for body in solution.states.bodies.values():
+            np.testing.assert_array_equal(body.position[:, 2], 0.0)
+
+
+def free_flight(clearance):
+    """Time and approach speed of the first touch, by the rod's pendulum on the turning crank pin.
+
+    At angle 0 the slider is at rest, and stays there until the journal meets the wall.
+    """
+
+    def offset(t, y):
+        tip = CRANK * np.array([np.cos(SPEED * t), np.sin(SPEED * t)])
+        journal = tip + ROD * np.array([np.cos(y[0]), np.sin(y[0])])
+        return journal - np.array([CRANK + ROD, 0.0])
+
+    def rates(t, y):
+        lever = 0.5 * ROD * np.array([np.cos(y[0]), np.sin(y[0])])
+        pull = CRANK * SPEED**2 * np.array([np.cos(SPEED * t), np.sin(SPEED * t)])
+        return y[1], ROD_MASS * crossed(lever, pull) / (ROD_INERTIA + ROD_MASS * (0.5 * ROD) ** 2)
+
+    def touch(t, y):
+        return np.linalg.norm(offset(t, y)) - clearance
+
+    touch.terminal = True
+    start = (0.0, -SPEED * CRANK / ROD)
+    run = solve_ivp(rates, (0.0, REVOLUTION), start, "DOP853", events=touch, rtol=1e-12, atol=1e-14)
+    t, y = run.t_events[0][0], run.y_events[0][0]
+    tip_speed = CRANK * SPEED * np.array([-np.sin(SPEED * t), np.cos(SPEED * t)])
+    speed = tip_speed + ROD * y[1] * np.array([-np.sin(y[0]), np.cos(y[0])])
+    normal = offset(t, y) / clearance
+    return t, normal @ speed
+
+
+@pytest.mark.parametrize("clearance", [5e-4, 5e-5])
+def test_first_touch_ends_the_rods_free_flight(clearance_runs, clearance):
+    solution, _ = clearance_runs[clearance]
+    onset, speed = free_flight(clearance)
+    for base in "VW":
+        impacts = solution.impacts.of("slider pin", base)
+        assert impacts.onset[0] == pytest.approx(onset, rel=1e-6)
+        assert impacts.entry_speed[0] == pytest.approx(speed, rel=1e-5)
+
+
+def test_clearance_makes_peaks(clearance_runs):
+    """Both bases strike together, with forces far above those of the ideal joint."""
+    solution, observed = clearance_runs[5e-4]
+    v, w = (solution.impacts.of("slider pin", base) for base in "VW")
+    assert len(v) == len(w) > 10
+    np.testing.assert_array_equal(v.onset, w.onset)
+    ideal = Ideal(SPEED * revolution())
+    assert 2.0 * v.peak_force.max() > 5.0 * np.linalg.norm(ideal.force, axis=1).max()
+    found = np.abs(observed.accelerations["slider"].linear[:, 0]).max()
+    assert found > 5.0 * np.abs(ideal.acceleration).max()
