@@ -1,0 +1,3 @@
+import argparse
+def scaling(options: argparse.Namespace) -> None:
+    """x"""
