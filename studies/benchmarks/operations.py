@@ -12,11 +12,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh
 
 from clearjoint.lanes import WINDOW, Orders, turn
-from clearjoint.pool import Common, Seat, advance, begin
+from clearjoint.pool import Common, Seat, advance
 from clearjoint.sweeps.task import Work, extent
+from studies.benchmarks.observed import begun, one_device
 
 JAXPR = frozenset(
     "add sub mul div neg abs sign max min pow integer_pow square sqrt rsqrt cbrt exp exp2 expm1 "
@@ -35,15 +35,8 @@ def program_of(work: Work) -> dict[str, Any]:
     The compiled program's operations on one number a place are those of the turn: slices and their
     choice of lanes work on the whole pool.
     """
-    common = jax.tree.map(
-        lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf, work.common
-    )
-    shares = extent()
-    mesh = Mesh(np.array(jax.devices()[:1]), ("lanes",))
-    lanes = np.arange(shares.pool) % len(work)
-    tasks = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), work.tasks)
-    seats = begin(common, mesh, tasks)
-    compiled: Any = advance.lower((common, shares, mesh), seats).compile()
+    (common, seats), shares = begun(work), extent()
+    compiled: Any = advance.lower((common, shares, one_device()), seats).compile()
     text = compiled.compiled.as_text()
     traced = traced_operations(common, jax.tree.map(lambda leaf: leaf[0], seats))
     made = compiled_operations(text, shares.places)

@@ -24,6 +24,11 @@ COORDINATES = {
 Record = dict[str, Any]
 
 
+def clearance_axis(values: Any) -> cj.Axis:
+    """Radial clearances of the pendulum, m."""
+    return cj.Axis(lambda scene: scene.joints["shoulder"].clearance, values)
+
+
 def swept(
     clearances: Sequence[float], duration: float, devices: int, coordinates: str = "joint"
 ) -> Record:
@@ -34,7 +39,7 @@ def swept(
     """
     cj.configure(devices=devices)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
-    axes = {"clearance": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, clearances)}
+    axes = {"clearance": clearance_axis(clearances)}
     with observed() as seen:
         start = time.perf_counter()
         results = cj.sweep(
@@ -64,7 +69,7 @@ def counted(clearances: Sequence[float], coordinates: str) -> Record:
     """Operations in the program of the sweep; see `operations.program_of`."""
     cj.configure(devices=1)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
-    axes = {"clearance": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, clearances)}
+    axes = {"clearance": clearance_axis(clearances)}
     with observed() as seen:
         cj.sweep(
             scene, state, 1e-4, axes, coordinates=COORDINATES[coordinates](), progress=False
