@@ -47,27 +47,32 @@ if not __package__:  # run as a file
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from studies.benchmarks import fresh_process, pendulum, scaling, step_profile, sweep
-from studies.benchmarks.report import report_medians
+from studies.benchmarks.report import Record, medians, report
 
 
 def first_result(options: argparse.Namespace) -> None:
     """Time until a fresh process has simulated 4 s at rtol 1e-6, with empty and filled cache."""
-    report_medians(options.json, fresh_process.first_results(options.repeats))
+    _report_medians(options.json, fresh_process.first_results(options.repeats))
 
 
 def compiler_options(options: argparse.Namespace) -> None:
     """What XLA's options buy: time to compile, µs an attempt, native loops; in fresh processes."""
-    report_medians(options.json, fresh_process.option_costs(options.repeats))
+    _report_medians(options.json, fresh_process.option_costs(options.repeats))
 
 
 def profile(options: argparse.Namespace) -> None:
     """What the time of an attempt is made of, in single runs and in a batch."""
     cj.configure(devices=1)
-    found = [
-        *step_profile.of_run(diffrax.Tsit5(), options.repeats),
-        *step_profile.of_run(diffrax.Dopri8(), options.repeats),
-    ]
-    report_medians(options.json, found)
+    solvers = (diffrax.Tsit5(), diffrax.Dopri8())
+    runs = [record for one in solvers for record in step_profile.of_run(one, options.repeats)]
+    batches = step_profile.of_batch(options.repeats)
+    report(options.json, medians(runs), [*runs, *batches])
+    print("\nA turn of one lane in a batch, by the number of lanes side by side:\n")
+    report(None, medians(batches), [])
+
+
+def _report_medians(file: Path | None, records: list[Record]) -> None:
+    report(file, medians(records), records)
 
 
 COMMANDS = (

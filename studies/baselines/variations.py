@@ -15,7 +15,7 @@ def scipy_lanes(
     """A pool of processes, each with one clearance (m) at a time; starting them is not timed."""
     lane = partial(_scipy_lane, duration, rtol)
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
-        pool.map(partial(_scipy_lane, 1e-3, rtol), clearances[:1] * cores, chunksize=1)
+        pool.map(partial(_scipy_lane, 1e-3, rtol), [clearances[0]] * cores, chunksize=1)
         start = time.perf_counter()
         found = pool.map(lane, clearances, chunksize=1)
         seconds = time.perf_counter() - start

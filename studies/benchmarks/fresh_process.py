@@ -36,7 +36,9 @@ _TIMES = (
     "second run, s",
 )
 
-UNDER_THESE_FLAGS = "from studies.benchmarks.fresh_process import under_these_flags; under_these_flags()"
+UNDER_THESE_FLAGS = (
+    "from studies.benchmarks.fresh_process import under_these_flags; under_these_flags()"
+)
 _EXTRA = "--xla_backend_extra_options=xla_cpu_"
 OPTIONS = {
     "neither": "",

@@ -18,15 +18,17 @@ from clearjoint.pool import Common, Seat, advance
 from clearjoint.sweeps.task import Work, extent
 from studies.benchmarks.observed import begun, one_device
 
-JAXPR = frozenset(
-    "add sub mul div neg abs sign max min pow integer_pow square sqrt rsqrt cbrt exp exp2 expm1 "
-    "log log1p sin cos tan asin acos atan atan2 sinh cosh tanh logistic erf floor rem".split()
-)
-HLO = frozenset(
-    "add subtract multiply divide negate abs sign maximum minimum power sqrt rsqrt cbrt "
-    "exponential exponential-minus-one log log-plus-one sine cosine tan atan2 tanh logistic erf "
-    "floor remainder".split()
-)
+JAXPR = {
+    *("add", "sub", "mul", "div", "neg", "abs", "sign", "max", "min", "rem", "floor"),
+    *("pow", "integer_pow", "square", "sqrt", "rsqrt", "cbrt", "exp", "expm1", "log", "log1p"),
+    *("sin", "cos", "tan", "atan2", "tanh", "logistic", "erf"),
+}
+HLO = {
+    *("add", "subtract", "multiply", "divide", "negate", "abs", "sign", "maximum", "minimum"),
+    *("remainder", "floor", "power", "sqrt", "rsqrt", "cbrt", "exponential"),
+    *("exponential-minus-one", "log", "log-plus-one"),
+    *("sine", "cosine", "tan", "atan2", "tanh", "logistic", "erf"),
+}
 
 
 def program_of(work: Work) -> dict[str, Any]:

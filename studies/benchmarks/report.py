@@ -36,16 +36,14 @@ def report(file: Path | None, rows: Sequence[Sequence[str]], records: Sequence[R
     file.write_text(json.dumps(about, indent=1), encoding="utf-8")
 
 
-def report_medians(file: Path | None, records: Sequence[Record], keys: int = 1) -> None:
-    """Report repeated measurements: a row for all records whose first `keys` entries agree, with
-    medians and least values of the other entries."""
-    names = list(records[0])
-    groups: dict[tuple[Any, ...], list[Record]] = {}
-    for record in records:
-        groups.setdefault(tuple(record[name] for name in names[:keys]), []).append(record)
-    rows = [(*names[:keys], *(f"{name} (least)" for name in names[keys:]))]
-    for group, chosen in groups.items():
-        columns = ([record[name] for record in chosen] for name in names[keys:])
+def medians(records: Sequence[Record]) -> list[tuple[str, ...]]:
+    """Rows for repeated measurements: one for each value of the first entry, and of the others
+    medians and least values."""
+    key, *names = records[0]
+    rows = [(key, *(f"{name} (least)" for name in names))]
+    for value in dict.fromkeys(record[key] for record in records):
+        chosen = [record for record in records if record[key] == value]
+        columns = ([record[name] for record in chosen] for name in names)
         cells = (f"{median(cells):.3g} ({min(cells):.3g})" for cells in columns)
-        rows.append((*(str(value) for value in group), *cells))
-    report(file, rows, records)
+        rows.append((str(value), *cells))
+    return rows

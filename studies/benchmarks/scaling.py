@@ -9,7 +9,7 @@ from studies.benchmarks.workers import Worker
 LANES, SPAN = (64, 256, 1024, 4096), 0.5
 """Lanes, and simulated time of each, s."""
 RODS = (1, 2, 4, 8, 16)
-QUICK_LANES, QUICK_SPAN, QUICK_RODS = (8, 16), 0.01, (1,)
+QUICK_LANES, QUICK_SPAN, QUICK_RODS = (16,), 0.01, (1,)
 
 
 def scaling(options: argparse.Namespace) -> None:

@@ -94,10 +94,12 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
 
     parts = [_right_hand_sides, _steps, _controlled_steps, _attempts]
     loops = [*(partial(of_step, part) for part in parts), _turns]
-    calls = {
-        count: [partial(repeat, loop, jax.tree.map(lambda a: a[:count], seats)) for loop in loops]
-        for count in places
-    }
+
+    def on(count: int) -> list[Callable[..., Any]]:
+        first = jax.tree.map(lambda leaf: leaf[:count], seats)
+        return [partial(repeat, loop, first) for loop in loops]
+
+    calls = {count: on(count) for count in places}
     for group in calls.values():
         for call in group:
             call(jnp.asarray(1))

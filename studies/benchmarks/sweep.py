@@ -95,7 +95,7 @@ def measure(found: Sequence[Program], repeats: int) -> None:
                 program.found.append(program.run(worker))
 
 
-COLUMNS = (
+COLUMNS: tuple[str, ...] = (
     "program", "cores", "lanes run", "s (least)", "lane-steps", "right-hand sides",
     "µs a lane-step and core", "waste", "ms a lane", "times a sweep on as many cores",
     "first call, s",

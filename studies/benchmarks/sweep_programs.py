@@ -71,9 +71,7 @@ def counted(clearances: Sequence[float], coordinates: str) -> Record:
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
     axes = {"clearance": clearance_axis(clearances)}
     with observed() as seen:
-        cj.sweep(
-            scene, state, 1e-4, axes, coordinates=COORDINATES[coordinates](), progress=False
-        )
+        cj.sweep(scene, state, 1e-4, axes, coordinates=COORDINATES[coordinates](), progress=False)
     return program_of(seen[0][0])
 
 
