@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from studies import benchmark
+from studies.benchmarks import pendulum
 
 PROGRAMS = ["clearjoint, Tsit5"] * 2 + ["clearjoint, Dopri8"] * 2 + ["SciPy, DOP853"] * 2
 if find_spec("exudyn"):
@@ -36,19 +37,19 @@ def rows(printed, file):
 def test_table_has_a_row_for_every_candidate(printed):
     table = [line.strip("|").split("|") for line in printed if line.startswith("|")]
     assert [cells[0].strip() for cells in table[2:]] == PROGRAMS
-    assert {len(cells) for cells in table} == {len(benchmark.COLUMNS)}
+    assert {len(cells) for cells in table} == {len(pendulum.COLUMNS)}
 
 
 def test_missing_exudyn_is_said(monkeypatch, capsys):
-    monkeypatch.setattr(benchmark, "find_spec", lambda name: None)
-    names = [candidate.name for candidate in benchmark.baseline_candidates()]
+    monkeypatch.setattr(pendulum, "find_spec", lambda name: None)
+    names = [candidate.name for candidate in pendulum.baseline_candidates()]
     assert names == ["SciPy, DOP853"] * 2
     assert "Exudyn is not installed (pip install" in capsys.readouterr().out
 
 
 def test_candidates_agree(rows):
     ends = np.array([row["r2_m"] for row in rows])
-    assert [row["simulated_s"] for row in rows] == [benchmark.QUICK] * len(PROGRAMS)
+    assert [row["simulated_s"] for row in rows] == [pendulum.QUICK] * len(PROGRAMS)
     np.testing.assert_allclose(ends, ends[:1].repeat(len(ends), axis=0), rtol=0.0, atol=1e-5)
     assert all(row["error_m"] < 1e-5 for row in rows)
 

@@ -15,7 +15,7 @@ from typing import Any
 import clearjoint as cj
 from clearjoint.runtime import settings, xla_flags
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 FIRST_RESULT = """
 import json, sys, time
@@ -36,7 +36,9 @@ _TIMES = (
     "second run, s",
 )
 
-UNDER_THESE_FLAGS = "from studies.fresh_process import under_these_flags; under_these_flags()"
+UNDER_THESE_FLAGS = (
+    "from studies.benchmarks.fresh_process import under_these_flags; under_these_flags()"
+)
 _EXTRA = "--xla_backend_extra_options=xla_cpu_"
 OPTIONS = {
     "neither": "",
