@@ -1,8 +1,9 @@
 """Continuous batching, the host's part: who sits in the pool, and what was recorded.
 
 When the lanes that are left no longer fill the places of a device, the host takes the results of
-those that have ended, and waiting ones come into the pool. The last few lanes go on in a program
-with few places; what a lane computes does not depend on their number.
+those that have ended, and waiting ones come into the pool. Where one lane has much more left than
+the others, they go on in a program with few places; what a lane computes does not depend on their
+number.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,9 +29,10 @@ from .pool import (
 )
 from .runtime import SlowRunNotice
 
-FEW, LONG = 4, 10_000
-"""Lanes of a device for which, at the end, the places are too many; and attempts still to go from
-which on another program with as many places is worth its compilation."""
+LONG = 10_000
+"""Attempts still to go from which on another program, of few places, is worth its compilation."""
+BALANCE = 0.7
+"""Share of the places that the work left must fill, if the longest lane advanced all the time."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,8 @@ class Batch:
     """
 
     def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
-        self._tasks, self._extent = tasks, extent
+        self._tasks, self._wide = tasks, extent
+        self._narrow = replace(extent, places=extent.few)
         self._mesh = Mesh(np.array(devices), ("lanes",))
         self._across = NamedSharding(self._mesh, ACROSS)
         everywhere = NamedSharding(self._mesh, PartitionSpec())
@@ -78,7 +81,7 @@ class Batch:
         the pool come to, by the share of their time that is done.
         """
         waiting = list(lanes)
-        sitting = np.full(self._extent.pool * self._mesh.size, -1)
+        sitting = np.full(self._wide.pool * self._mesh.size, -1)
         seats = None
         while waiting or (sitting >= 0).any():
             fresh = self._filled(sitting, waiting)
@@ -113,21 +116,28 @@ class Batch:
         than it takes; in that, lanes that have ended stay as they are.
         """
         taken, notice = sitting >= 0, SlowRunNotice()
-        extent = following = self._extent
+        extent = following = self._narrow if taken.sum() <= self._narrow.places else self._wide
         report: Any
         seats, *report = advance((self._common, extent, self._mesh), seats)
         few = False
         while not few:
             seats, *next_report = advance((self._common, following, self._mesh), seats)
-            left = self._read(report, sitting, extent)
+            left = self._read(report, sitting, extent).reshape(self._mesh.size, -1)
             on_progress(self._progress(report[0], sitting))
             notice.check()
-            lanes = (taken & (left > 0.0)).reshape(self._mesh.size, -1).sum(axis=1)
-            few = lanes.max() == 0 or (waiting and lanes.min() < extent.places)
             report, extent = next_report, following
-            if not waiting and lanes.max() <= FEW and left.max() > LONG:
-                following = replace(self._extent, places=FEW)
+            if extent is self._wide and self._is_uneven(left):
+                following = self._narrow
+            lanes = (left > 0.0).sum(axis=1)
+            few = lanes.max() == 0 or (waiting and lanes.min() < self._wide.places)
         return seats, taken & (self._read(report, sitting, extent) <= 0.0)
+
+    def _is_uneven(self, left: np.ndarray) -> bool:
+        """Whether a lane has so much more left than the others that few places get it done sooner:
+        a turn of a lane is cheaper with many beside it, a turn of all with few."""
+        longest = left.max(axis=1)
+        fills = left.sum(axis=1) >= BALANCE * self._wide.places * longest
+        return bool(longest.max() > LONG) and not bool(fills[longest.argmax()])
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
         """Lanes' worth of simulated time in the pool."""
@@ -148,7 +158,7 @@ class Batch:
             rows, seats = np.asarray(pages.rows[name]), np.asarray(pages.seats)
             slices = counts.shape[0] // self._mesh.size
             for number, place in np.argwhere(counts):
-                seat = seats[number, place] + number // slices * self._extent.pool
+                seat = seats[number, place] + number // slices * self._wide.pool
                 log = self._logs.setdefault((name, int(sitting[seat])), [])
                 log.append(rows[number, place, : counts[number, place]])
         return np.asarray(status.left)

@@ -33,12 +33,15 @@ UNKNOWN_SHARE = 0.02
 class Extent(eqx.Module):
     """How the lanes share a device.
 
-    - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
-    - `turns`: of a slice at most; `slices`: before the host looks again.
+    - `pool`: lanes that have begun; `places`: lanes that advance in a slice, or `few` where that
+      ends sooner.
+    - `turns`: of a slice, unless all lanes have ended or wait before; `slices`: before the host
+      looks again.
     """
 
     pool: int = eqx.field(static=True)
     places: int = eqx.field(static=True)
+    few: int = eqx.field(static=True)
     turns: int = eqx.field(default=256, static=True)
     slices: int = eqx.field(default=8, static=True)
 

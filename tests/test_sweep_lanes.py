@@ -135,7 +135,7 @@ def pool_of(count: int):
         patch.setattr(sweeping, "_compute", caught)
         swept(np.linspace(1.0, 2.0, count))
     work = held["work"]
-    runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32))
+    runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32, 8))
     sitting = np.full(256, -1)
     fresh = runs._filled(sitting, list(range(count)))
     return runs, runs._seated(sitting, fresh, None)
@@ -144,7 +144,7 @@ def pool_of(count: int):
 @pytest.fixture(scope="module")
 def advancing():
     runs, seats = pool_of(3)
-    return runs._common, pool.Extent(256, 32), runs._mesh, seats
+    return runs._common, pool.Extent(256, 32, 8), runs._mesh, seats
 
 
 def test_the_loop_is_native_with_everything_recorded(advancing):

@@ -12,8 +12,8 @@ from ..pool import Common, Extent, Task
 from ..results import RESULTS, result_number
 from .layout import RESULT, Variable
 
-PLACES_ON_CPU, PLACES_ON_ACCELERATOR = 32, 4096
-POOL_ON_CPU = 256
+ON_CPU = Extent(pool=256, places=64, few=8)
+ON_ACCELERATOR = Extent(pool=8192, places=8192, few=512)
 FINAL = {
     "position": ("component", "m"),
     "orientation": ("parameter", "1"),
@@ -107,9 +107,7 @@ class Work:
 
 def extent(devices: Sequence[Any] | None = None) -> Extent:
     """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
-    on_cpu = (devices or jax.devices())[0].platform == "cpu"
-    places = PLACES_ON_CPU if on_cpu else PLACES_ON_ACCELERATOR
-    return Extent(POOL_ON_CPU if on_cpu else places, places)
+    return ON_CPU if (devices or jax.devices())[0].platform == "cpu" else ON_ACCELERATOR
 
 
 def variable_name(output: str, key: str) -> str:
