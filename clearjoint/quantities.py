@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .instant import Instant
+from .joints.clearance import ClearanceJoint
 from .smoothing import norm_and_direction
 from .vectors import Scalar, Vector
 
@@ -30,6 +31,56 @@ class ContactForce(eqx.Module):
         for force in chosen:
             largest = jnp.maximum(largest, force.normal_force)
         return largest
+
+
+class Penetration(eqx.Module):
+    """Penetration of a contact, m: negative in flight, so that it rises through zero at onsets."""
+
+    joint: str = eqx.field(static=True)
+    contact: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The penetration."""
+        return now.contacts[self.joint][self.contact].contact.gap.depth
+
+
+class PenetrationRate(eqx.Module):
+    """Rate of the penetration of a contact, m/s: at an onset, the entry speed."""
+
+    joint: str = eqx.field(static=True)
+    contact: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The rate."""
+        return now.contacts[self.joint][self.contact].contact.gap.rate
+
+
+class JournalOffset(eqx.Module):
+    """Centre of a clearance joint's journal, or of one base, in the bearing's frame, m.
+
+    Components "x" and "y" are across the bearing's axis, "z" is along it. `base` is "V" or "W".
+    """
+
+    joint: str = eqx.field(static=True)
+    component: Component = eqx.field(static=True)
+    base: str | None = eqx.field(default=None, static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The component."""
+        return getattr(_journal_offset(now, self.joint, self.base), self.component)
+
+
+class Eccentricity(eqx.Module):
+    """Distance of the centre of a clearance joint's journal, or of one base, from the bearing's
+    axis, m. `base` is "V" or "W"."""
+
+    joint: str = eqx.field(static=True)
+    base: str | None = eqx.field(default=None, static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The distance."""
+        offset = _journal_offset(now, self.joint, self.base)
+        return norm_and_direction(Vector(offset.x, offset.y, 0.0))[0]
 
 
 class Acceleration(eqx.Module):
@@ -74,6 +125,12 @@ class Multiplier(eqx.Module):
     def __call__(self, now: Instant) -> Scalar:
         """The multiplier."""
         return now.dynamics.multipliers[self.joint][self.row]
+
+
+def _journal_offset(now: Instant, name: str, base: str | None) -> Vector:
+    joint = now.scene.joints[name]
+    assert isinstance(joint, ClearanceJoint)
+    return joint.journal_offset(now.motions, base)
 
 
 def _part(vector: Vector, component: Component | None) -> Scalar:

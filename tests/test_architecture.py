@@ -77,6 +77,13 @@ FLOORS = (
         "plot.forces",
         "plot.journal",
         "plot.frames",
+        "plot.labels",
+        "plot.outcomes",
+        "plot.against",
+        "plot.convergence",
+        "plot.maps",
+        "plot.sections",
+        "plot.orbits",
         "__main__",
     ),
 )

@@ -23,7 +23,7 @@ from ..fields import (
     require_positive,
 )
 from ..friction import AbstractFriction
-from ..rotations import unit
+from ..rotations import transverse_axes, unit
 from ..smoothing import norm_and_direction
 from ..vectors import Scalar, Vector, add, subtract
 from .axial import AbstractAxialPolicy, EndPlay, FixedAxially, FreeAxially
@@ -183,6 +183,23 @@ class ClearanceJoint(AbstractContactJoint):
                 gap = self.axial.gap(depth, relative.dot(outward))
                 contacts[shoulder] = Contact(gap, outward, on_bearing, local, None)
         return contacts
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """From the bearing's centre to the journal's, or to one of its bases, m.
+
+        In the bearing's frame, where x and y are across its axis and z is along it; for a
+        `bearing_axis` of (0, 0, 1) these are the body's own axes.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        offset = self._offset(bearing, journal)
+        if base is not None:
+            sign = dict(zip(BASES, (-1.0, 1.0), strict=True))[base]
+            half = unit(self.journal_axis) * (0.5 * self.journal_length)
+            offset = offset + journal.direction(half * sign)
+        offset = bearing.components(offset)
+        axis = unit(self.bearing_axis)
+        first, second = transverse_axes(axis)
+        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""

@@ -1,11 +1,16 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`) into given
-matplotlib axes, or into new ones, and returns them. None simulates, saves or shows anything, but
-`animate_journal`, which writes a file. Times are in s, lengths in m and forces in N on the way in;
-the axes show the units that suit them.
+Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`, or the data
+set of a sweep) into given matplotlib axes, or into new ones, and returns them. None simulates,
+saves or shows anything, but `animate_journal`, which writes a file. Times are in s, lengths in m
+and forces in N on the way in; the axes show the units that suit them. Of a sweep, `against`,
+`parameter_map`, `bifurcation`, `convergence` and `orbit` take names and units from the data set.
 """
 
+from .against import against as against
+from .against import running_median as running_median
+from .convergence import convergence as convergence
+from .convergence import power_law_exponent as power_law_exponent
 from .cycle import over_angle as over_angle
 from .cycle import poincare_map as poincare_map
 from .forces import contact_and_reaction as contact_and_reaction
@@ -19,6 +24,9 @@ from .journal import eccentricities as eccentricities
 from .journal import eccentricity_vectors as eccentricity_vectors
 from .journal import journal_orbit as journal_orbit
 from .journal import orbit_in_contact as orbit_in_contact
+from .maps import parameter_map as parameter_map
 from .motion import acceleration as acceleration
 from .motion import path as path
 from .motion import position as position
+from .orbits import orbit as orbit
+from .sections import bifurcation as bifurcation
