@@ -193,9 +193,9 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(bearing, journal)
         if base is not None:
-            sign = dict(zip(BASES, (-1.0, 1.0), strict=True))[base]
+            signs: dict[str, float] = dict(zip(BASES, (-1.0, 1.0), strict=True))
             half = unit(self.journal_axis) * (0.5 * self.journal_length)
-            offset = offset + journal.direction(half * sign)
+            offset = offset + journal.direction(half * signs[base])
         offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
