@@ -5,7 +5,26 @@
 Operations are those of floating point in a compiled right-hand side alone, by XLA's own count, in
 which parts that were fused twice count twice. The time is that of a whole call of `simulate` at
 rtol 1e-9, the least of three after one that compiles. The drift is the largest residual of a
-row of the ideal joints (m or rad, and its rate), over the run, at the instants saved.
+row of the ideal joints (m or rad, and its rate), over the run, at the instants saved. Both default
+to Baumgarte's stabilisation, which joint coordinates need for drivers and closed loops alone.
+
+Measured on 2026-11-21, shared machine of four cores, under load:
+
+| mechanism | coordinates | simulated, s | operations | attempts | ms | µs an attempt | drift |
+|---|---|---|---|---|---|---|---|
+| double pendulum, 0.5 mm | absolute | 1 | 933 | 34 461 | 149 | 4.3 | 2e-14 |
+| | joint | | 478 | 31 415 | 76 | 2.4 | 3e-16 |
+| slider-crank, 0.5 mm | absolute | 0.24 | 12 026 | 82 615 | 22 150 | 268 | 5e-10 |
+| | joint | | 471 | 84 259 | 353 | 4.2 | 5e-12 |
+| double pendulum, ideal | absolute | 100 | 1 493 | 15 490 | 84 | 5.4 | 1e-10 |
+| | joint | | 86 | 8 838 | 17 | 1.9 | 3e-16 |
+| double four-bar | absolute | 10 | 97 914 | 6 393 | 4 316 | 675 | 3e-04 |
+| | joint | | 706 | 539 | 28 | 53 | 3e-11 |
+| Bricard | absolute | 10 | 70 539 | 3 269 | 2 081 | 636 | 6e-14 |
+| | joint | | 1 950 | 1 191 | 36 | 30 | 3e-11 |
+
+A call takes some milliseconds beside its steps, which is most of the time of the last two in joint
+coordinates.
 """
 
 import argparse
