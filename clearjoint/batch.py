@@ -1,11 +1,12 @@
 """Continuous batching, the host's part: who sits in the pool, and what was recorded.
 
 When the lanes that are left no longer fill the places of a device, the host takes the results of
-those that have ended, and waiting ones come into the pool.
+those that have ended, and waiting ones come into the pool. The last few lanes go on in a program
+with few places; what a lane computes does not depend on their number.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -26,6 +27,10 @@ from .pool import (
     replaced,
 )
 from .runtime import SlowRunNotice
+
+FEW, LONG = 4, 10_000
+"""Lanes of a device for which, at the end, the places are too many; and attempts still to go from
+which on another program with as many places is worth its compilation."""
 
 
 @dataclass(frozen=True)
@@ -108,30 +113,34 @@ class Batch:
         than it takes; in that, lanes that have ended stay as they are.
         """
         taken, notice = sitting >= 0, SlowRunNotice()
-        constants = self._common, self._extent, self._mesh
+        extent = following = self._extent
         report: Any
-        seats, *report = advance(constants, seats)
+        seats, *report = advance((self._common, extent, self._mesh), seats)
         few = False
         while not few:
-            seats, *following = advance(constants, seats)
-            finished = self._read(report, sitting)
+            seats, *next_report = advance((self._common, following, self._mesh), seats)
+            left = self._read(report, sitting, extent)
             on_progress(self._progress(report[0], sitting))
             notice.check()
-            left = (taken & ~finished).reshape(self._mesh.size, -1).sum(axis=1)
-            few = left.max() == 0 or (waiting and left.min() < self._extent.places)
-            report = following
-        return seats, taken & self._read(report, sitting)
+            lanes = (taken & (left > 0.0)).reshape(self._mesh.size, -1).sum(axis=1)
+            few = lanes.max() == 0 or (waiting and lanes.min() < extent.places)
+            report, extent = next_report, following
+            if not waiting and lanes.max() <= FEW and left.max() > LONG:
+                following = replace(self._extent, places=FEW)
+        return seats, taken & (self._read(report, sitting, extent) <= 0.0)
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
         """Lanes' worth of simulated time in the pool."""
         end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
         share = (np.asarray(status.time) - start) / (end - start)
-        return float(np.where(status.finished, 1.0, share)[sitting >= 0].sum())
+        share = np.where(np.asarray(status.left) > 0.0, share, 1.0)
+        return float(share[sitting >= 0].sum())
 
-    def _read(self, report: Any, sitting: np.ndarray) -> np.ndarray:
-        """Add what was recorded to the logs, and count the turns; which lanes have ended."""
+    def _read(self, report: Any, sitting: np.ndarray, extent: Extent) -> np.ndarray:
+        """Add what was recorded to the logs, and count the turns; the attempts each lane may still
+        need."""
         status, pages = report
-        self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
+        self.turns += int(np.asarray(status.turns).sum()) * extent.places
         for name, counts in pages.counts.items():
             counts = np.asarray(counts)
             if not counts.any():
@@ -142,7 +151,7 @@ class Batch:
                 seat = seats[number, place] + number // slices * self._extent.pool
                 log = self._logs.setdefault((name, int(sitting[seat])), [])
                 log.append(rows[number, place, : counts[number, place]])
-        return np.asarray(status.finished)
+        return np.asarray(status.left)
 
     def _take(
         self,

@@ -77,6 +77,29 @@ class Landing(eqx.Module):
 
     tolerance: Any
 
+    def due(self, found: Reaches, second_rates: Any) -> Scalar:
+        """Time in s to the next event, by the parabolas through depths, rates and second rates.
+
+        A step that would go past it ends there instead: a trial step that meets a wall it does not
+        know of has an error beyond all bounds, and would be cut down again and again.
+        """
+        soonest: Scalar = jnp.inf
+        for name, family in found.items():
+            for label, reach in family.items():
+                here = self._time_to_zero(reach, second_rates[name][label])
+                soonest = jnp.minimum(soonest, here)
+        return jax.lax.stop_gradient(soonest)
+
+    def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
+        """First positive root of the parabola, half the tolerance past its change of sign."""
+        inwards = jnp.where(reach.depth > 0.0, -1.0, 1.0)
+        away = 0.5 * self.tolerance + jnp.abs(reach.depth)
+        rate, bend = inwards * reach.rate, inwards * second_rate
+        square = rate * rate + 2.0 * bend * away
+        slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        meets = (square > 0.0) & (slope > 0.0)
+        return jnp.where(meets, 2.0 * away / jnp.where(meets, slope, 1.0), jnp.inf)
+
     def retry(
         self, before: Reaches, after: Reaches, t0: Scalar, t1: Scalar
     ) -> tuple[Scalar, Scalar]:

@@ -1,5 +1,6 @@
 """One instant of one run, as outputs and sections see it."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +15,7 @@ class Instant:
     """A scene at a time, in scalar form. What is not asked for is not computed.
 
     `time` s; `scene`; `memory[joint][contact]` entry speeds, m/s; `work[name]` integrals of the
-    energy ledger, J.
+    energy ledger, J. At the end of a step, `middle` is the instant half-way through it.
     """
 
     def __init__(
@@ -25,9 +26,18 @@ class Instant:
         variables: Any,
         memory: Memory,
         work: dict[str, Scalar],
+        middle: "Callable[[], Instant] | None" = None,
     ):
         self.scene, self.time, self.memory, self.work = scene, time, memory, work
         self._formulation, self._variables = formulation, variables
+        self._middle = middle
+
+    @cached_property
+    def middle(self) -> "Instant":
+        """The middle of the step that ends here, by the solver's dense output."""
+        if self._middle is None:
+            raise ValueError("Only an instant that ends a step has a `middle`.")
+        return self._middle()
 
     @cached_property
     def motions(self) -> Motions:

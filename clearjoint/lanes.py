@@ -118,7 +118,12 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     if plan.looks_inside():
         bracket = _choose(kept, Bracket.of(tried), lane.bracket)
         lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
-    now = _instant(plan, scene, Row(step.t, step.y, step.memory))
+    formulation = plan.method.formulation
+
+    def middle() -> Instant:
+        return Bracket.of(tried).middle(plan.method).instant(scene, formulation)
+
+    now = Row(step.t, step.y, step.memory).instant(scene, formulation, middle)
     lane = _with_tallies(plan, lane, now, kept)
     lane = _with_crossings(plan, scene, lane, now, kept, orders)
     return _with_save(plan, lane, orders)
@@ -148,6 +153,14 @@ def emptied(lane: Lane) -> Lane:
     saved = None if lane.saved is None else lane.saved.emptied()
     crossings = {name: ring.emptied() for name, ring in lane.crossings.items()}
     return Lane(lane.step, lane.tallies, lane.bracket, saved, crossings, lane.levels)
+
+
+def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
+    """Whether a turn would do anything: the lane neither ended nor waits for the host."""
+    goes = _goes(plan, lane, orders)
+    if lane.saved is None:
+        return goes
+    return goes | (_save_is_due(lane, orders) & ~lane.saved.full())
 
 
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:

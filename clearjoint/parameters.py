@@ -25,6 +25,9 @@ class Number:
     leaf: int
     component: tuple[Any, ...] = ()
 
+    __iter__ = None
+    """Not iterable: the protocol that falls back on indices would never end."""
+
     def __getitem__(self, key: Any) -> "Number":
         return Number(self.leaf, (*self.component, key))
 
@@ -37,15 +40,14 @@ def numbers_at(tree: Any, place: Place) -> list[Number]:
     structure = jax.tree.structure(tree)
     marked = jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
     try:
-        found: list[Any] = jax.tree.leaves(
-            place(marked), is_leaf=lambda node: isinstance(node, Number)
-        )
+        named = place(marked)
+        found: list[Any] = [*named] if isinstance(named, list | tuple) else [named]
     except (AttributeError, KeyError, TypeError) as error:
         found = [error]
     require(
         bool(found) and all(isinstance(number, Number) for number in found),
         "place",
-        found,
+        [n if isinstance(n, Number | Exception) else type(n).__name__ for n in found],
         "a function that returns numbers stored in the tree, not values computed from them",
         "see parameters(tree) for what there is, e.g. lambda s: s.joints['pin'].clearance",
     )
@@ -66,7 +68,7 @@ def put_numbers(tree: Any, numbers: list[Number], value: Any) -> Any:
     value = as_number(value)
     for number in numbers:
         leaf = leaves[number.leaf]
-        shape = jnp.shape(leaf[number.component] if number.component else leaf)
+        shape = _shape(leaf, number.component)
         require(
             jnp.shape(value) == shape,
             "value",
@@ -76,6 +78,16 @@ def put_numbers(tree: Any, numbers: list[Number], value: Any) -> Any:
         )
         leaves[number.leaf] = _replaced(leaf, number.component, value)
     return jax.tree.unflatten(structure, leaves)
+
+
+def _shape(leaf: Any, component: tuple[Any, ...]) -> tuple[int, ...]:
+    try:
+        return jnp.shape(leaf[component] if component else leaf)
+    except IndexError as error:
+        raise ValueError(
+            f"Argument `place` must name a component that is there, but is {list(component)} of an "
+            f"array of shape {jnp.shape(leaf)}: count from 0."
+        ) from error
 
 
 def _replaced(leaf: Any, component: tuple[Any, ...], value: Any) -> Any:

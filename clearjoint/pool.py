@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jax.sharding import Mesh, PartitionSpec
 
-from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, outcome, turn
+from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
 from .records import Ring, Row
 from .reductions import Quantity
 from .vectors import Scalar, Structured, pack, unpack
@@ -34,7 +34,7 @@ class Extent(eqx.Module):
     """How the lanes share a device.
 
     - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
-    - `turns`: of a slice; `slices`: before the host looks again.
+    - `turns`: of a slice at most; `slices`: before the host looks again.
     """
 
     pool: int = eqx.field(static=True)
@@ -91,9 +91,13 @@ class Common(eqx.Module):
 
 
 class Status(eqx.Module):
-    """What the host looks at between segments: for each lane, and turns given on each device."""
+    """What the host looks at between segments.
 
-    finished: Any
+    For each lane the attempts it may still need, zero if it has ended, and the time reached, s;
+    and on each device the turns given to each place.
+    """
+
+    left: Any
     time: Any
     turns: Any
 
@@ -146,8 +150,8 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
         blank = jax.eval_shape(lambda: _slice(common, extent, seats)[1])
         pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
         seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
-        finished = _work_left(common, seats) <= 0.0
-        return seats, Status(finished, seats.lane.step.t, slices[None] * extent.turns), pages
+        left = _work_left(common, seats)
+        return seats, Status(left, seats.lane.step.t, slices[None] * extent.turns), pages
 
     return _on_devices(mesh, on_device, common, seats)
 
@@ -204,10 +208,13 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     def one(lane: Lane, task: Task, orders: Orders) -> Lane:
         return turn(common.plan, common.scene(task), lane, orders)
 
-    def all_turn(_: Any, lanes: Lane) -> Lane:
-        return jax.vmap(one)(lanes, chosen.task, orders)
+    def goes(now: tuple[Any, Lane]) -> Any:
+        return (now[0] < extent.turns) & jax.vmap(partial(moves, common.plan))(now[1], orders).any()
 
-    lanes = jax.lax.fori_loop(0, extent.turns, all_turn, chosen.lane)
+    def all_turn(now: tuple[Any, Lane]) -> tuple[Any, Lane]:
+        return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
+
+    _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
     rings = common.logs(lanes)
     counts = {name: ring.count for name, ring in rings.items()}
     page = Page(

@@ -5,6 +5,7 @@ has a ring of a few slots for each thing it records; the host empties them betwe
 lane whose ring is full waits for that.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -32,9 +33,15 @@ class Row(eqx.Module):
     y: Variables
     memory: Memory
 
-    def instant(self, scene: Scene, formulation: Formulation) -> Instant:
-        """The scene at this row."""
-        return Instant(scene, formulation, self.t, self.y.motion, self.memory, self.y.work)
+    def instant(
+        self,
+        scene: Scene,
+        formulation: Formulation,
+        middle: Callable[[], Instant] | None = None,
+    ) -> Instant:
+        """The scene at this row; `middle` gives that in the middle of the step that ends here."""
+        motion, work = self.y.motion, self.y.work
+        return Instant(scene, formulation, self.t, motion, self.memory, work, middle)
 
 
 class Bracket(eqx.Module):
@@ -66,6 +73,12 @@ class Bracket(eqx.Module):
             return y0
 
         return jax.tree.map(leaf, self.start.y, *self.stages)
+
+    def middle(self, method: Method) -> Row:
+        """The row half-way through the step."""
+        require_dense(method.solver)
+        y = self.inside(method, 0.5)
+        return Row(0.5 * (self.start.t + self.end.t), y, self.start.memory)
 
     def at(self, method: Method, t: Scalar) -> Row:
         """The row at a time of the step."""
@@ -156,6 +169,6 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method where sweeps save states or sections",
-        "take one such as diffrax.Tsit5(), or leave out the saved states",
+        "an explicit Runge-Kutta method where sweeps save states, sections or statistics",
+        "take one such as diffrax.Tsit5(), or leave these outputs out",
     )

@@ -5,8 +5,9 @@ memory does not grow with the steps.
 """
 
 import abc
+import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -89,10 +90,39 @@ def _vertex(first: Any, middle: Any, last: Any) -> tuple[Scalar, Scalar]:
     return time, jnp.where(inside, v + 0.5 * slope * shift, w)
 
 
+class _Arc(NamedTuple):
+    """The parabola start + slope x + bend x^2 over a step, x from 0 to 1."""
+
+    start: Scalar
+    slope: Scalar
+    bend: Scalar
+
+    @staticmethod
+    def through(start: Scalar, middle: Scalar, end: Scalar) -> "_Arc":
+        bend = 2.0 * (start - 2.0 * middle + end)
+        return _Arc(start, end - start - bend, bend)
+
+    def at(self, x: Scalar) -> Scalar:
+        return self.start + x * (self.slope + x * self.bend)
+
+    def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+        """Smallest and largest value between a and b."""
+        vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
+        ends, turn = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
+        return (
+            jnp.minimum(jnp.minimum(*ends), turn),
+            jnp.maximum(jnp.maximum(*ends), turn),
+        )
+
+
+_GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
+_GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
+
+
 class Statistics(AbstractReduction):
     """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
 
-    Mean and root mean square are those of the linear interpolant over the steps.
+    In each step the quantity is that of the parabola through both ends and the middle.
 
     **Arguments:** `quantity` and `unit` as for `Peak`; `start_time`, `end_time`: s, the window;
     from the start to the end of the run unless given.
@@ -124,18 +154,22 @@ class Statistics(AbstractReduction):
         """The part of the step inside the window added."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
-        a, b = jnp.maximum(t0, self.start_time), jnp.minimum(t1, self.end_time)
+        arc = _Arc.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
+        length = jnp.where(t1 > t0, t1 - t0, 1.0)
+        a = jnp.clip((self.start_time - t0) / length, 0.0, 1.0)
+        b = jnp.clip((self.end_time - t0) / length, 0.0, 1.0)
         inside = b > a
-        slope = (v - u) / jnp.where(t1 > t0, t1 - t0, 1.0)
-        p, q = u + slope * (a - t0), u + slope * (b - t0)
-        h = jnp.where(inside, b - a, 0.0)
+        h = jnp.where(inside, (b - a) * length, 0.0)
+        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in _GAUSS_NODES]
+        pairs = list(zip(_GAUSS_WEIGHTS, values, strict=True))
         sums = (
             duration + h,
-            first + 0.5 * h * (p + q),
-            second + h * (p * p + p * q + q * q) / 3.0,
+            first + h * sum(weight * value for weight, value in pairs),
+            second + h * sum(weight * value * value for weight, value in pairs),
         )
-        smallest = jnp.where(inside, jnp.minimum(smallest, jnp.minimum(p, q)), smallest)
-        largest = jnp.where(inside, jnp.maximum(largest, jnp.maximum(p, q)), largest)
+        low, high = arc.extremes(a, b)
+        smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
+        largest = jnp.where(inside, jnp.maximum(largest, high), largest)
         return (t1, v), sums, (smallest, largest)
 
     def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:

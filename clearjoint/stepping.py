@@ -28,7 +28,7 @@ from .impacts import (
     second_rates,
     updated_memory,
 )
-from .projection import is_constrained, project_positions, project_velocities
+from .projection import project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
 from .vectors import Scalar, Vector
@@ -53,13 +53,22 @@ class Variables(eqx.Module):
 
 
 class Step(eqx.Module):
-    """Everything between two steps: enough to go on from."""
+    """Everything between two steps: enough to go on from.
+
+    `second_rates` are those of the contacts' depths, m/s^2. `intended` is the length of the next
+    step, s, were it not cut short by an event; `enters` says that it is the first in a contact, of
+    which `entering` is the length that held last.
+    """
 
     t: Scalar
     t_next: Scalar
     y: Variables
     memory: Memory
     reaches: Reaches
+    second_rates: Any
+    intended: Scalar
+    enters: Scalar
+    entering: Scalar
     solver_state: Any
     controller_state: Any
     jumped: Any
@@ -115,6 +124,10 @@ def start(
             y,
             memory,
             found,
+            _second_rates(method, scene, y, solver_state, found),
+            t_next - t0,
+            False,
+            t_next - t0,
             solver_state,
             controller_state,
             False,
@@ -139,50 +152,51 @@ def _ledger(
 
 def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
-    t1 = jnp.minimum(step.t_next, t_end)
+    t1 = _end(method, step, t_end)
     term, args = _term(method), (scene, step.memory)
-    projects = _projects(method, scene, step)
-    may_jump = projects or _may_jump(method, scene)
-    made_jump = step.jumped if may_jump else False
+    made_jump = step.jumped if _may_jump(method, scene) else False
     y1, error, information, solver_state, solver_result = method.solver.step(
         term, step.t, t1, step.y, args, step.solver_state, made_jump
     )
     finite = _all_finite((y1, error))
     y1 = _choose(finite, y1, step.y)
-    if projects:
+    if isinstance(method.formulation.stabilisation, Projection):
         y1 = projected(scene, method.formulation, y1, t1)
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    judged = (
-        step.t,
-        t1,
-        _magnitudes(step.y),
-        _magnitudes(y1),
-        args,
-        error,
-        _error_order(method, term),
-    )
+    sizes = _magnitudes(step.y), _magnitudes(y1)
+    judged = (step.t, t1, *sizes, args, error, _error_order(method, term))
     controller = method.controller.wrap(1)
     keep, _, t_next, jumped, controller_state, controller_result = controller.adapt_step_size(
         *judged, step.controller_state
     )
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
+    intended = t_next - jnp.where(keep, t1, step.t)
+    enters, entering = step.enters, step.entering
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
         lands = keep & passes
         controller_state = _choose(lands, step.controller_state, controller_state)
-        t_next = jnp.where(lands, landing_time, t_next)
         keep = keep & ~passes
+        intended, enters, entering = _resumed(step, after, t1, keep, lands, intended)
+        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
     result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
-    memory = _memory_after(method, scene, step, y1, after, t1, keep, solver_state)
+    seconds = _choose(
+        keep, _second_rates(method, scene, y1, solver_state, after), step.second_rates
+    )
+    memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
     advanced = Step(
         jnp.where(keep, t1, step.t),
         t_next,
         _choose(keep, y1, step.y),
         _choose(keep, memory, step.memory),
         _choose(keep, after, step.reaches),
+        seconds,
+        intended,
+        enters,
+        entering,
         _choose(keep, solver_state, step.solver_state),
         controller_state,
-        jnp.where(keep, jumped | may_jump, step.jumped),
+        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -190,12 +204,32 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     return Attempt(advanced, keep, step.t, step.memory, information)
 
 
-def _projects(method: Method, scene: Scene, step: Step) -> bool:
-    """Whether steps end on the constraints, which leaves the last stage stale."""
-    formulation = method.formulation
-    return isinstance(formulation.stabilisation, Projection) and is_constrained(
-        scene, formulation, step.y.motion, step.t
-    )
+def _end(method: Method, step: Step, t_end: Scalar) -> Scalar:
+    """Where the step ends: where it is proposed to, or at the next event."""
+    t1 = jnp.minimum(step.t_next, t_end)
+    if method.landing is None or not step.reaches:
+        return t1
+    resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
+    due = method.landing.due(step.reaches, step.second_rates)
+    return jnp.minimum(t1, step.t + jnp.maximum(due, resolution))
+
+
+def _resumed(
+    step: Step, after: Reaches, t1: Scalar, keep: Scalar, lands: Scalar, proposed: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """`intended`, `enters` and `entering` of the next step.
+
+    What an event cut short tells nothing of the step to take next: that is the one intended
+    before, or where a contact begins about as long as the last time.
+    """
+    h = t1 - step.t
+    cut = h < 0.99 * step.intended
+    begun = begins(step.reaches, after)
+    entering = jnp.where(keep & step.enters & ~cut, h, step.entering)
+    resumed = jnp.where(cut, jnp.maximum(proposed, step.intended), proposed)
+    resumed = jnp.where(begun, jnp.minimum(resumed, 2.0 * entering), resumed)
+    intended = jnp.where(lands, step.intended, jnp.where(keep, resumed, proposed))
+    return intended, jnp.where(keep, begun, step.enters), entering
 
 
 def _magnitudes(y: Variables) -> Variables:
@@ -235,28 +269,34 @@ def _memory_after(
     after: Reaches,
     t1: Scalar,
     keep: Scalar,
-    solver_state: Any,
+    seconds: Any,
 ) -> Memory:
-    """The memory if the step is accepted; costly only where a contact begins, if at all."""
+    """The memory if the step is accepted."""
     if not has_memory(scene):
         return step.memory
-    if isinstance(method.solver, UnrolledExplicit):
-        seconds = second_rates(scene, method.formulation, y1.motion, solver_state.motion)
-        return updated_memory(scene, step.memory, step.reaches, after, seconds)
-    none = jax.tree.map(
-        lambda reach: jnp.zeros_like(reach.rate),
-        after,
-        is_leaf=lambda node: isinstance(node, Reach),
-    )
-    seconds = jax.lax.cond(
-        keep & begins(step.reaches, after),
-        lambda: _second_rates(method, scene, step, y1, t1),
-        lambda: none,
-    )
+    if not isinstance(method.solver, UnrolledExplicit):
+        seconds = jax.lax.cond(
+            keep & begins(step.reaches, after),
+            lambda: _end_second_rates(method, scene, step, y1, t1),
+            lambda: seconds,
+        )
     return updated_memory(scene, step.memory, step.reaches, after, seconds)
 
 
-def _second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar) -> Any:
+def _second_rates(
+    method: Method, scene: Scene, y: Variables, solver_state: Any, found: Reaches
+) -> Any:
+    """Second derivatives of the gaps where the solver has the rates of the variables; else zero."""
+    if found and isinstance(method.solver, UnrolledExplicit):
+        return second_rates(scene, method.formulation, y.motion, solver_state.motion)
+    return jax.tree.map(
+        lambda reach: jnp.zeros_like(reach.rate),
+        found,
+        is_leaf=lambda node: isinstance(node, Reach),
+    )
+
+
+def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar) -> Any:
     """Second derivatives of the gaps at the end of a step."""
     rates = _term(method).vf(t1, y1, (scene, step.memory))
     return second_rates(scene, method.formulation, y1.motion, rates.motion)

@@ -30,8 +30,8 @@ BLUE, VERMILLION = "#0072B2", "#D55E00"
 
 def limit(output: Output) -> list[str]:
     """Deviation of the end arm from that with an ideal joint; returns the findings."""
-    held = _deviations(output, "limit_held", cj.FixedAxially())
-    free = _deviations(output, "limit_free", cj.FreeAxially())
+    held = deviations(output, "limit_held", cj.FixedAxially())
+    free = deviations(output, "limit_free", cj.FreeAxially())
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     plot.convergence(
@@ -59,7 +59,7 @@ def _over_play(held: xr.Dataset, axes: Axes) -> None:
     axes.set_ylabel("")
 
 
-def _deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
+def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
     """A sweep over the clearance with the largest deviation of each run, and its play."""
     times = np.linspace(0.0, DURATION, 251)
     ideal = cj.simulate(*cj.double_pendulum(None), DURATION, save_at=times, rtol=1e-10).saved

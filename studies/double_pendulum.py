@@ -16,10 +16,10 @@ import diffrax
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from PIL import Image
 
 import clearjoint as cj
 from clearjoint import plot
+from studies.output import save_picture
 
 SOLVERS = {
     "bosh3": diffrax.Bosh3,
@@ -107,7 +107,7 @@ def run(settings: Settings) -> Findings:
     clearance, ideal = simulate_clearance(settings), simulate_ideal(settings)
     settings.output.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(settings, clearance, ideal).items():
-        _save(figure, settings.output / f"{name}.png", 100 if settings.quick else 150)
+        save_picture(figure, settings.output / f"{name}.png", 100 if settings.quick else 150)
     plot.animate_journal(
         clearance.saved,
         SHOULDER,
@@ -119,14 +119,6 @@ def run(settings: Settings) -> Findings:
     findings = find(settings, clearance, ideal)
     (settings.output / "claims.md").write_text(report(findings), encoding="utf-8")
     return findings
-
-
-def _save(figure: Figure, file: Path, dots_per_inch: int) -> None:
-    """Write a picture with a palette of 64 colours, which makes it a third as large."""
-    figure.savefig(file, dpi=dots_per_inch)
-    with Image.open(file) as picture:
-        small = picture.convert("RGB").quantize(64)
-    small.save(file, optimize=True)
 
 
 def simulate_clearance(settings: Settings) -> Run:

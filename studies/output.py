@@ -8,7 +8,8 @@ from PIL import Image
 
 import clearjoint as cj
 
-PALETTE = 256
+PALETTE = 128
+"""Colours of a picture."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,13 @@ class Output:
         return path
 
     def save(self, figure: Figure, name: str) -> None:
-        """Write a picture, with a palette, which makes it a third as large."""
-        file = self.folder / f"{name}.png"
-        figure.savefig(file, dpi=80 if self.quick else 130)
-        with Image.open(file) as picture:
-            small = picture.convert("RGB").quantize(PALETTE)
-        small.save(file, optimize=True)
+        """Write a picture into the folder."""
+        save_picture(figure, self.folder / f"{name}.png", 80 if self.quick else 130)
+
+
+def save_picture(figure: Figure, file: Path, dots_per_inch: int) -> None:
+    """Write a picture, with a palette, which makes it a third as large."""
+    figure.savefig(file, dpi=dots_per_inch)
+    with Image.open(file) as picture:
+        small = picture.convert("RGB").quantize(PALETTE)
+    small.save(file, optimize=True)

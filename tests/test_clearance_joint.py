@@ -160,6 +160,26 @@ def test_geometry_is_that_of_the_paper(base, sign):
     assert (contact.gap.bearing_radius, contact.gap.journal_radius) == (1.0, 0.8)
 
 
+def test_journal_offset_is_in_the_frame_of_the_bearing():
+    scene = random_scene()
+    motions = COORDINATES.motions(scene, random_states())
+    centre, *bases = (
+        pack(scene.joints["pin"].journal_offset(motions, base)) for base in (None, "V", "W")
+    )
+    np.testing.assert_allclose(centre, np.mean(bases, axis=0), rtol=1e-12, atol=1e-13)
+    for sign, offset in zip((-1.0, 1.0), bases, strict=True):
+        depth, *_ = paper_geometry(sign)
+        np.testing.assert_allclose(np.hypot(*offset.T[:2]), depth + CLEARANCE, rtol=1e-11)
+    along_zeta = 2
+    assert (AXES["bearing_axis"][along_zeta] == [0, 0, 1]).all()
+    bearing = POSITION[0] + turned(0, POINTS["bearing_point"])
+    journal = POSITION[1] + turned(1, POINTS["journal_point"])
+    body_axes = np.einsum("nji,nj->ni", MATRICES[0], journal - bearing)
+    np.testing.assert_allclose(centre[along_zeta], body_axes[along_zeta], rtol=1e-12)
+    z_r = unit(AXES["bearing_axis"])
+    np.testing.assert_allclose(centre[:, 2], dot(body_axes, z_r), rtol=1e-9, atol=1e-12)
+
+
 def test_slip_is_the_tangential_velocity_of_the_contact_points():
     scene = random_scene(friction=FRICTION)
     motions = COORDINATES.motions(scene, random_states())

@@ -191,12 +191,12 @@ class ClearanceJoint(AbstractContactJoint):
         `bearing_axis` of (0, 0, 1) these are the body's own axes.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        offset = self._offset(bearing, journal)
+        reach = self._offset(bearing, journal)
         if base is not None:
             signs: dict[str, float] = dict(zip(BASES, (-1.0, 1.0), strict=True))
             half = unit(self.journal_axis) * (0.5 * self.journal_length)
-            offset = offset + journal.direction(half * signs[base])
-        offset = bearing.components(offset)
+            reach = reach + journal.direction(half) * signs[base]
+        offset = bearing.components(reach)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))

@@ -39,7 +39,8 @@ def convergence(
     x, y = shown(dataset[axis]), shown(of_lanes(dataset, variable, (axis,)))
     chosen = inside(dataset[axis].values, within)
     rate, factor = _power_law(x.values[chosen], y.values[chosen])
-    text = f"rate {rate:.2f}" if label is None else f"{label}: rate {rate:.2f}"
+    text = f"rate {round(rate, 2) + 0.0:.2f}"
+    text = text if label is None else f"{label}: {text}"
     axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
     ends = np.array([x.values[chosen].min(), x.values[chosen].max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)

@@ -1,10 +1,9 @@
 """Orbits of the journal in its bearing, from what a sweep saved of a lane."""
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from .labels import shown
+from .journal import clearance_circle
 from .outcomes import require_names
 from .style import BLUE, Window, axes_or_new, dress, inside
 
@@ -23,23 +22,19 @@ def orbit(
     **Arguments:**
 
     - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `saved`: name of the `Saved` whose `channels` are the offsets to the right and upwards, such
-      as those of `quantities.JournalOffset`.
+    - `saved`: name of the `Saved` whose `channels` are the offsets to the right and upwards, in m,
+      such as those of `quantities.JournalOffset`.
     - `clearance`: radial, m.
     - `window`: instants between which to draw, s; all that was saved unless given.
 
-    **Returns:** the axes, of equal scale. A dot marks the beginning.
+    **Returns:** the axes, of equal scale, in mm. A dot marks the beginning.
     """
     names = [f"{saved}_{channel}" for channel in channels]
     require_names(lane, (*names, f"{saved}_time"))
     axes = axes_or_new(axes, (4.8, 5.0))
     during = inside(lane[f"{saved}_time"].values, window)
-    reach = xr.DataArray(clearance, attrs=lane[names[0]].attrs)
-    radius, _, factor = shown(reach)
-    right, up = (lane[name].values[during] * factor for name in names)
+    right, up = (lane[name].values[during] * 1e3 for name in names)
     axes.plot(right, up, color=BLUE, linewidth=0.8)
     axes.plot(right[:1], up[:1], "o", color="black", markersize=4)
-    angle = np.linspace(0.0, 2.0 * np.pi, 361)
-    axes.plot(radius * np.cos(angle), radius * np.sin(angle), color="black", linewidth=1.0)
-    axes.set_aspect("equal")
-    return dress(axes, *(shown(reach.rename(channel)).label for channel in channels))
+    clearance_circle(axes, clearance)
+    return dress(axes, *(f"{channel}, mm" for channel in channels))

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from ..bodies import State
-from ..fields import recheck_changes, require, require_finite
+from ..fields import as_number, recheck_changes, require, require_finite
 from ..parameters import Place, numbers_at, put_numbers, unit_at
 from ..scene import Scene
 from .describe import describe
@@ -56,7 +56,7 @@ class Axis(AbstractAxis):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", _row(self.values))
-        require(callable(self.place), "place", self.place, "a function", "pass lambda scene: ...")
+        _require_function("place", self.place, "pass lambda scene: ...")
 
     @staticmethod
     def initial(place: Place, values: Any, unit: str | None = None) -> "InitialAxis":
@@ -75,6 +75,7 @@ class Axis(AbstractAxis):
     def setter(self, scene: Scene, state: State) -> Change:
         """Puts a value at the place."""
         numbers = numbers_at(scene, self.place)
+        put_numbers(scene, numbers, self.values[0])
         return lambda scene, state, value: (put_numbers(scene, numbers, value), state)
 
     def described(self) -> str:
@@ -92,6 +93,7 @@ class InitialAxis(AbstractAxis):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", _row(self.values))
+        _require_function("place", self.place, "pass lambda state: ...")
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The unit of the values."""
@@ -100,6 +102,7 @@ class InitialAxis(AbstractAxis):
     def setter(self, scene: Scene, state: State) -> Change:
         """Puts a value at the place."""
         numbers = numbers_at(state, self.place)
+        put_numbers(state, numbers, self.values[0])
         return lambda scene, state, value: (scene, put_numbers(state, numbers, value))
 
     def described(self) -> str:
@@ -117,6 +120,7 @@ class ChangeAxis(AbstractAxis):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", _row(self.values))
+        _require_function("make", self.make, "pass lambda scene, state, value: ...")
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The unit of the values."""
@@ -131,8 +135,12 @@ class ChangeAxis(AbstractAxis):
         return f"change {describe(self.make)}"
 
 
+def _require_function(argument: str, value: Any, remedy: str) -> None:
+    require(callable(value), argument, value, "a function", remedy)
+
+
 def _row(values: Any) -> np.ndarray:
-    row = np.asarray(values, dtype=float)
+    row = np.asarray(as_number(values))
     require(row.ndim == 1 and row.size > 0, "values", row, "a row of numbers", "pass shape (n,)")
     require_finite("values", row)
     return row
@@ -177,28 +185,34 @@ def lanes_of(
     """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     count = len(next(iter(values.values())))
-    structure = jax.tree.structure((scene, state))
     bad: dict[int, str] = {}
     rows: list[list[Any]] = []
     base = jax.tree.leaves((scene, state))
     for lane in range(count):
+        here = scene, state
         try:
-            here = scene, state
             for name, change in changes.items():
                 here = change(*here, values[name][lane])
+            _require_like(here, (scene, state))
             recheck_changes(here, (scene, state))
-            require(
-                jax.tree.structure(here) == structure,
-                "change",
-                jax.tree.structure(here),
-                "a scene and a state of the same structure in every lane",
-                "change numbers only",
-            )
             rows.append(jax.tree.leaves(here))
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
     return _stacked(scene, state, rows, base, bad)
+
+
+def _require_like(here: tuple[Scene, State], base: tuple[Scene, State]) -> None:
+    """Check that nothing but numbers has changed."""
+    pairs = zip(jax.tree.leaves(here), jax.tree.leaves(base), strict=False)
+    require(
+        jax.tree.structure(here) == jax.tree.structure(base)
+        and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
+        "axes",
+        "a change that makes others",
+        "such that every lane has a scene and a state of the same structure",
+        "change numbers only, and keep the shapes of arrays",
+    )
 
 
 def _stacked(

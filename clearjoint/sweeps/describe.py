@@ -4,8 +4,9 @@ import hashlib
 import inspect
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import partial
 from importlib.metadata import version
-from types import FunctionType
+from types import CodeType, FunctionType, MethodType
 from typing import Any
 
 import jax
@@ -14,24 +15,34 @@ import numpy as np
 from ..parameters import parameters
 
 LONGEST = 200
+_VERSIONED = ("clearjoint", "jax", "diffrax")
+"""Packages whose versions are settings, so that the code of their classes need not be."""
 
 
 def describe(value: Any) -> str:
     """A text that is equal for equal values, in every process."""
     if isinstance(value, FunctionType):
         return f"{value.__qualname__} {_digest(_source(value))}{_captured(value)}"
+    if isinstance(value, partial):
+        return f"partial({describe([value.func, value.args, value.keywords])})"
+    if isinstance(value, MethodType):
+        return f"{describe(value.__func__)} of {describe(value.__self__)}"
+    if hasattr(value, "__wrapped__"):
+        return describe(value.__wrapped__)
     if isinstance(value, np.ndarray | jax.Array | np.generic):
         return _shortened(repr(np.asarray(value).tolist()))
     if is_dataclass(value) and not isinstance(value, type):
         parts = [f"{f.name}={describe(getattr(value, f.name))}" for f in fields(value)]
-        return f"{type(value).__name__}({', '.join(parts)})"
+        return f"{_class(type(value))}({', '.join(parts)})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{k}: {describe(v)}" for k, v in sorted(value.items())) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(describe(part) for part in value) + "]"
     if isinstance(value, str | int | float | bool | None):
         return repr(value)
-    return getattr(value, "__qualname__", type(value).__qualname__)
+    if hasattr(value, "__qualname__"):
+        return value.__qualname__
+    return f"{_class(type(value))}{describe(getattr(value, '__dict__', {}))}"
 
 
 def scene_settings(scene: Any, state: Any) -> dict[str, str]:
@@ -48,7 +59,7 @@ def structure_setting(scene: Any) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of what computes."""
-    return {f"version of {name}": version(name) for name in ("clearjoint", "jax", "diffrax")}
+    return {f"version of {name}": version(name) for name in _VERSIONED}
 
 
 def _captured(function: FunctionType) -> str:
@@ -57,11 +68,26 @@ def _captured(function: FunctionType) -> str:
     return f" with {describe(values)}" if values else ""
 
 
-def _source(function: FunctionType) -> str:
+def _class(of: type) -> str:
+    """Its name, and for one of the user's own what its code says."""
+    if of.__module__.partition(".")[0] in _VERSIONED:
+        return of.__name__
+    return f"{of.__name__} {_digest(_source(of))}"
+
+
+def _source(of: type | FunctionType) -> str:
     try:
-        return inspect.getsource(function).strip()
+        return inspect.getsource(of).strip()
     except (OSError, TypeError):
-        return repr((function.__code__.co_code, function.__code__.co_consts))
+        if isinstance(of, FunctionType):
+            return _compiled(of.__code__)
+        return "".join(_source(f) for f in vars(of).values() if isinstance(f, FunctionType))
+
+
+def _compiled(code: CodeType) -> str:
+    """What a function does, from its code alone; addresses and line numbers left out."""
+    constants = [_compiled(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    return repr((code.co_code, code.co_names, code.co_varnames, constants))
 
 
 def _digest(text: str) -> str:

@@ -1,6 +1,7 @@
 """Where two sweeps' layouts differ, in words."""
 
 from collections.abc import Iterator
+from os.path import commonprefix
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,15 @@ def _difference(stored: Any, wanted: Any) -> str:
             f"{differ.size} of {stored.size} values differ, first number {first}: "
             f"stored {_shown(stored[first])}, now {_shown(wanted[first])}"
         )
+    if isinstance(stored, str) and isinstance(wanted, str):
+        same = len(commonprefix((stored, wanted)))
+        stored, wanted = _from(stored, same), _from(wanted, same)
     return f"stored {_shown(stored)}, now {_shown(wanted)}"
+
+
+def _from(text: str, place: int) -> str:
+    """The text from shortly before a place on, if that would not be shown otherwise."""
+    return text if place < _SHOWN // 2 else f"…{text[place - _SHOWN // 4 :]}"
 
 
 def _shown(value: Any) -> str:

@@ -100,7 +100,9 @@ class Layout:
         for name, values, _ in labelled:
             one_row = values.ndim == 1 and values.size > 0
             require(one_row, name, values, "a row of values", "pass an array of shape (n,)")
-        names = [LANE, *(c.name for c in labelled), *self.variables]
+        further = {dim for v in self.variables.values() for dim in v.dims}
+        further -= {c.name for c in self.coordinates}
+        names = [LANE, *(c.name for c in labelled), *self.variables, *further]
         twice = sorted({name for name in names if names.count(name) > 1})
         require(not twice, "axes", twice, "names that occur once", "rename the axis")
         require(self.chunk > 0, "chunk", self.chunk, "positive", "pass 1 or more lanes")

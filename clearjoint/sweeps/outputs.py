@@ -86,3 +86,5 @@ def _check_channels(channels: Channels) -> None:
         "a (quantity, unit) pair by name",
         'pass for example {"x": (Position("slider", "x"), "m")}',
     )
+    taken = sorted({"time", "count"} & set(channels))
+    require(not taken, "channels", taken, "of names that the output does not use", "rename them")

@@ -197,24 +197,38 @@ def _tasks(
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     ends = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
     ends = np.asarray(ends, dtype=float)
+    wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     require(
-        bool(np.isfinite(ends).all()) and bool((ends > start_time).all()),
+        not wrong.size,
         "end_time",
-        ends,
+        wrong[:1],
         f"finite and after start_time = {start_time}",
         "give times in s",
     )
     steps = 1e-6 * (ends - start_time) if first_step is None else np.full(count, float(first_step))
-    save_at = None if saved is None else np.stack([saved.at(scene) for scene in scenes])
-    if save_at is not None:
-        require(
-            bool((save_at[:, 0] >= start_time).all()) and bool((save_at[:, -1] <= ends).all()),
-            "times",
-            [save_at.min(), save_at.max()],
-            "between start_time and end_time",
-            "leave out the times outside",
-        )
-    return Task(lanes.scenes, lanes.states, ends, steps, save_at)
+    return Task(
+        lanes.scenes, lanes.states, ends, steps, _save_times(saved, scenes, start_time, ends)
+    )
+
+
+def _save_times(
+    saved: Saved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
+) -> np.ndarray | None:
+    """(lanes, K) s."""
+    if saved is None:
+        return None
+    rows = [saved.at(scene) for scene in scenes]
+    counts = sorted({len(row) for row in rows})
+    require(len(counts) == 1, "times", counts, "equally many in all lanes", "repeat the last one")
+    times = np.stack(rows)
+    require(
+        bool((times[:, 0] >= start_time).all()) and bool((times[:, -1] <= ends).all()),
+        "times",
+        [times.min(), times.max()],
+        "between start_time and end_time",
+        "leave out the times outside",
+    )
+    return times
 
 
 def _compute(

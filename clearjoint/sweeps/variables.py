@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ..fields import require
 from ..reductions import AbstractReduction
 from ..results import result_numbers
 from ..scene import Scene
@@ -23,13 +24,11 @@ def variables_of(
         *(Coordinate(name, labels) for name, labels in LABELS.items()),
     ]
     for name, output in outputs.items():
-        if isinstance(output, AbstractReduction):
-            described = type(output).__name__
-            for key, unit in output.units().items():
-                text = f"{described}, {key}" if key else described
-                variables[variable_name(name, key)] = Variable(unit=unit, description=text)
-        else:
-            variables |= _recorded(scene, name, output)
+        reduces = isinstance(output, AbstractReduction)
+        further = _reduced(name, output) if reduces else _recorded(scene, name, output)
+        twice = sorted(set(variables) & set(further))
+        require(not twice, f"outputs[{name!r}]", twice, "of other names", "rename the output")
+        variables |= further
     return variables, tuple(coordinates)
 
 
@@ -47,6 +46,16 @@ def _always(scene: Scene) -> dict[str, Variable]:
         text = f"{part} of the bodies at the end"
         variables[f"final_{part}"] = Variable(("body", dim), shape, unit=unit, description=text)
     return variables
+
+
+def _reduced(name: str, output: AbstractReduction) -> dict[str, Variable]:
+    described = type(output).__name__
+    return {
+        variable_name(name, key): Variable(
+            unit=unit, description=f"{described}, {key}" if key else described
+        )
+        for key, unit in output.units().items()
+    }
 
 
 def _recorded(scene: Scene, name: str, output: Saved | Section) -> dict[str, Variable]:

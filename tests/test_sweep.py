@@ -1,0 +1,218 @@
+"""Sweeps of the double pendulum against single runs: states, saved rows, peaks, counts, energies.
+
+Until the second impact a lane equals the single run to rounding. In free flight the error of a step
+is rounding itself, and the next step's size follows from it; from then on both are runs of
+different steps, and agree to the tolerance as far as the motion's chaos allows.
+"""
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint import quantities as q
+from clearjoint.sweeps.axes import lanes_of
+
+CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
+END = 0.04
+TIMES = np.linspace(0.0, END, 401)
+ARMS = ("arm 2", "arm 3")
+AXES = {
+    "clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, CLEARANCES),
+    "restitution": cj.Axis(lambda s: s.joints["shoulder"].law.restitution, RESTITUTIONS),
+}
+CHANNELS = {
+    f"{arm} {kind.__name__} {axis}": (kind(arm, axis), "m" if kind is q.Position else "m/s")
+    for arm in ARMS
+    for kind in (q.Position, q.Velocity)
+    for axis in "xyz"
+}
+OUTPUTS = {
+    "force": cj.Peak(q.ContactForce("shoulder", "V"), "N"),
+    "impacts": cj.ImpactCount("shoulder"),
+    "dissipated": cj.DissipatedEnergy(),
+    "height": cj.Statistics(q.Position("arm 2", "y"), "m"),
+    "path": cj.Saved(TIMES, CHANNELS),
+    "rebound": cj.Section(
+        lambda now: -now.reaches["shoulder"]["V"].rate,
+        {"depth": (lambda now: now.reaches["shoulder"]["V"].depth, "m")},
+        count=3,
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return cj.sweep(
+        *cj.double_pendulum(), END, AXES, OUTPUTS, ledger=True, devices=jax.devices()[:1]
+    )
+
+
+@pytest.fixture(scope="module")
+def pairs(grid):
+    """Each lane and the single run with its settings."""
+    return [
+        (grid.sel(clearance=c, restitution=e), single(clearance=c, restitution=e))
+        for c in CLEARANCES
+        for e in RESTITUTIONS
+    ]
+
+
+def single(**settings):
+    scene, state = cj.double_pendulum(**settings)
+    return cj.simulate(scene, state, END, save_at=TIMES, record_impacts=True, ledger=True)
+
+
+def rows(lane, run, arm: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """The saved rows of both, (times, 3)."""
+    there = getattr(run.states.bodies[arm], kind.lower())
+    return np.stack([lane[f"path_{arm} {kind} {axis}"].values for axis in "xyz"], axis=1), there
+
+
+def apart(lane, run) -> np.ndarray:
+    """Largest difference at each saved time of all positions and velocities, over their size."""
+    found = [rows(lane, run, arm, kind) for arm in ARMS for kind in ("Position", "Velocity")]
+    parts = [
+        np.abs(here - there).max(axis=1) / np.maximum(np.abs(there).max(axis=1), 1e-9)
+        for here, there in found
+    ]
+    return np.max(parts, axis=0)
+
+
+def test_lanes_equal_single_runs_to_rounding_until_the_second_impact(pairs):
+    for lane, run in pairs:
+        onsets = run.impacts.of("shoulder", "V").onset
+        seen = onsets[1] if len(onsets) > 1 else END
+        assert len(onsets) >= 1
+        assert apart(lane, run)[seen > TIMES].max() < 1e-12
+
+
+def test_lanes_equal_single_runs_to_the_tolerance_afterwards(pairs):
+    """0.05 mm and no damping is the exception: sixteen impacts amplify to 1e-4."""
+    for lane, run in pairs:
+        assert apart(lane, run).max() < 2e-4
+        if lane.clearance > 2e-4:
+            assert apart(lane, run).max() < 2e-6
+
+
+def test_final_states_are_the_last_saved_ones(grid, pairs):
+    assert (grid.result == 0).all() and (grid.time_reached == END).all()
+    for lane, _ in pairs:
+        for number, arm in enumerate(ARMS):
+            for part in ("position", "velocity"):
+                last = [lane[f"path_{arm} {part.title()} {axis}"][-1] for axis in "xyz"]
+                np.testing.assert_array_equal(lane[f"final_{part}"][number], last)
+
+
+def test_peak_force_is_that_of_the_impact_table(pairs):
+    """The parabola over accepted steps against the table's quintic: 5e-4 at rtol 1e-6."""
+    for lane, run in pairs:
+        impacts = run.impacts.of("shoulder", "V")
+        strongest = impacts.peak_force.argmax()
+        assert float(lane.force) == pytest.approx(impacts.peak_force[strongest], rel=1e-3)
+        assert float(lane.force_time) == pytest.approx(impacts.peak_time[strongest], abs=1e-5)
+
+
+def test_impacts_are_counted_open_ones_included(pairs):
+    for lane, run in pairs:
+        still = sum(float(speed) > 0.0 for speed in run.final.memory["shoulder"].values())
+        assert int(lane.impacts) == len(run.impacts) + still
+
+
+def test_dissipated_energy_is_that_of_the_ledger(pairs):
+    for lane, run in pairs:
+        taken = run.final.work["normal damping"]
+        assert float(lane.dissipated) == pytest.approx(float(taken), rel=1e-5, abs=1e-15)
+
+
+def test_statistics_are_those_of_densely_saved_rows(pairs):
+    for lane, run in pairs:
+        height = run.states.bodies["arm 2"].position[:, 1]
+        mean = np.trapezoid(height, TIMES) / END
+        rms = np.sqrt(np.trapezoid(height**2, TIMES) / END)
+        assert float(lane.height_mean) == pytest.approx(mean, rel=1e-4)
+        assert float(lane.height_rms) == pytest.approx(rms, rel=1e-4)
+        assert float(lane.height_largest) == pytest.approx(height.max(), rel=1e-4)
+        assert float(lane.height_smallest) == 0.0
+
+
+def test_sections_are_where_the_journal_is_deepest(pairs):
+    """The rate of the depth changes its sign: the first impact's largest penetration."""
+    for lane, run in pairs:
+        impacts = run.impacts.of("shoulder", "V")
+        time, depth = lane.rebound_time.values[0], lane.rebound_depth.values[0]
+        assert impacts.onset[0] < time < impacts.separation[0]
+        assert depth == pytest.approx(impacts.largest_penetration[0], rel=1e-5)
+
+
+def test_result_is_labelled_with_units_and_settings(grid):
+    assert grid.sizes["clearance"] == 5 and grid.sizes["restitution"] == 3
+    assert grid.clearance.attrs["units"] == "m" and grid.restitution.attrs["units"] == "1"
+    assert grid.force.attrs == {"units": "N", "long_name": "Peak"}
+    units = {"final_spin": "rad/s", "dissipated": "J", "path_time": "s", "impacts": "1"}
+    assert {name: grid[name].attrs["units"] for name in units} == units
+    assert grid.final_position.dims == ("clearance", "restitution", "body", "component")
+    assert list(grid.body.values) == list(ARMS)
+    meanings = grid.result.attrs["flag_meanings"].split()
+    codes = dict(zip(meanings, grid.result.attrs["flag_values"], strict=True))
+    assert codes["pending"] == -1 and codes["successful"] == 0 and "bad_parameters" in codes
+    assert grid.attrs["rtol"] == "1e-06"
+    assert grid.attrs["scene.bodies['arm 2'].mass"] == "7.02"
+
+
+def lanes(axes):
+    values = {name: axis.values for name, axis in axes.items()}
+    return lanes_of(*cj.double_pendulum(), axes, values)
+
+
+def test_tied_places_components_and_initial_states_reach_the_lanes():
+    found = lanes(
+        {
+            "masses": cj.Axis(lambda s: [body.mass for body in s.bodies.values()], [1.0, 2.0]),
+            "gravity": cj.Axis(lambda s: s.gravity[1], [9.0, 10.0]),
+            "height": cj.Axis.initial(lambda s: s.bodies["arm 2"].position[1], [0.1, 0.2]),
+        }
+    )
+    scene, state = found.of(1)
+    assert [float(body.mass) for body in scene.bodies.values()] == [2.0, 2.0]
+    np.testing.assert_array_equal(scene.gravity, [0.0, 10.0, 0.0])
+    np.testing.assert_array_equal(state.bodies["arm 2"].position, [0.5, 0.2, 0.0])
+    np.testing.assert_array_equal(state.bodies["arm 3"].position, [1.0, 0.0, 0.5])
+    varied = [value for value in jax.tree.leaves(found.varied) if value]
+    assert len(varied) == 3 and not found.bad
+
+
+def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
+    """One arm of steel on a pin with clearance; its mass and inertia go with its length."""
+    mass = 10.0 * length
+    moment = mass * length**2 / 12
+    pin = cj.ClearanceJoint(
+        "ground",
+        "arm",
+        journal_point=(-length / 2, 0.0, 0.0),
+        bearing_radius=10e-3,
+        clearance=0.5e-3,
+        journal_length=20e-3,
+        law=cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
+    )
+    body = cj.Body(mass, (moment / 100, moment, moment))
+    scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, -9.81, 0.0))
+    return scene, cj.State({"arm": cj.body_state((length / 2, 0.0, 0.0))})
+
+
+def test_change_moves_points_inertia_and_start_together():
+    """Arms of other lengths, each until its first impact is over."""
+    lengths = [0.5, 1.0, 2.0]
+    found = cj.sweep(
+        *pendulum(1.0),
+        0.012,
+        {"length": cj.Axis.change(lambda scene, state, length: pendulum(length), lengths, "m")},
+        devices=jax.devices()[:1],
+    )
+    assert found.length.attrs["units"] == "m"
+    for length in lengths:
+        run = cj.simulate(*pendulum(length), 0.012)
+        here, there = found.sel(length=length), run.final.bodies["arm"]
+        assert int(here.attempts) == int(run.attempts) > 30
+        np.testing.assert_allclose(here.final_position[0], there.position, rtol=1e-12, atol=1e-18)
+        np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)

@@ -1,0 +1,181 @@
+"""Figures of sweeps: names, units, scales, and lanes that failed, from a data set made by hand."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.colors import LogNorm
+
+from clearjoint import plot
+
+CODES = {"flag_values": [-1, 0, 1], "flag_meanings": "pending successful max_steps_reached"}
+CLEARANCES = np.geomspace(5e-5, 1e-3, 9)
+RESTITUTIONS = np.linspace(0.2, 1.0, 5)
+
+
+@pytest.fixture(autouse=True)
+def no_figure_stays():
+    yield
+    plt.close("all")
+
+
+def dataset() -> xr.Dataset:
+    """Forces that grow with the clearance to 0.4; lane (2, 1) failed and (5, 3) is pending."""
+    shape = (9, 5)
+    result = np.zeros(shape, dtype="int8")
+    result[2, 1], result[5, 3] = 1, -1
+    force = 5e3 * CLEARANCES[:, None] ** 0.4 * (1.0 + RESTITUTIONS)
+    hits = np.broadcast_to(CLEARANCES[:, None, None], (*shape, 4)) * np.arange(1, 5)
+    dims = ("clearance", "restitution")
+    angle = np.linspace(0, 2 * np.pi, 50)
+    path = 0.8 * CLEARANCES[:, None, None] * np.ones((9, 5, 1))
+    return xr.Dataset(
+        {
+            "result": (dims, result, CODES),
+            "peak_force": (dims, force, {"units": "N"}),
+            "impacts": (dims, np.full(shape, 7), {"units": "1"}),
+            "hit_speed": ((*dims, "hit_number"), hits, {"units": "m/s"}),
+            "orbit_time": ((*dims, "orbit_number"), np.ones((9, 5, 1)) * angle, {"units": "s"}),
+            "orbit_x": ((*dims, "orbit_number"), path * np.cos(angle), {"units": "m"}),
+            "orbit_y": ((*dims, "orbit_number"), path * np.sin(angle), {"units": "m"}),
+        },
+        {
+            "clearance": ("clearance", CLEARANCES, {"units": "m"}),
+            "restitution": ("restitution", RESTITUTIONS, {"units": "1"}),
+        },
+    )
+
+
+def failing() -> xr.Dataset:
+    return dataset().isel(restitution=1)
+
+
+def labels(axes) -> tuple[str, str]:
+    return axes.get_xlabel(), axes.get_ylabel()
+
+
+def legend(axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_against_has_units_points_and_crosses():
+    axes = plot.against(failing(), "peak_force")
+    assert labels(axes) == ("clearance, mm", "peak force, N")
+    assert axes.get_xscale() == "log" and axes.get_yscale() == "linear"
+    points, crosses = axes.get_lines()
+    x, y = points.get_data()
+    assert np.isnan(y[2]) and np.isfinite(np.delete(y, 2)).all()
+    assert x[0] == pytest.approx(0.05) and y[0] == pytest.approx(5e3 * 5e-5**0.4 * 1.4)
+    assert crosses.get_xdata() == pytest.approx(CLEARANCES[[2]] * 1e3)
+    assert legend(axes) == ["failed or pending: 1"]
+
+
+def test_against_another_axis_takes_a_plain_number():
+    axes = plot.against(dataset().isel(clearance=0), "impacts")
+    assert labels(axes) == ("restitution", "impacts")
+    assert axes.get_xscale() == "linear"
+    assert axes.get_legend() is None
+
+
+def test_large_and_small_units():
+    data = failing()
+    data["peak_force"] = (data["peak_force"] * 100).assign_attrs(units="N")
+    data["energy"] = (data["peak_force"] * 1e-9).assign_attrs(units="J")
+    data["acceleration"] = data["peak_force"].assign_attrs(units="m/s^2")
+    found = [
+        labels(plot.against(data, name))[1] for name in ("peak_force", "energy", "acceleration")
+    ]
+    assert found == ["peak force, kN", "energy, µJ", "acceleration, m/s²"]
+
+
+def test_against_a_zipped_sweep():
+    data = failing().rename_dims(clearance="lane").reset_index("clearance").reset_coords()
+    data = data.set_coords("clearance")
+    assert labels(plot.against(data, "peak_force", "clearance")) == (
+        "clearance, mm",
+        "peak force, N",
+    )
+    with pytest.raises(ValueError, match="axis"):
+        plot.against(data, "peak_force")
+
+
+def test_running_median_leaves_gaps_out():
+    places = np.array([4.0, 1.0, 2.0, 3.0, 5.0])
+    values = np.array([40.0, 10.0, np.nan, 90.0, 50.0])
+    middle, height = plot.running_median(places, values, 3)
+    assert middle.tolist() == [3.0, 4.0]
+    assert height.tolist() == [40.0, 50.0]
+    with pytest.raises(ValueError, match="width"):
+        plot.running_median(places, values, 5)
+
+
+def test_map_shows_units_and_failures():
+    axes = plot.parameter_map(dataset(), "peak_force", "clearance", "restitution")
+    assert labels(axes) == ("clearance, mm", "restitution")
+    (mesh,) = axes.collections
+    assert mesh.colorbar.ax.get_ylabel() == "peak force, N"
+    drawn = mesh.get_array()
+    assert drawn.shape == (5, 9)
+    assert np.argwhere(np.ma.getmaskarray(drawn)).tolist() == [[1, 2], [3, 5]]
+    assert axes.patch.get_hatch() == "////"
+    assert legend(axes) == ["failed or pending: 2"]
+
+
+def test_map_takes_logarithmic_colours_over_decades():
+    data = dataset()
+    data["peak_force"] = (data["peak_force"] ** 4).assign_attrs(units="N")
+    axes = plot.parameter_map(data, "peak_force", "clearance", "restitution")
+    assert isinstance(axes.collections[0].norm, LogNorm)
+
+
+def test_bifurcation_has_a_dot_for_each_crossing():
+    axes = plot.bifurcation(failing(), "hit", "speed")
+    assert labels(axes) == ("clearance, mm", "speed, mm/s")
+    (dots,) = axes.collections
+    assert len(dots.get_offsets().compressed()) == 2 * 4 * 8
+    assert legend(axes) == ["failed or pending: 1"]
+
+
+def test_bifurcation_tells_the_number_of_the_crossing():
+    axes = plot.bifurcation(dataset().isel(restitution=0), "hit", "speed", number=True)
+    (dots,) = axes.collections
+    assert sorted(set(dots.get_array().tolist())) == [1, 2, 3, 4]
+    assert dots.colorbar.ax.get_ylabel() == "number of the crossing"
+
+
+def test_convergence_finds_the_rate():
+    axes = plot.convergence(failing(), "peak_force", within=(1e-4, 1e-3))
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert "rate 0.40" in legend(axes)
+    points, line, crosses = axes.get_lines()
+    assert line.get_xdata()[0] >= 0.1
+    expected = 5e3 * (line.get_xdata() * 1e-3) ** 0.4 * 1.4
+    assert line.get_ydata() == pytest.approx(expected)
+    assert plot.power_law_exponent(failing(), "peak_force") == pytest.approx(0.4)
+
+
+def test_orbit_lies_in_the_clearance_circle():
+    lane = dataset().isel(clearance=8, restitution=0)
+    axes = plot.orbit(lane, "orbit", 1e-3, window=(0.0, np.pi))
+    assert labels(axes) == ("x, mm", "y, mm")
+    path, start, circle = axes.get_lines()
+    assert np.hypot(*path.get_data()) == pytest.approx(0.8)
+    assert (path.get_ydata() > -1e-12).all()
+    assert start.get_data() == (pytest.approx([0.8]), pytest.approx([0.0]))
+    assert np.hypot(*circle.get_data()) == pytest.approx(1.0)
+    assert axes.get_aspect() == 1.0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda data: plot.against(data, "peak_force"), "name it"),
+        (lambda data: plot.against(data, "peak_force", "clearance"), "select along"),
+        (lambda data: plot.against(data.isel(restitution=0), "force"), "force"),
+        (lambda data: plot.orbit(data.isel(restitution=0, clearance=0), "path", 1e-3), "path_x"),
+        (lambda data: plot.parameter_map(data, "hit_speed", "clearance", "restitution"), "select"),
+    ],
+)
+def test_errors_name_what_is_there(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(dataset())

@@ -1,0 +1,183 @@
+"""Sweeps interrupted, resumed, and handed to worker processes: always the same bits."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from rotor import END, OUTPUTS, angle, rotor, spin, stiffness_axis, swept
+
+import clearjoint as cj
+from clearjoint.sweeps import sweep as sweeping
+from clearjoint.sweeps.store import SweepStore
+from clearjoint.sweeps.task import Work
+
+STIFFNESS = np.linspace(1.0, 100.0, 20)
+CHUNK = 3
+
+
+FEW = {"turnings": OUTPUTS["turnings"]}
+"""A class and a lambda of the tests' own, and little to compile in every worker."""
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return swept(STIFFNESS, chunk=CHUNK)
+
+
+@pytest.fixture(scope="module")
+def few():
+    return swept(STIFFNESS, chunk=CHUNK, outputs=FEW)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "sweep.zarr"
+
+
+def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
+    """Sweep into a store until so many chunks are written."""
+
+    def write(store, *args, write=SweepStore.write, left=[chunks]):  # noqa: B006
+        if not left[0]:
+            raise error
+        left[0] -= 1
+        write(store, *args)
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
+        patch.setattr(SweepStore, "write", write)
+        swept(STIFFNESS, chunk=CHUNK, path=path)
+
+
+def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, whole, monkeypatch):
+    interrupted(path, 4)
+    partial_results = cj.open_sweep(path)
+    done = partial_results.result.values == 0
+    assert done.sum() == 4 * CHUNK
+    assert set(partial_results.result.values[~done]) == {-1}
+    for name in whole.data_vars:
+        np.testing.assert_array_equal(partial_results[name][done], whole[name][done])
+    assert np.isnan(partial_results.final_spin[~done]).all()
+
+    computed = []
+
+    def run(work, lanes, *args, run=Work.run, **options):
+        computed.extend(lanes)
+        return run(work, lanes, *args, **options)
+
+    monkeypatch.setattr(Work, "run", run)
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
+    np.testing.assert_array_equal(computed, np.flatnonzero(~done))
+    computed.clear()
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
+    assert computed == []
+    xr.testing.assert_identical(cj.open_sweep(path), whole)
+
+
+KILLED = """
+import sys, time
+sys.path.insert(0, {tests!r})
+import conftest, jax, numpy as np, rotor
+from clearjoint.sweeps.store import SweepStore
+write = SweepStore.write
+def slowly(store, chunk, arrays):
+    write(store, chunk, arrays)
+    print(chunk, flush=True)
+    time.sleep(0.2)
+SweepStore.write = slowly
+few = {{"turnings": rotor.OUTPUTS["turnings"]}}
+rotor.swept(np.linspace(1.0, 100.0, 20), chunk={chunk}, outputs=few, path={path!r})
+"""
+
+
+def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
+    """SIGKILL while the chunks are being written."""
+    program = KILLED.format(tests=str(Path(__file__).parent), chunk=CHUNK, path=str(path))
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
+    )
+    assert process.stdout is not None
+    for _ in range(3):
+        assert process.stdout.readline()
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    done = (cj.open_sweep(path).result.values == 0).sum()
+    assert 3 * CHUNK <= done < len(STIFFNESS)
+    found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+    xr.testing.assert_identical(found, few)
+
+
+def other_scene(options):
+    """The sweep of a rotor of another mass, which is not swept."""
+    scene, state = rotor()
+    scene = cj.put(scene, lambda s: s.bodies["rotor"].mass, 2.0)
+    cj.sweep(scene, state, END, {"stiffness": stiffness_axis(STIFFNESS)}, OUTPUTS, **options)
+
+
+@pytest.mark.parametrize(
+    ("other", "names"),
+    [
+        (partial(swept, STIFFNESS, rtol=1e-7), r"setting rtol: stored 1e-06, now 1e-07"),
+        (partial(swept, STIFFNESS, end_time=2.0), "setting end_time: stored 1.0, now 2.0"),
+        (partial(swept, STIFFNESS[:5]), "axis stiffness: stored 20 values, now 5"),
+        (
+            lambda **options: other_scene({"zipped": True, "progress": False, **options}),
+            r"bodies\['rotor'\]\.mass: stored 1\.0, now 2\.0",
+        ),
+        (
+            partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),
+            "output largest: stored .*angle.*now .*spin",
+        ),
+        (
+            partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(angle, "m")}),
+            r"output largest: stored .*unit='rad'.*now .*unit='m'",
+        ),
+    ],
+)
+def test_store_of_other_settings_is_refused_and_told_apart(path, other, names):
+    interrupted(path, 1)
+    with pytest.raises(ValueError, match=names):
+        other(chunk=CHUNK, path=path)
+
+
+def test_executor_of_processes_computes_the_same_bits(few, path):
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawn) as executor:
+        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=executor)
+    xr.testing.assert_identical(found, few)
+
+
+def test_dask_gives_the_chunk_of_a_killed_worker_to_another(few, tmp_path, path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    cluster = distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        local_directory=str(tmp_path / "dask"),
+    )
+    monkeypatch.setattr(sweeping, "Work", dying(tmp_path))
+    with cluster, distributed.Client(cluster) as client:
+        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=client)
+    assert (tmp_path / "died").exists()
+    xr.testing.assert_identical(found, few)
+
+
+def dying(folder: Path) -> type[Work]:
+    """Work whose process is killed in the middle of chunk 4, the first time."""
+
+    class Dying(Work):
+        def _results(self, ended):
+            if ended.lane == 4 * CHUNK + 1 and not (folder / "died").exists():
+                (folder / "died").touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+            return super()._results(ended)
+
+    return Dying
