@@ -4,11 +4,14 @@ Draws what the literature on this mechanism draws: motion of the slider and mome
 the crank angle, the orbit of the journal in its bearing, and Poincaré maps; and prints the ideal
 mechanism's closed-form values beside those found:
 
-    python -m studies.slider_crank
-    python -m studies.slider_crank --quick
+    python -m studies.slider_crank [--quick]
+    python -m studies.slider_crank sweep [--quick]
+
+The second is for bifurcation diagrams: see `studies.slider_crank_sweep`.
 """
 
 import argparse
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -272,6 +275,12 @@ def parse(arguments: list[str] | None = None) -> Settings:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the study from a command line."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["sweep"]:
+        from studies.slider_crank_sweep import main as sweep
+
+        sweep(arguments[1:])
+        return
     settings = parse(arguments)
     cj.configure()
     print(run(settings))

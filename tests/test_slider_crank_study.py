@@ -3,7 +3,11 @@
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import clearjoint as cj
+from studies.slider_crank_sweep import periods, with_ratios
 
 FILE = Path(__file__).resolve().parents[1] / "studies" / "slider_crank.py"
 
@@ -34,3 +38,24 @@ def test_quick_study_writes_its_files_and_finds_the_closed_forms(study, tmp_path
 def test_too_few_revolutions_are_refused(study):
     with pytest.raises(SystemExit):
         study.parse(["--revolutions", "2"])
+
+
+def test_quick_sweep_writes_its_figures_and_repeats_with_small_clearances(study, tmp_path, capsys):
+    """With 5 micrometres the journal keeps to the wall, and peaks are nearly the ideal joint's."""
+    study.main(["sweep", "--quick", "--output", str(tmp_path)])
+    written = {file.name for file in (tmp_path / "quick").glob("*.png")}
+    assert written == {"bifurcation.png", "map.png", "orbits.png"}
+    assert "0 lanes failed" in capsys.readouterr().out
+    swept = with_ratios(cj.open_sweep(tmp_path / "quick" / "map.zarr"))
+    tight = swept.isel(clearance=0, crank_speed=-1)
+    assert tight["period"] == 1.0
+    for peak in ("acceleration", "moment", "force"):
+        assert float(tight[f"peak_{peak}_over_ideal"]) == pytest.approx(1.0, abs=0.03)
+        assert float(swept[f"peak_{peak}_over_ideal"].max()) > 10.0
+
+
+def test_period_is_the_least_number_of_points_after_which_a_section_repeats():
+    alternating = np.tile([[0.0, 1.0], [0.5, -1.0]], (10, 1))
+    drifting = np.stack([np.linspace(0.0, 2.0, 20), np.zeros(20)], axis=1)
+    found = periods(np.stack([np.ones((20, 2)), alternating, drifting]))
+    np.testing.assert_array_equal(found, [1.0, 2.0, np.nan])

@@ -220,7 +220,8 @@ def _stacked(
 ) -> Lanes:
     columns = list(zip(*rows, strict=True))
     varies = [
-        any(leaf is not own for leaf in column) for column, own in zip(columns, base, strict=True)
+        any(leaf is not own and not np.array_equal(leaf, own) for leaf in column)
+        for column, own in zip(columns, base, strict=True)
     ]
     count = len(jax.tree.leaves(scene))
     structure = jax.tree.structure(scene)
