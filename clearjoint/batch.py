@@ -6,6 +6,7 @@ the others, they go on in a program with few places; what a lane computes does n
 number.
 """
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -80,7 +81,7 @@ class Batch:
         `on_ended` gets each lane after it has ended; `on_progress` how many lanes those still in
         the pool come to, by the share of their time that is done.
         """
-        waiting = list(lanes)
+        waiting = deque(lanes)
         sitting = np.full(self._wide.pool * self._mesh.size, -1)
         seats = None
         while waiting or (sitting >= 0).any():
@@ -89,12 +90,12 @@ class Batch:
             seats, finished = self._advance_until_few(seats, sitting, bool(waiting), on_progress)
             self._take(seats, sitting, finished, on_ended)
 
-    def _filled(self, sitting: np.ndarray, waiting: list[int]) -> np.ndarray:
+    def _filled(self, sitting: np.ndarray, waiting: deque[int]) -> np.ndarray:
         """Put waiting lanes into empty seats, in turn on each device; which seats they are."""
         fresh = np.zeros(sitting.size, bool)
         for k in np.arange(sitting.size).reshape(self._mesh.size, -1).T.ravel():
             if waiting and sitting[k] < 0:
-                sitting[k], fresh[k] = waiting.pop(0), True
+                sitting[k], fresh[k] = waiting.popleft(), True
         return fresh
 
     def _seated(self, sitting: np.ndarray, fresh: np.ndarray, seats: Seat | None) -> Seat:

@@ -5,6 +5,7 @@ keeps its digits whatever JAX's precision setting. Values under a JAX transforma
 a run re-checks what it can (`clearjoint.simulate`).
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -132,13 +133,31 @@ def recheck(tree: Any) -> None:
 
 
 def recheck_changes(tree: Any, base: Any) -> None:
-    """`recheck`, of those modules only that hold other values than in a tree of like structure."""
-    before, after = jax.tree.leaves(base), jax.tree.leaves(tree)
-    if len(before) == len(after) and all(a is b for a, b in zip(after, before, strict=True)):
-        return
-    _check_here(tree)
-    for child, old in zip(_children(tree), _children(base), strict=True):
-        recheck_changes(child, old)
+    """`recheck`, of those modules only that hold other numbers than in a tree of like structure.
+
+    What holds such a module is checked too, but not across a dictionary: its entries are
+    independent.
+    """
+    pairs = zip(jax.tree.leaves(tree), jax.tree.leaves(base), strict=True)
+    _recheck_changed(tree, iter([a is not b for a, b in pairs]))
+
+
+def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:
+    """Go through the leaves in their order; whether any number here has changed."""
+    if tree is None:
+        return False
+    if isinstance(tree, eqx.Module):
+        fields = tree.__dataclass_fields__.items()
+        inner = [getattr(tree, name) for name, f in fields if not f.metadata.get("static", False)]
+        touched = sum(_recheck_changed(child, changed) for child in inner) > 0
+        if touched:
+            _check_here(tree)
+        return touched
+    if isinstance(tree, dict | list | tuple):
+        for child in _children(tree):
+            _recheck_changed(child, changed)
+        return False
+    return next(changed)
 
 
 def _check_here(tree: Any) -> None:

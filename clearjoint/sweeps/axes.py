@@ -187,27 +187,27 @@ def lanes_of(
     count = len(next(iter(values.values())))
     bad: dict[int, str] = {}
     rows: list[list[Any]] = []
-    base = jax.tree.leaves((scene, state))
+    base, structure = jax.tree.flatten((scene, state))
     for lane in range(count):
         here = scene, state
         try:
             for name, change in changes.items():
                 here = change(*here, values[name][lane])
-            _require_like(here, (scene, state))
+            leaves, own = jax.tree.flatten(here)
+            _require_like(own == structure, leaves, base)
             recheck_changes(here, (scene, state))
-            rows.append(jax.tree.leaves(here))
+            rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
     return _stacked(scene, state, rows, base, bad)
 
 
-def _require_like(here: tuple[Scene, State], base: tuple[Scene, State]) -> None:
+def _require_like(same: bool, leaves: list[Any], base: list[Any]) -> None:
     """Check that nothing but numbers has changed."""
-    pairs = zip(jax.tree.leaves(here), jax.tree.leaves(base), strict=False)
+    pairs = zip(leaves, base, strict=False)
     require(
-        jax.tree.structure(here) == jax.tree.structure(base)
-        and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
+        same and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
         "axes",
         "a change that makes others",
         "such that every lane has a scene and a state of the same structure",
