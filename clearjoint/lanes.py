@@ -14,13 +14,13 @@ from .absolute import AbsoluteCoordinates
 from .assembly import ACCEPTED_VIOLATION, REPRESENTED
 from .bodies import State
 from .coordinates import row_rate
-from .dynamics import constraint_rows, flattened
+from .dynamics import Projection, constraint_rows, flattened
 from .instant import Instant
 from .records import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
 from .reductions import AbstractReduction
 from .results import RESULTS
 from .scene import Scene
-from .stepping import Attempt, Method, Step, Variables, attempt, running, start
+from .stepping import Attempt, Method, Step, Variables, attempt, projected, running, start
 from .vectors import EulerParameters, Scalar, unpack
 
 WINDOW = SLOTS + 1
@@ -126,7 +126,7 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     now = Row(step.t, step.y, step.memory).instant(scene, formulation, middle)
     lane = _with_tallies(plan, lane, now, kept)
     lane = _with_crossings(plan, scene, lane, now, kept, orders)
-    return _with_save(plan, lane, orders)
+    return _with_save(plan, scene, lane, orders)
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
@@ -189,12 +189,12 @@ def _save_is_due(lane: Lane, orders: Orders) -> Scalar:
     return _next_save(lane, orders) <= lane.step.t
 
 
-def _with_save(plan: Plan, lane: Lane, orders: Orders) -> Lane:
+def _with_save(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     if lane.saved is None:
         return lane
     assert lane.bracket is not None
     due = _save_is_due(lane, orders) & ~lane.saved.full()
-    row = lane.bracket.at(plan.method, _next_save(lane, orders))
+    row = _on_constraints(plan, scene, lane.bracket.at(plan.method, _next_save(lane, orders)))
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
@@ -218,11 +218,21 @@ def _with_crossings(
             return _level(section, _instant(plan, scene, row))
 
         row = crossing_row(plan.method, lane.bracket, before, after, value)
+        row = _on_constraints(plan, scene, row)
         rises = kept & (before < 0.0) & (after >= 0.0)
         wanted = rises & (row.t >= section.after) & (orders.wanted[name] > ring.count)
         rings[name] = ring.with_row(row, wanted)
         levels[name] = jnp.where(kept, after, before)
     return Lane(lane.step, lane.tallies, lane.bracket, lane.saved, rings, levels)
+
+
+def _on_constraints(plan: Plan, scene: Scene, row: Row) -> Row:
+    """The row as `simulate` saves it: projected onto the constraints, if steps are."""
+    formulation = plan.method.formulation
+    if not isinstance(formulation.stabilisation, Projection):
+        return row
+    y = Variables(projected(scene, formulation, row.y, row.t).motion, row.y.work)
+    return Row(row.t, y, row.memory)
 
 
 def _level(section: Crossing, now: Instant) -> Scalar:

@@ -7,7 +7,7 @@ memory does not grow with the steps.
 import abc
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,7 +21,9 @@ Quantity = Callable[[Instant], Scalar]
 
 
 class AbstractReduction(eqx.Module):
-    """Something that is gathered along a run."""
+    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`."""
+
+    needs_ledger: ClassVar[bool] = False
 
     @abc.abstractmethod
     def start(self, now: Instant) -> Any:
@@ -226,15 +228,11 @@ class ImpactCount(AbstractReduction):
 class DissipatedEnergy(AbstractReduction):
     """Energy that normal damping and friction took, by the energy ledger (`ledger=True`)."""
 
+    needs_ledger = True
+
     def start(self, now: Instant) -> Any:
         """Nothing: the ledger is integrated with the state."""
-        require(
-            bool(now.work),
-            "ledger",
-            False,
-            "True for DissipatedEnergy",
-            "pass ledger=True to the sweep",
-        )
+        del now
         return ()
 
     def update(self, tally: Any, now: Instant) -> Any:

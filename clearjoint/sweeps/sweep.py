@@ -3,6 +3,7 @@
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from os import PathLike
 from typing import Any
 
@@ -93,7 +94,7 @@ def sweep(
     """
     check_precision(False)
     outputs = {} if outputs is None else outputs
-    _check_outputs(outputs)
+    _check_outputs(outputs, ledger)
     settings = {
         "end_time": end_time,
         "start_time": start_time,
@@ -160,7 +161,7 @@ def sweep(
     return results
 
 
-def _check_outputs(outputs: Mapping[str, Output]) -> None:
+def _check_outputs(outputs: Mapping[str, Output], ledger: bool) -> None:
     for name, output in outputs.items():
         require(
             isinstance(output, Output),
@@ -168,6 +169,10 @@ def _check_outputs(outputs: Mapping[str, Output]) -> None:
             output,
             "a reduction, a Saved or a Section",
             "subclass AbstractReduction, or pass one of clearjoint's",
+        )
+        needs = isinstance(output, AbstractReduction) and output.needs_ledger
+        require(
+            ledger or not needs, "ledger", ledger, f"True for outputs[{name!r}]", "pass ledger=True"
         )
     saves = [name for name, output in outputs.items() if isinstance(output, Saved)]
     require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
@@ -180,6 +185,10 @@ def _described(
     outputs: Mapping[str, Output],
     settings: Mapping[str, Any],
 ) -> dict[str, str]:
+    """All that decides the numbers, as texts. What an axis varies is described by its values."""
+    for axis in axes.values():
+        with suppress(ValueError):
+            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
     return {
         **{name: describe(value) for name, value in settings.items()},
         **{f"axis {name}": axis.described() for name, axis in axes.items()},
