@@ -16,52 +16,57 @@ against clearjoint with Dopri8 at rtol 1e-11 (3e-13 m off the extended-precision
 Right-hand sides of clearjoint are attempts times stages (6 of Tsit5, 13 of Dopri8: the first is the
 last of the step before); SciPy counts its own; Exudyn's are Newton iterations.
 
-Measured on 2026-11-21, two-core shared machine, 4 s, medians of 3 (`pendulum --full`):
+Measured on 2026-11-21, four-core shared machine, 4 s, medians of 5 (`pendulum --full`):
 
 | program | setting | s | right-hand sides | µs each | times clearjoint | error, m |
 |---|---|---|---|---|---|---|
-| clearjoint, Tsit5 | rtol 1e-6 | 0.163 | 379 000 | 0.44 | 1 | 9.5e-10 |
-| clearjoint, Tsit5 | rtol 1e-8 | 0.272 | 643 000 | 0.42 | 1 | 1.5e-11 |
-| clearjoint, Dopri8 | rtol 1e-6 | 0.277 | 555 000 | 0.50 | 1.7 | 2.3e-11 |
-| clearjoint, Dopri8 | rtol 1e-8 | 0.366 | 734 000 | 0.50 | 1.3 | 4.6e-12 |
-| SciPy, DOP853 | rtol 1e-6 | 21.4 | 282 000 | 77 | 131 | 2.0e-6 |
-| SciPy, DOP853 | rtol 1e-8 | 39.9 | 524 000 | 76 | 147 | 4.6e-9 |
-| Exudyn | step 1e-4 s | 3.20 | 761 000 | 4.2 | 20 | 8.7e-6 |
-| Exudyn | step 5e-6 s | 16.4 | 4 460 000 | 3.6 | 101 | 1.3e-6 |
+| clearjoint, Tsit5 | rtol 1e-6 | 0.086 | 319 000 | 0.28 | 1 | 4.8e-10 |
+| clearjoint, Tsit5 | rtol 1e-8 | 0.158 | 590 000 | 0.26 | 1 | 8.1e-12 |
+| clearjoint, Dopri8 | rtol 1e-6 | 0.081 | 360 000 | 0.23 | 0.94 | 2.2e-10 |
+| clearjoint, Dopri8 | rtol 1e-8 | 0.149 | 640 000 | 0.23 | 0.94 | 3.3e-12 |
+| SciPy, DOP853 | rtol 1e-6 | 36.9 | 416 000 | 89 | 428 | 2.0e-6 |
+| SciPy, DOP853 | rtol 1e-8 | 45.7 | 524 000 | 87 | 289 | 4.6e-9 |
+| Exudyn | step 1e-4 s | 4.0 | 761 000 | 5.3 | 46 | 8.7e-6 |
+| Exudyn | step 5e-6 s | 20.3 | 4 460 000 | 4.5 | 235 | 1.3e-6 |
 
-What an attempted step with Tsit5 is made of (`profile`; 2.6 µs): six right-hand sides of 0.26 µs
-in a native loop alone, 60 %; sums over stages and the error, 21 %; controller, 3 %; landing, memory
-and acceptance, 16 %. A call of `simulate` takes 5.2 ms beside its steps. A first result of 4 s in a
-fresh process (`first-result`) takes 5.3 s with an empty compilation cache and 2.5 s with a filled
-one, of which imports take 0.7 s. The compiler options of `configure` (`options`) make an attempt
-cost 3.0 instead of 54 µs: the native loop alone 13 µs, multi-output fusion alone 24 µs.
+What an attempted step with Tsit5 is made of (`profile`; 1.67 µs): six right-hand sides of 0.11 µs in
+a native loop alone, 38 %; sums over stages and the error, 19 %; controller, landing, memory and
+acceptance, 43 %. A call of `simulate` takes 7.7 ms beside its steps. A first result of 4 s in a fresh
+process (`first-result`) takes 6.6 s with an empty compilation cache and 3.4 s with a filled one, of
+which imports take 1.2 s. The compiler options of `configure` (`options`) made an attempt cost 3.0
+instead of 54 µs in absolute coordinates: the native loop alone 13 µs, multi-output fusion alone 24.
 
 The sweep: 256 clearances, log-spaced in 0.05 to 1 mm, 0.5 s, rtol 1e-6. Each program has a process
 of its own, tied to its cores, and they take turns. The slower programs run a sample of the
-clearances, and times of a lane are compared. What the 0.51 µs of a lane-turn are made of at 32
-places on one core (`profile`, 2026-11-21, shared machine, least of 5), each column containing the
+clearances, and times of a lane are compared (medians of 3, same day):
+
+| program | cores | lanes run | s | µs a lane-step and core | waste | times a sweep on as many cores |
+|---|---|---|---|---|---|---|
+| sweep, joint coordinates | 1 | 256 | 1.70 | 0.65 | 1.012 | 1 |
+| sweep, joint coordinates | 2 | 256 | 1.12 | 0.86 | 1.013 | 1 |
+| sweep, absolute coordinates | 1 | 256 | 3.04 | 1.18 | 1.125 | 1.8 |
+| sweep, absolute coordinates | 2 | 256 | 3.01 | 2.33 | 1.439 | 2.7 |
+| loop over `simulate` | 1 | 256 | 5.32 | 2.33 | | 3.1 |
+| Exudyn, step 1e-4 | 2 | 32 | 8.49 | 23.6 | | 61 |
+| SciPy, DOP853, rtol 1e-6 | 2 | 8 | 19.6 | 1381 | | 559 |
+
+2.62 million lane-steps, 15.7 million right-hand sides; 4396 arithmetic operations a turn compiled
+of 6525 traced. What a lane-turn is made of on one core (`profile`, µs), each column containing the
 one before:
 
 | places | six right-hand sides | solver's step | with controller | attempt | turn |
 |---|---|---|---|---|---|
-| 8 | 0.53 | 0.56 | 0.60 | 0.74 | 0.75 |
-| 16 | 0.45 | 0.44 | 0.46 | 0.61 | 0.63 |
-| 32 | 0.37 | 0.35 | 0.38 | 0.51 | 0.51 |
-| 64 | 0.30 | 0.31 | 0.33 | 0.44 | 0.44 |
-| 128 | 0.35 | 0.33 | 0.36 | 0.48 | 0.49 |
+| 8 | 0.44 | 0.48 | 0.50 | 0.65 | 0.66 |
+| 16 | 0.35 | 0.36 | 0.38 | 0.53 | 0.53 |
+| 32 | 0.28 | 0.28 | 0.31 | 0.41 | 0.43 |
+| 64 | 0.21 | 0.22 | 0.24 | 0.33 | 0.36 |
+| 128 | 0.28 | 0.25 | 0.27 | 0.36 | 0.36 |
 
-So at 32 places right-hand sides and stage sums take 69 %, the controller 5 %, landing, memory and
-acceptance 25 %, reductions' frame 1 %. A whole sweep of 256 lanes takes 0.16 s more on the host,
-which makes and checks a scene a lane, and 5 % more for slices. Compiled, a turn in joint
-coordinates has fewer arithmetic operations than traced (4472 of 6307): nothing is computed twice.
-
-The longest lane sets how well cores are shared: with 40 000 steps of 2.7 million, two devices of 32
-places each cannot do better than 95 % of their capacity, and guessing what is left makes it 84 %.
-
-A chain (`scaling`), single runs: a right-hand side of 1, 2 and 4 rods takes 0.10, 0.23 and 0.53 µs,
-an attempt of 1, 2, 4 and 8 rods 1.2, 2.9, 6.9 and 17 µs; the first call 2.8, 7.0, 19, 66 and (16
-rods) 195 s: the program is one function of unrolled arithmetic, whose compilation grows faster than
-its length.
+The longest lane decides how well places and cores are shared. Here it has 105 000 steps of 2.6
+million (chaos: in other runs 30 000): in a program of 64 places it would keep the others waiting, so
+it goes on in one of 8, whose turns are half as long but cost each lane twice as much. That is where
+the time above 64 places' 0.36 µs goes, and why two cores are 1.5 times as fast as one and not twice;
+making and checking a scene for each lane takes 0.1 s more.
 """
 
 import argparse
