@@ -29,18 +29,19 @@ Measured on 2026-11-21, four-core shared machine, 4 s, medians of 5 (`pendulum -
 | Exudyn | step 1e-4 s | 4.0 | 761 000 | 5.3 | 46 | 8.7e-6 |
 | Exudyn | step 5e-6 s | 20.3 | 4 460 000 | 4.5 | 235 | 1.3e-6 |
 
-What an attempted step with Tsit5 is made of (`profile`; 1.67 µs): six right-hand sides of 0.11 µs in
-a native loop alone, 38 %; sums over stages and the error, 19 %; controller, landing, memory and
-acceptance, 43 %. A call of `simulate` takes 7.7 ms beside its steps. A first result of 4 s in a fresh
-process (`first-result`) takes 6.6 s with an empty compilation cache and 3.4 s with a filled one, of
-which imports take 1.2 s. The compiler options of `configure` (`options`) made an attempt cost 3.0
-instead of 54 µs in absolute coordinates: the native loop alone 13 µs, multi-output fusion alone 24.
+What an attempted step with Tsit5 is made of (`profile`; 1.67 µs): six right-hand sides of 0.11 µs
+in a native loop alone, 38 %; sums over stages and the error, 19 %; controller, landing, memory and
+acceptance, 43 %. A call of `simulate` takes 7.7 ms beside its steps. A first result of 4 s in a
+fresh process (`first-result`) takes 6.6 s with an empty compilation cache and 3.4 s with a filled
+one, of which imports take 1.2 s. The compiler options of `configure` (`options`) made an attempt
+cost 3.0 instead of 54 µs in absolute coordinates: the native loop alone 13 µs, multi-output fusion
+alone 24.
 
 The sweep: 256 clearances, log-spaced in 0.05 to 1 mm, 0.5 s, rtol 1e-6. Each program has a process
 of its own, tied to its cores, and they take turns. The slower programs run a sample of the
 clearances, and times of a lane are compared (medians of 3, same day):
 
-| program | cores | lanes run | s | µs a lane-step and core | waste | times a sweep on as many cores |
+| program | cores | lanes run | s | µs a lane-step and core | waste | times a sweep on them |
 |---|---|---|---|---|---|---|
 | sweep, joint coordinates | 1 | 256 | 1.70 | 0.65 | 1.012 | 1 |
 | sweep, joint coordinates | 2 | 256 | 1.12 | 0.86 | 1.013 | 1 |
@@ -63,10 +64,10 @@ one before:
 | 128 | 0.28 | 0.25 | 0.27 | 0.36 | 0.36 |
 
 The longest lane decides how well places and cores are shared. Here it has 105 000 steps of 2.6
-million (chaos: in other runs 30 000): in a program of 64 places it would keep the others waiting, so
-it goes on in one of 8, whose turns are half as long but cost each lane twice as much. That is where
-the time above 64 places' 0.36 µs goes, and why two cores are 1.5 times as fast as one and not twice;
-making and checking a scene for each lane takes 0.1 s more.
+million (chaos: in other runs 30 000): in a program of 64 places it would keep the others waiting,
+so it goes on in one of 8, whose turns are a quarter as long but cost each lane twice as much. That
+is where the time above 64 places' 0.36 µs goes, and why two cores are 1.5 times as fast as one and
+not twice; making and checking a scene for each lane takes 0.1 s more.
 """
 
 import argparse
