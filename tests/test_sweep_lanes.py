@@ -1,5 +1,7 @@
 """Lanes of a sweep do not see each other: order, company, devices, refills; their closed form."""
 
+from collections import deque
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -137,7 +139,7 @@ def pool_of(count: int):
     work = held["work"]
     runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32, 8))
     sitting = np.full(256, -1)
-    fresh = runs._filled(sitting, list(range(count)))
+    fresh = runs._filled(sitting, deque(range(count)))
     return runs, runs._seated(sitting, fresh, None)
 
 
