@@ -16,7 +16,7 @@ from studies.benchmarks.workers import Worker
 
 LEAST, MOST, LANES, SPAN = 5e-5, 1e-3, 256, 0.5
 """Radial clearances, m, log-spaced; their number; and simulated time, s."""
-QUICK_LANES, QUICK_SPAN = 16, 0.02
+QUICK_LANES, QUICK_SPAN = 8, 0.02
 SAMPLES = {"Exudyn": 32, "SciPy": 8}
 """Lanes that the slower programs run of all."""
 OWN = "studies.benchmarks.sweep_programs:"
