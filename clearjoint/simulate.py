@@ -56,8 +56,9 @@ def simulate(
     """Integrate the equations of motion of a scene.
 
     Compiled once for each structure of the scene and choice of method: no change of a number
-    compiles anew. Works under `jax.vmap` and `jax.jvp`; then it raises no error, records neither
-    steps nor impacts, and runs in one piece.
+    compiles anew, unless a component of a vector becomes zero or one or ceases to be. Works under
+    `jax.vmap` and `jax.jvp`; then it raises no error, records neither steps nor impacts, and runs
+    in one piece.
 
     **Arguments:**
 
