@@ -31,6 +31,7 @@ def swept(tmp_path_factory):
     return records_of(tmp_path_factory.mktemp("sweep"), "sweep", "--devices", "2")
 
 
+@pytest.mark.slow
 def test_sweep_measures_all_programs(swept):
     printed, rows = swept
     programs = [(row["program"].split(",")[0], row["cores"]) for row in rows[:-1]]
@@ -39,6 +40,7 @@ def test_sweep_measures_all_programs(swept):
     assert any("times as fast on 2 cores as on one" in line for line in printed)
 
 
+@pytest.mark.slow
 def test_sweep_counts_what_single_runs_count(swept):
     one, two, loop = (row["runs"][0] for row in swept[1][:3])
     assert one["steps"] == two["steps"]
@@ -47,6 +49,7 @@ def test_sweep_counts_what_single_runs_count(swept):
     assert one["turns"] >= one["steps"]
 
 
+@pytest.mark.slow
 def test_program_of_the_sweep_is_one_native_loop_that_repeats_little(swept):
     counts = swept[1][-1]
     assert counts["native loops"] == 1
