@@ -150,25 +150,23 @@ def _ledger(
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
+class Trial(eqx.Module):
+    """A step as the solver took it, before it is accepted or not."""
+
+    t1: Scalar
+    y: Variables
+    error: Variables
+    finite: Scalar
+    information: Any
+    solver_state: Any
+    solver_result: Any
+
+
 def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
-    t1 = _end(method, step, t_end)
-    term, args = _term(method), (scene, step.memory)
-    made_jump = step.jumped if _may_jump(method, scene) else False
-    y1, error, information, solver_state, solver_result = method.solver.step(
-        term, step.t, t1, step.y, args, step.solver_state, made_jump
-    )
-    finite = _all_finite((y1, error))
-    y1 = _choose(finite, y1, step.y)
-    if isinstance(method.formulation.stabilisation, Projection):
-        y1 = projected(scene, method.formulation, y1, t1)
-    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    sizes = _magnitudes(step.y), _magnitudes(y1)
-    judged = (step.t, t1, *sizes, args, error, _error_order(method, term))
-    controller = method.controller.wrap(1)
-    keep, _, t_next, jumped, controller_state, controller_result = controller.adapt_step_size(
-        *judged, step.controller_state
-    )
+    trial = _tried(method, scene, step, _end(method, step, t_end))
+    t1, y1 = trial.t1, trial.y
+    keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     intended = t_next - jnp.where(keep, t1, step.t)
     enters, entering = step.enters, step.entering
@@ -179,9 +177,9 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         keep = keep & ~passes
         intended, enters, entering = _resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
-    result = _result(step, keep, finite, t1, t_next, t_end, solver_result, controller_result)
+    result = _result(step, keep, trial, t_next, t_end, controller_result)
     seconds = _choose(
-        keep, _second_rates(method, scene, y1, solver_state, after), step.second_rates
+        keep, _second_rates(method, scene, y1, trial.solver_state, after), step.second_rates
     )
     memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
     advanced = Step(
@@ -194,14 +192,39 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         intended,
         enters,
         entering,
-        _choose(keep, solver_state, step.solver_state),
+        _choose(keep, trial.solver_state, step.solver_state),
         controller_state,
         jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
     )
-    return Attempt(advanced, keep, step.t, step.memory, information)
+    return Attempt(advanced, keep, step.t, step.memory, trial.information)
+
+
+def _tried(method: Method, scene: Scene, step: Step, t1: Scalar) -> Trial:
+    """The solver's step, projected if steps are. What is not finite stays where it was."""
+    made_jump = step.jumped if _may_jump(method, scene) else False
+    y1, error, information, solver_state, solver_result = method.solver.step(
+        _term(method), step.t, t1, step.y, (scene, step.memory), step.solver_state, made_jump
+    )
+    finite = _all_finite((y1, error))
+    y1 = _choose(finite, y1, step.y)
+    if isinstance(method.formulation.stabilisation, Projection):
+        y1 = projected(scene, method.formulation, y1, t1)
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
+    return Trial(t1, y1, error, finite, information, solver_state, solver_result)
+
+
+def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any, ...]:
+    """What the controller says: whether to keep the step, the end of the next, whether it jumped,
+    its state and its result."""
+    sizes = _magnitudes(step.y), _magnitudes(trial.y)
+    order = _error_order(method, _term(method))
+    keep, _, t_next, jumped, state, result = method.controller.wrap(1).adapt_step_size(
+        step.t, trial.t1, *sizes, (scene, step.memory), trial.error, order, step.controller_state
+    )
+    return keep, t_next, jumped, state, result
 
 
 def _end(method: Method, step: Step, t_end: Scalar) -> Scalar:
@@ -320,22 +343,15 @@ def _energy(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -
 
 
 def _result(
-    step: Step,
-    keep: Scalar,
-    finite: Scalar,
-    t1: Scalar,
-    t_next: Scalar,
-    t_end: Scalar,
-    solver_result: Any,
-    controller_result: Any,
+    step: Step, keep: Scalar, trial: Trial, t_next: Scalar, t_end: Scalar, controller_result: Any
 ) -> RESULTS:
-    now = jnp.where(keep, t1, step.t)
+    now = jnp.where(keep, trial.t1, step.t)
     stuck = (t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
-    gave_up = (keep & (solver_result != diffrax.RESULTS.successful)) | (
+    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
-    result = RESULTS.where(keep & ~finite, RESULTS.non_finite, result)
+    result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 
 

@@ -24,6 +24,7 @@ from ..reductions import AbstractReduction
 from ..results import result_numbers
 from ..scene import Scene
 from ..simulate import check_precision, check_values, make_method
+from ..stepping import Method
 from ..structure import constraint_report
 from ..vectors import structured
 from .axes import AbstractAxis, Lanes, lanes_of
@@ -129,9 +130,24 @@ def sweep(
         ledger=ledger,
     )
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
+    common = _common(lanes, method, outputs, start_time, max_steps)
+    tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
+    work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables, chunk)
+    store = SweepMemory(layout) if path is None else SweepStore.open(path, layout)
+    _compute(work, store, executor, devices, progress)
+    results = store.dataset()
+    _report_failures(results, lanes)
+    return results
+
+
+def _common(
+    lanes: Lanes, method: Method, outputs: Mapping[str, Output], start_time: float, max_steps: int
+) -> Common:
+    """What the lanes share: how they are run, and what is kept of them."""
     saved = next((name for name, o in outputs.items() if isinstance(o, Saved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
-    if saved or sections:
+    recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
+    if recorded:
         require_dense(method.solver)
     plan = Plan(
         method,
@@ -140,25 +156,13 @@ def sweep(
         bool(saved),
         np.asarray(max_steps),
     )
-    recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
-    common = Common(
-        plan,
-        structured(scene, lanes.varied),
-        np.asarray(start_time, dtype=float),
-        {name: section.count for name, section in sections.items()},
-        {
-            name: {key: quantity for key, (quantity, _) in output.channels.items()}
-            for name, output in recorded.items()
-        },
-        saved,
-    )
-    tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(saved))
-    work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables, chunk)
-    store = SweepMemory(layout) if path is None else SweepStore.open(path, layout)
-    _compute(work, store, executor, devices, progress)
-    results = store.dataset()
-    _report_failures(results, lanes)
-    return results
+    channels = {
+        name: {key: quantity for key, (quantity, _) in output.channels.items()}
+        for name, output in recorded.items()
+    }
+    capacity = {name: section.count for name, section in sections.items()}
+    form = structured(lanes.scene, lanes.varied)
+    return Common(plan, form, np.asarray(start_time, dtype=float), capacity, channels, saved)
 
 
 def _check_outputs(outputs: Mapping[str, Output], ledger: bool) -> None:
