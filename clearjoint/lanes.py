@@ -20,7 +20,8 @@ from .records import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
 from .reductions import AbstractReduction
 from .results import RESULTS
 from .scene import Scene
-from .stepping import Attempt, Method, Step, Variables, attempt, projected, running, start
+from .stepping import attempt, projected, running, start
+from .steps import Attempt, Method, Step, Variables
 from .vectors import EulerParameters, Scalar, unpack
 
 WINDOW = SLOTS + 1

@@ -19,7 +19,7 @@ from .fields import require
 from .instant import Instant
 from .reductions import Quantity
 from .scene import Scene
-from .stepping import Attempt, Method, Variables
+from .steps import Attempt, Method, Variables
 from .vectors import Scalar
 
 SLOTS = 8

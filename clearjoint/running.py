@@ -14,7 +14,7 @@ from .results import RESULTS
 from .runtime import SlowRunNotice
 from .segments import Progress, Row, Saved, rewound, segment
 from .solution import Solution, Trajectory
-from .stepping import Method, Step
+from .steps import Method, Step
 from .vectors import Structured, pack, unpack
 
 ATTEMPTS_A_SEGMENT = 50_000

@@ -12,16 +12,8 @@ import jax.numpy as jnp
 
 from .bodies import State
 from .scene import Scene
-from .stepping import (
-    Attempt,
-    Method,
-    Step,
-    Variables,
-    attempt,
-    look_inside,
-    running,
-    start,
-)
+from .stepping import attempt, look_inside, running, start
+from .steps import Attempt, Method, Step, Variables
 from .vectors import Scalar, Structured, unpack
 
 BLOCK_ROWS = 64

@@ -22,7 +22,7 @@ from .scene import Scene
 from .segments import begin
 from .solution import SimulationError, Solution
 from .solvers import default_controller, ready_solver
-from .stepping import Method
+from .steps import Method
 from .structure import constraint_report
 from .vectors import structured
 

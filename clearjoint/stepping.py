@@ -14,11 +14,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .bodies import BodyState
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
 from .explicit import UnrolledExplicit
 from .impacts import (
-    Landing,
     Reach,
     Reaches,
     begins,
@@ -31,60 +29,11 @@ from .impacts import (
 from .projection import project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
-from .vectors import Scalar, Vector
+from .step_length import end_of_step, magnitudes, resumed
+from .steps import Attempt, Method, Step, Variables
+from .vectors import Scalar
 
 REJECTED_ERROR = 1e100
-
-
-class Method(eqx.Module):
-    """How to integrate: solver, controller, formulation and landing."""
-
-    solver: diffrax.AbstractSolver
-    controller: diffrax.AbstractStepSizeController
-    formulation: Formulation
-    landing: Landing | None
-
-
-class Variables(eqx.Module):
-    """What the solver integrates: the coordinates' variables, and the ledger's integrals in J."""
-
-    motion: Any
-    work: dict[str, Scalar]
-
-
-class Step(eqx.Module):
-    """Everything between two steps: enough to go on from.
-
-    `second_rates` are those of the contacts' depths, m/s^2. `intended` is the length of the next
-    step, s, were it not cut short by an event; `enters` says that it is the first in a contact, of
-    which `entering` is the length that held last.
-    """
-
-    t: Scalar
-    t_next: Scalar
-    y: Variables
-    memory: Memory
-    reaches: Reaches
-    second_rates: Any
-    intended: Scalar
-    enters: Scalar
-    entering: Scalar
-    solver_state: Any
-    controller_state: Any
-    jumped: Any
-    result: RESULTS
-    attempts: Scalar
-    accepted: Scalar
-
-
-class Attempt(eqx.Module):
-    """A step, and what is needed to look inside it."""
-
-    step: Step
-    kept: Scalar
-    t_start: Scalar
-    memory_start: Memory
-    information: Any
 
 
 def _term(method: Method) -> diffrax.ODETerm:
@@ -164,7 +113,7 @@ class Trial(eqx.Module):
 
 def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     """Try one step, and accept it or propose a shorter one."""
-    trial = _tried(method, scene, step, _end(method, step, t_end))
+    trial = _tried(method, scene, step, end_of_step(method, step, t_end))
     t1, y1 = trial.t1, trial.y
     keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
@@ -175,7 +124,7 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
         lands = keep & passes
         controller_state = _choose(lands, step.controller_state, controller_state)
         keep = keep & ~passes
-        intended, enters, entering = _resumed(step, after, t1, keep, lands, intended)
+        intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
     result = _result(step, keep, trial, t_next, t_end, controller_result)
     seconds = _choose(
@@ -219,61 +168,12 @@ def _tried(method: Method, scene: Scene, step: Step, t1: Scalar) -> Trial:
 def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any, ...]:
     """What the controller says: whether to keep the step, the end of the next, whether it jumped,
     its state and its result."""
-    sizes = _magnitudes(step.y), _magnitudes(trial.y)
+    sizes = magnitudes(step.y), magnitudes(trial.y)
     order = _error_order(method, _term(method))
     keep, _, t_next, jumped, state, result = method.controller.wrap(1).adapt_step_size(
         step.t, trial.t1, *sizes, (scene, step.memory), trial.error, order, step.controller_state
     )
     return keep, t_next, jumped, state, result
-
-
-def _end(method: Method, step: Step, t_end: Scalar) -> Scalar:
-    """Where the step ends: where it is proposed to, or at the next event."""
-    t1 = jnp.minimum(step.t_next, t_end)
-    if method.landing is None or not step.reaches:
-        return t1
-    resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
-    due = method.landing.due(step.reaches, step.second_rates)
-    return jnp.minimum(t1, step.t + jnp.maximum(due, resolution))
-
-
-def _resumed(
-    step: Step, after: Reaches, t1: Scalar, keep: Scalar, lands: Scalar, proposed: Scalar
-) -> tuple[Scalar, Scalar, Scalar]:
-    """`intended`, `enters` and `entering` of the next step.
-
-    What an event cut short tells nothing of the step to take next: that is the one intended
-    before, or where a contact begins about as long as the last time.
-    """
-    h = t1 - step.t
-    cut = h < 0.99 * step.intended
-    begun = begins(step.reaches, after)
-    entering = jnp.where(keep & step.enters & ~cut, h, step.entering)
-    resumed = jnp.where(cut, jnp.maximum(proposed, step.intended), proposed)
-    resumed = jnp.where(begun, jnp.minimum(resumed, 2.0 * entering), resumed)
-    intended = jnp.where(lands, step.intended, jnp.where(keep, resumed, proposed))
-    return intended, jnp.where(keep, begun, step.enters), entering
-
-
-def _magnitudes(y: Variables) -> Variables:
-    """What errors are compared with: each component, but of positions and velocities the largest.
-
-    A journal that rolls along the wall hardly moves along one axis. Judged against that, its
-    velocity would take a third more steps, for nothing, and their number would depend on the axes.
-    """
-
-    def largest(vector: Vector) -> Vector:
-        size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
-        return Vector(size, size, size)
-
-    def of(node: Any) -> Any:
-        if not isinstance(node, BodyState):
-            return node
-        return BodyState(
-            largest(node.position), node.orientation, largest(node.velocity), node.spin
-        )
-
-    return jax.tree.map(of, y, is_leaf=lambda node: isinstance(node, BodyState))
 
 
 def _may_jump(method: Method, scene: Scene) -> bool:

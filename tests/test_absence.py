@@ -29,7 +29,8 @@ from clearjoint import (
 from clearjoint.dynamics import Formulation, Unstabilised, evaluate, state_rates
 from clearjoint.impacts import Landing, has_memory
 from clearjoint.segments import begin
-from clearjoint.stepping import Method, attempt
+from clearjoint.stepping import attempt
+from clearjoint.steps import Method
 from clearjoint.vectors import unpack
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)

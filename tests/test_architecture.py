@@ -41,6 +41,8 @@ FLOORS = (
     (
         "impacts",
         "explicit",
+        "steps",
+        "step_length",
         "stepping",
         "segments",
         "impact_table",

@@ -13,7 +13,7 @@ from clearjoint.impacts import Landing
 from clearjoint.running import segment_compiled
 from clearjoint.segments import begin, segment
 from clearjoint.solvers import default_controller, ready_solver
-from clearjoint.stepping import Method
+from clearjoint.steps import Method
 
 END = 0.05
 

@@ -24,7 +24,7 @@ from ..reductions import AbstractReduction
 from ..results import result_numbers
 from ..scene import Scene
 from ..simulate import check_precision, check_values, make_method
-from ..stepping import Method
+from ..steps import Method
 from ..structure import constraint_report
 from ..vectors import structured
 from .axes import AbstractAxis, Lanes, lanes_of

@@ -19,7 +19,8 @@ from clearjoint.dynamics import Formulation, state_rates
 from clearjoint.lanes import WINDOW, Lane, Orders, turn
 from clearjoint.pool import Common, Seat
 from clearjoint.simulate import make_method
-from clearjoint.stepping import Method, Step, Variables, attempt, start
+from clearjoint.stepping import attempt, start
+from clearjoint.steps import Method, Step, Variables
 from clearjoint.vectors import unpack
 from studies.benchmarks.observed import begun, observed
 from studies.benchmarks.report import Record

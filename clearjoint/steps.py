@@ -1,0 +1,62 @@
+"""What a run carries from step to step."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+
+from .dynamics import Formulation, Memory
+from .impacts import Landing, Reaches
+from .results import RESULTS
+from .vectors import Scalar
+
+
+class Method(eqx.Module):
+    """How to integrate: solver, controller, formulation and landing."""
+
+    solver: diffrax.AbstractSolver
+    controller: diffrax.AbstractStepSizeController
+    formulation: Formulation
+    landing: Landing | None
+
+
+class Variables(eqx.Module):
+    """What the solver integrates: the coordinates' variables, and the ledger's integrals in J."""
+
+    motion: Any
+    work: dict[str, Scalar]
+
+
+class Step(eqx.Module):
+    """Everything between two steps: enough to go on from.
+
+    `second_rates` are those of the contacts' depths, m/s^2. `intended` is the length of the next
+    step, s, were it not cut short by an event; `enters` says that it is the first in a contact, of
+    which `entering` is the length that held last.
+    """
+
+    t: Scalar
+    t_next: Scalar
+    y: Variables
+    memory: Memory
+    reaches: Reaches
+    second_rates: Any
+    intended: Scalar
+    enters: Scalar
+    entering: Scalar
+    solver_state: Any
+    controller_state: Any
+    jumped: Any
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+
+
+class Attempt(eqx.Module):
+    """A step, and what is needed to look inside it."""
+
+    step: Step
+    kept: Scalar
+    t_start: Scalar
+    memory_start: Memory
+    information: Any
