@@ -23,10 +23,12 @@ from .dynamics import AbstractStabilisation as AbstractStabilisation
 from .dynamics import Baumgarte as Baumgarte
 from .dynamics import Projection as Projection
 from .dynamics import Unstabilised as Unstabilised
+from .estimands import Parameter as Parameter
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
 from .impact_table import Impacts as Impacts
+from .integration import Integration as Integration
 from .joint_coordinates import JointCoordinates as JointCoordinates
 from .joints.axial import EndPlay as EndPlay
 from .joints.axial import FixedAxially as FixedAxially
@@ -64,7 +66,13 @@ from .reductions import Statistics as Statistics
 from .restitution import delivered_restitution as delivered_restitution
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
+from .scales import AbstractScale as AbstractScale
+from .scales import Bounded as Bounded
+from .scales import Linear as Linear
+from .scales import Log as Log
 from .scene import Scene as Scene
+from .sensitivity import Sensitivities as Sensitivities
+from .sensitivity import sensitivities as sensitivities
 from .simulate import simulate as simulate
 from .solution import SimulationError as SimulationError
 from .solution import Solution as Solution

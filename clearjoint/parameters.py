@@ -80,6 +80,13 @@ def put_numbers(tree: Any, numbers: list[Number], value: Any) -> Any:
     return jax.tree.unflatten(structure, leaves)
 
 
+def value_at(tree: Any, place: Place) -> Any:
+    """The value at a place; of tied numbers, the first's."""
+    number = numbers_at(tree, place)[0]
+    leaf = jax.tree.leaves(tree)[number.leaf]
+    return leaf[number.component] if number.component else leaf
+
+
 def _shape(leaf: Any, component: tuple[Any, ...]) -> tuple[int, ...]:
     try:
         return jnp.shape(leaf[component] if component else leaf)

@@ -55,6 +55,17 @@ class PenetrationRate(eqx.Module):
         return now.contacts[self.joint][self.contact].contact.gap.rate
 
 
+class EntrySpeed(eqx.Module):
+    """Entry speed of a contact of a joint while it lasts, m/s; zero in flight."""
+
+    joint: str = eqx.field(static=True)
+    contact: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The entry speed."""
+        return now.memory[self.joint][self.contact]
+
+
 class JournalOffset(eqx.Module):
     """Centre of a clearance joint's journal, or of one base, in the bearing's frame, m.
 

@@ -169,6 +169,7 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method where sweeps save states, sections or statistics",
+        "an explicit Runge-Kutta method where sweeps save states, sections or statistics, or a run "
+        "has derivatives",
         "take one such as diffrax.Tsit5(), or leave these outputs out",
     )

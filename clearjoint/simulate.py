@@ -97,9 +97,9 @@ def simulate(
     coordinates = JointCoordinates() if coordinates is None else coordinates
     names: tuple[str, ...] = ()
     if not traced:
-        save_at = _check_times(start_time, end_time, save_at)
+        save_at = check_times(start_time, end_time, save_at)
         check_values(scene, state, rtol, atol, first_step, landing_tolerance)
-        names = _check_structure(scene, state, start_time, coordinates)
+        names = check_structure(scene, state, start_time, coordinates)
     if redundant is None:
         redundant = bool(names)
     formulation = Formulation(
@@ -201,7 +201,8 @@ def check_values(
             require_positive(name, value, remedy, zero=zero)
 
 
-def _check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
+def check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
+    """Check the span of a run in s, and the times to save at, if there are any."""
     require(
         bool(np.isfinite(end)) and bool(end > start),
         "end_time",
@@ -230,7 +231,7 @@ def _check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
     return times
 
 
-def _check_structure(
+def check_structure(
     scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
     """Check the state against the constraints; the names of those that are redundant."""

@@ -65,8 +65,9 @@ class Solution(eqx.Module):
 
 
 class SimulationError(RuntimeError):
-    """A run that failed; `solution` holds all that was computed."""
+    """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
+    that raised it returns."""
 
-    def __init__(self, message: str, solution: Solution):
+    def __init__(self, message: str, solution: Any):
         super().__init__(message)
         self.solution = solution

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
 from .explicit import UnrolledExplicit
+from .family import AbstractFamily
 from .impacts import (
     Reach,
     Reaches,
@@ -30,13 +31,18 @@ from .projection import project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
 from .step_length import end_of_step, magnitudes, resumed
-from .steps import Attempt, Method, Step, Variables
+from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables
 from .vectors import Scalar
 
 REJECTED_ERROR = 1e100
+TANGENT_TOLERANCE = 10.0
+"""Tolerances of the tangents in those of the state. Derivatives of what was measured are then still
+some hundred times as accurate as `rtol` times a thousand; see `clearjoint.sensitivity`."""
 
 
-def _term(method: Method) -> diffrax.ODETerm:
+def term_of(method: Method) -> diffrax.ODETerm:
+    """The rates of the variables, as diffrax takes them; the arguments are scene and memory."""
+
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
         scene, memory = args
         rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t))
@@ -58,7 +64,7 @@ def start(
     found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
     memory = memory or initial_memory(scene, found)
     y = Variables(y.motion, _ledger(method, scene, t0, y, memory))
-    term, args = _term(method), (scene, memory)
+    term, args = term_of(method), (scene, memory)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, _error_order(method, term)
     )
@@ -99,22 +105,34 @@ def _ledger(
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
+class Taken(eqx.Module):
+    """What a solver's step gives, or its derivatives along p parameters."""
+
+    y: Variables
+    error: Variables
+    information: Any
+    solver_state: Any
+
+
 class Trial(eqx.Module):
     """A step as the solver took it, before it is accepted or not."""
 
     t1: Scalar
-    y: Variables
-    error: Variables
+    taken: Taken
+    tangents: Taken | None
     finite: Scalar
-    information: Any
-    solver_state: Any
     solver_result: Any
 
 
-def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
-    """Try one step, and accept it or propose a shorter one."""
-    trial = _tried(method, scene, step, end_of_step(method, step, t_end))
-    t1, y1 = trial.t1, trial.y
+def attempt(
+    method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
+) -> Attempt:
+    """Try one step, and accept it or propose a shorter one.
+
+    If the step has tangents, `family` is that of the scene, and says along what they are.
+    """
+    trial = _tried(method, scene, step, end_of_step(method, step, t_end), family)
+    t1, y1 = trial.t1, trial.taken.y
     keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     intended = t_next - jnp.where(keep, t1, step.t)
@@ -122,58 +140,113 @@ def attempt(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
         lands = keep & passes
-        controller_state = _choose(lands, step.controller_state, controller_state)
+        controller_state = choose(lands, step.controller_state, controller_state)
         keep = keep & ~passes
         intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
     result = _result(step, keep, trial, t_next, t_end, controller_result)
-    seconds = _choose(
-        keep, _second_rates(method, scene, y1, trial.solver_state, after), step.second_rates
+    seconds = choose(
+        keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
     )
     memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
+    tangents = inside = None
+    if family is not None:
+        assert step.tangents is not None and trial.tangents is not None
+        tangents = choose(
+            keep, _tangents_after(method, family, step, trial, seconds), step.tangents
+        )
+        inside = TangentsInside(step.tangents.memory, trial.tangents.information)
     advanced = Step(
         jnp.where(keep, t1, step.t),
         t_next,
-        _choose(keep, y1, step.y),
-        _choose(keep, memory, step.memory),
-        _choose(keep, after, step.reaches),
+        choose(keep, y1, step.y),
+        choose(keep, memory, step.memory),
+        choose(keep, after, step.reaches),
         seconds,
         intended,
         enters,
         entering,
-        _choose(keep, trial.solver_state, step.solver_state),
+        choose(keep, trial.taken.solver_state, step.solver_state),
         controller_state,
         jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
+        tangents,
     )
-    return Attempt(advanced, keep, step.t, step.memory, trial.information)
+    return Attempt(advanced, keep, step.t, step.memory, trial.taken.information, inside)
 
 
-def _tried(method: Method, scene: Scene, step: Step, t1: Scalar) -> Trial:
+def _tried(
+    method: Method, scene: Scene, step: Step, t1: Scalar, family: AbstractFamily | None
+) -> Trial:
     """The solver's step, projected if steps are. What is not finite stays where it was."""
     made_jump = step.jumped if _may_jump(method, scene) else False
-    y1, error, information, solver_state, solver_result = method.solver.step(
-        _term(method), step.t, t1, step.y, (scene, step.memory), step.solver_state, made_jump
-    )
-    finite = _all_finite((y1, error))
-    y1 = _choose(finite, y1, step.y)
-    if isinstance(method.formulation.stabilisation, Projection):
-        y1 = projected(scene, method.formulation, y1, t1)
-    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), error)
-    return Trial(t1, y1, error, finite, information, solver_state, solver_result)
+
+    def taken(scene: Scene, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
+        y1, error, information, solver_state, result = method.solver.step(
+            term_of(method), step.t, t1, y, (scene, memory), solver_state, made_jump
+        )
+        if isinstance(method.formulation.stabilisation, Projection):
+            y1 = projected(scene, method.formulation, y1, t1)
+        assert isinstance(error, Variables)
+        return Taken(y1, error, information, solver_state), result
+
+    start = step.y, step.memory, step.solver_state
+    if family is None:
+        found, result = taken(scene, *start)
+        finite, tangents = _all_finite((found.y, found.error)), None
+    else:
+        assert step.tangents is not None
+        along = step.tangents.y, step.tangents.memory, step.tangents.solver_state
+        found, result, tangents = family.pushed(taken, start, along)
+        finite = _all_finite((found.y, found.error))
+        finite = finite & jnp.all(_all_finite((tangents.y, tangents.error)))
+        tangents = _unless(finite, tangents, step.tangents.y)
+    return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
+
+
+def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:
+    """What was taken if it is finite; else the given variables, with an error beyond all bounds."""
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), taken.error)
+    return Taken(choose(finite, taken.y, y), error, taken.information, taken.solver_state)
 
 
 def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any, ...]:
     """What the controller says: whether to keep the step, the end of the next, whether it jumped,
     its state and its result."""
-    sizes = magnitudes(step.y), magnitudes(trial.y)
-    order = _error_order(method, _term(method))
+    before, after, error = magnitudes(step.y), magnitudes(trial.taken.y), trial.taken.error
+    if trial.tangents is not None:
+        assert step.tangents is not None
+        before = before, magnitudes(step.tangents.y)
+        after = after, magnitudes(trial.tangents.y)
+        error = error, jax.tree.map(lambda e: e / TANGENT_TOLERANCE, trial.tangents.error)
+    order = _error_order(method, term_of(method))
     keep, _, t_next, jumped, state, result = method.controller.wrap(1).adapt_step_size(
-        step.t, trial.t1, *sizes, (scene, step.memory), trial.error, order, step.controller_state
+        step.t, trial.t1, before, after, (scene, step.memory), error, order, step.controller_state
     )
     return keep, t_next, jumped, state, result
+
+
+def _tangents_after(
+    method: Method, family: AbstractFamily, step: Step, trial: Trial, seconds: Any
+) -> Tangents:
+    """The tangents if the step is accepted.
+
+    Those of the entry speed hold up to terms of the size of the depth landed at, since the second
+    rates are taken as constants.
+    """
+    taken, along = trial.tangents, step.tangents
+    assert taken is not None and along is not None
+
+    def memory_after(scene: Scene, y1: Variables, memory: Memory) -> tuple[Memory, None]:
+        after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
+        return updated_memory(scene, memory, step.reaches, after, seconds), None
+
+    memory, _, memory_tangents = family.pushed(
+        memory_after, (trial.taken.y, step.memory), (taken.y, along.memory)
+    )
+    return Tangents(taken.y, memory_tangents, taken.solver_state)
 
 
 def _may_jump(method: Method, scene: Scene) -> bool:
@@ -221,7 +294,7 @@ def _second_rates(
 
 def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar) -> Any:
     """Second derivatives of the gaps at the end of a step."""
-    rates = _term(method).vf(t1, y1, (scene, step.memory))
+    rates = term_of(method).vf(t1, y1, (scene, step.memory))
     return second_rates(scene, method.formulation, y1.motion, rates.motion)
 
 
@@ -255,7 +328,8 @@ def _result(
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 
 
-def _choose(condition: Scalar, first: Any, second: Any) -> Any:
+def choose(condition: Scalar, first: Any, second: Any) -> Any:
+    """One of two PyTrees, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
 
 
@@ -274,10 +348,10 @@ def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tupl
     """
     end = tried.step.t
     dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
-    y = _choose(t >= end, tried.step.y, dense.evaluate(t))
+    y = choose(t >= end, tried.step.y, dense.evaluate(t))
     if isinstance(method.formulation.stabilisation, Projection):
         y = Variables(projected(scene, method.formulation, y, t).motion, y.work)
-    return y, _choose(t >= end, tried.step.memory, tried.memory_start)
+    return y, choose(t >= end, tried.step.memory, tried.memory_start)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:

@@ -27,12 +27,20 @@ class Variables(eqx.Module):
     work: dict[str, Scalar]
 
 
+class Tangents(eqx.Module):
+    """Derivatives of a step's state with respect to p parameters, which come first in each leaf."""
+
+    y: Variables
+    memory: Memory
+    solver_state: Any
+
+
 class Step(eqx.Module):
     """Everything between two steps: enough to go on from.
 
     `second_rates` are those of the contacts' depths, m/s^2. `intended` is the length of the next
     step, s, were it not cut short by an event; `enters` says that it is the first in a contact, of
-    which `entering` is the length that held last.
+    which `entering` is the length that held last. `tangents` is ``None`` unless they are wanted.
     """
 
     t: Scalar
@@ -50,6 +58,7 @@ class Step(eqx.Module):
     result: RESULTS
     attempts: Scalar
     accepted: Scalar
+    tangents: Tangents | None = None
 
 
 class Attempt(eqx.Module):
@@ -58,5 +67,13 @@ class Attempt(eqx.Module):
     step: Step
     kept: Scalar
     t_start: Scalar
+    memory_start: Memory
+    information: Any
+    tangents: "TangentsInside | None" = None
+
+
+class TangentsInside(eqx.Module):
+    """What is needed to look at the tangents inside a step."""
+
     memory_start: Memory
     information: Any

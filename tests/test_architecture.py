@@ -10,7 +10,17 @@ import clearjoint
 
 PACKAGE = Path(clearjoint.__file__).parent
 FLOORS = (
-    ("vectors", "rotations", "smoothing", "linear", "restitution", "results", "runtime", "fields"),
+    (
+        "vectors",
+        "rotations",
+        "smoothing",
+        "linear",
+        "restitution",
+        "results",
+        "runtime",
+        "fields",
+        "scales",
+    ),
     ("bodies", "contact", "friction"),
     (
         "joints.freedoms",
@@ -22,7 +32,7 @@ FLOORS = (
         "joints.drives",
         "joints.clearance",
     ),
-    ("scene", "parameters"),
+    ("scene", "parameters", "variations"),
     (
         "coordinates",
         "absolute",
@@ -41,9 +51,11 @@ FLOORS = (
     (
         "impacts",
         "explicit",
+        "family",
         "steps",
         "step_length",
         "stepping",
+        "tangents",
         "segments",
         "impact_table",
         "solution",
@@ -53,6 +65,9 @@ FLOORS = (
         "reductions",
         "records",
         "simulate",
+        "estimands",
+        "integration",
+        "sensitivity",
         "lanes",
         "pool",
         "batch",

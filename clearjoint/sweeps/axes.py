@@ -1,7 +1,6 @@
 """What a sweep varies, and the lanes that come of it."""
 
-import abc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,39 +9,20 @@ import numpy as np
 
 from ..bodies import State
 from ..fields import as_number, recheck_changes, require, require_finite
-from ..parameters import Place, numbers_at, put_numbers, unit_at
+from ..parameters import Place
 from ..scene import Scene
+from ..variations import AbstractVariation, Change, MadeByFunction, SceneNumber, StateNumber
 from .describe import describe
 
-Change = Callable[[Scene, State, Any], tuple[Scene, State]]
 
-
-class AbstractAxis(abc.ABC):
-    """Values of one parameter: `values` (n,), in `unit`."""
-
-    values: np.ndarray
-
-    @abc.abstractmethod
-    def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit of the values."""
-
-    @abc.abstractmethod
-    def setter(self, scene: Scene, state: State) -> Change:
-        """A function that puts a value into scenes and states of the structure of these."""
-
-    @abc.abstractmethod
-    def described(self) -> str:
-        """What is varied, as a text by which a store knows its own."""
-
-
-@dataclass(frozen=True, eq=False)
-class Axis(AbstractAxis):
+@dataclass(frozen=True, eq=False, init=False)
+class Axis:
     """Values of a number of the scene.
 
     **Arguments:**
 
     - `place`: where in the scene it is, such as ``lambda scene: scene.joints["pin"].clearance``. A
-      place that returns several numbers ties them.
+      place that returns several numbers ties them. Or another variation (`clearjoint.variations`).
     - `values`: (n,), in the unit of the place.
     - `unit`: a label; that of the place unless given.
 
@@ -50,93 +30,31 @@ class Axis(AbstractAxis):
     and state of a value, for parameters that move several numbers, such as lengths.
     """
 
-    place: Place
-    values: Any
-    unit: str | None = None
+    variation: AbstractVariation
+    values: np.ndarray
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", _row(self.values))
-        _require_function("place", self.place, "pass lambda scene: ...")
+    def __init__(self, place: Place | AbstractVariation, values: Any, unit: str | None = None):
+        variation = place if isinstance(place, AbstractVariation) else SceneNumber(place, unit)
+        object.__setattr__(self, "variation", variation)
+        object.__setattr__(self, "values", _row(values))
 
     @staticmethod
-    def initial(place: Place, values: Any, unit: str | None = None) -> "InitialAxis":
+    def initial(place: Place, values: Any, unit: str | None = None) -> "Axis":
         """Values of a number of the initial state."""
-        return InitialAxis(place, values, unit)
+        return Axis(StateNumber(place, unit), values)
 
     @staticmethod
-    def change(make: Change, values: Any, unit: str = "1") -> "ChangeAxis":
+    def change(make: Change, values: Any, unit: str = "1") -> "Axis":
         """Values from which ``make(scene, state, value)`` makes the lane's scene and state."""
-        return ChangeAxis(make, values, unit)
+        return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The unit of the values."""
-        return unit_at(scene, self.place) if self.unit is None else self.unit
-
-    def setter(self, scene: Scene, state: State) -> Change:
-        """Puts a value at the place."""
-        numbers = numbers_at(scene, self.place)
-        put_numbers(scene, numbers, self.values[0])
-        return lambda scene, state, value: (put_numbers(scene, numbers, value), state)
+        return self.variation.unit_in(scene, state)
 
     def described(self) -> str:
-        """The place."""
-        return f"scene {describe(self.place)}"
-
-
-@dataclass(frozen=True, eq=False)
-class InitialAxis(AbstractAxis):
-    """Values of a number of the initial state; see `Axis`."""
-
-    place: Place
-    values: Any
-    unit: str | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", _row(self.values))
-        _require_function("place", self.place, "pass lambda state: ...")
-
-    def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit of the values."""
-        return unit_at(state, self.place) if self.unit is None else self.unit
-
-    def setter(self, scene: Scene, state: State) -> Change:
-        """Puts a value at the place."""
-        numbers = numbers_at(state, self.place)
-        put_numbers(state, numbers, self.values[0])
-        return lambda scene, state, value: (scene, put_numbers(state, numbers, value))
-
-    def described(self) -> str:
-        """The place."""
-        return f"state {describe(self.place)}"
-
-
-@dataclass(frozen=True, eq=False)
-class ChangeAxis(AbstractAxis):
-    """Values from which a function makes scene and state; see `Axis`."""
-
-    make: Change
-    values: Any
-    unit: str = "1"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", _row(self.values))
-        _require_function("make", self.make, "pass lambda scene, state, value: ...")
-
-    def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit of the values."""
-        return self.unit
-
-    def setter(self, scene: Scene, state: State) -> Change:
-        """The function."""
-        return self.make
-
-    def described(self) -> str:
-        """The function."""
-        return f"change {describe(self.make)}"
-
-
-def _require_function(argument: str, value: Any, remedy: str) -> None:
-    require(callable(value), argument, value, "a function", remedy)
+        """What is varied, as a text by which a store knows its own."""
+        return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
 def _row(values: Any) -> np.ndarray:
@@ -180,10 +98,10 @@ class Lanes:
 
 
 def lanes_of(
-    scene: Scene, state: State, axes: Mapping[str, AbstractAxis], values: Mapping[str, np.ndarray]
+    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
     """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
-    changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
+    changes = {name: axis.variation.setter(scene, state) for name, axis in axes.items()}
     count = len(next(iter(values.values())))
     bad: dict[int, str] = {}
     rows: list[list[Any]] = []

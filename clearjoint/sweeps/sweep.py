@@ -27,7 +27,7 @@ from ..simulate import check_precision, check_values, make_method
 from ..steps import Method
 from ..structure import constraint_report
 from ..vectors import structured
-from .axes import AbstractAxis, Lanes, lanes_of
+from .axes import Axis, Lanes, lanes_of
 from .describe import describe, scene_settings, structure_setting, versions
 from .execution import run_chunks
 from .layout import RESULT, Coordinate, Layout
@@ -45,7 +45,7 @@ def sweep(
     scene: Scene,
     state: State,
     end_time: float | Callable[[Scene], float],
-    axes: Mapping[str, AbstractAxis],
+    axes: Mapping[str, Axis],
     outputs: Mapping[str, Output] | None = None,
     *,
     zipped: bool = False,
@@ -185,14 +185,14 @@ def _check_outputs(outputs: Mapping[str, Output], ledger: bool) -> None:
 def _described(
     scene: Scene,
     state: State,
-    axes: Mapping[str, AbstractAxis],
+    axes: Mapping[str, Axis],
     outputs: Mapping[str, Output],
     settings: Mapping[str, Any],
 ) -> dict[str, str]:
     """All that decides the numbers, as texts. What an axis varies is described by its values."""
     for axis in axes.values():
         with suppress(ValueError):
-            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
+            scene, state = axis.variation.setter(scene, state)(scene, state, axis.values[0])
     return {
         **{name: describe(value) for name, value in settings.items()},
         **{f"axis {name}": axis.described() for name, axis in axes.items()},

@@ -1,0 +1,137 @@
+"""Parameters of a scene that are estimated, and the family of scenes that they span."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+
+from .bodies import State
+from .family import AbstractFamily
+from .parameters import Place, value_at
+from .scales import AbstractScale, Linear
+from .scene import Scene
+from .variations import AbstractVariation, Change, MadeByFunction, SceneNumber, StateNumber
+from .vectors import Structured, structured, unpack
+
+
+@dataclass(frozen=True, init=False)
+class Parameter:
+    """A number of the scene that is estimated, and the scale on which.
+
+    **Arguments:**
+
+    - `place`: where in the scene it is, such as ``lambda scene: scene.joints["pin"].clearance``. A
+      place that returns several numbers ties them.
+    - `scale`: `Linear()` unless given; `Log()` for what is positive, `Bounded(low, high)` for
+      what is between bounds. Derivatives are with respect to the scale's coordinate.
+    - `value`: that of the scene unless given.
+    - `unit`: a label; that of the place unless given.
+
+    `Parameter.initial` takes a place in the initial state, and `Parameter.change` a function that
+    makes scene and state of a value.
+    """
+
+    variation: AbstractVariation
+    scale: AbstractScale
+    value: float | None
+
+    def __init__(
+        self,
+        place: Place | AbstractVariation,
+        scale: AbstractScale | None = None,
+        *,
+        value: float | None = None,
+        unit: str | None = None,
+    ):
+        variation = place if isinstance(place, AbstractVariation) else SceneNumber(place, unit)
+        object.__setattr__(self, "variation", variation)
+        object.__setattr__(self, "scale", Linear() if scale is None else scale)
+        object.__setattr__(self, "value", value)
+
+    @staticmethod
+    def initial(
+        place: Place,
+        scale: AbstractScale | None = None,
+        *,
+        value: float | None = None,
+        unit: str | None = None,
+    ) -> "Parameter":
+        """A number of the initial state."""
+        return Parameter(StateNumber(place, unit), scale, value=value)
+
+    @staticmethod
+    def change(
+        make: Change, value: float, scale: AbstractScale | None = None, unit: str = "1"
+    ) -> "Parameter":
+        """A value from which ``make(scene, state, value)`` makes scene and state."""
+        return Parameter(MadeByFunction(make, unit), scale, value=value)
+
+    def coordinate_in(self, scene: Scene, state: State) -> float:
+        """The coordinate of the given value, or of the one in the scene.
+
+        **Raises:** `ValueError` for a value outside the scale.
+        """
+        value = self.value
+        if value is None and isinstance(self.variation, SceneNumber):
+            value = value_at(scene, self.variation.place)
+        elif value is None and isinstance(self.variation, StateNumber):
+            value = value_at(state, self.variation.place)
+        return self.scale.coordinate(value)
+
+
+class ParametrisedScene(AbstractFamily):
+    """A scene and its initial state with some of their numbers free."""
+
+    values: Any
+    base: tuple[Scene, State]
+    changes: tuple[Change, ...] = eqx.field(static=True)
+    scales: tuple[AbstractScale, ...] = eqx.field(static=True)
+    patterns: tuple[Any, ...] = eqx.field(static=True)
+
+    def made(self, values: Any) -> tuple[Scene, State]:
+        """Scene and state, in packed form, at the parameters' coordinates."""
+        scene, state = self.base
+        for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
+            scene, state = change(scene, state, scale.value(values[k]))
+        return scene, state
+
+    def scene(self, values: Any) -> Scene:
+        """The scene, in scalar form."""
+        return unpack(Structured(self.made(values)[0], self.patterns))
+
+    def start(self, values: Any) -> State:
+        """The initial state, in scalar form."""
+        return unpack(self.made(values)[1])
+
+
+def parametrised(
+    scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Any
+) -> ParametrisedScene:
+    """The family of scenes that parameters span, looked at where their coordinates are `values`."""
+    changes = tuple(p.variation.setter(scene, state) for p in parameters.values())
+    scales = tuple(p.scale for p in parameters.values())
+    family = ParametrisedScene(values, (scene, state), changes, scales, ())
+    varied = _varied(family, scene)
+    patterns = structured(scene, varied).patterns
+    return ParametrisedScene(values, (scene, state), changes, scales, patterns)
+
+
+def _varied(family: ParametrisedScene, scene: Scene) -> Any:
+    """Which leaves of the scene depend on the parameters."""
+    found: list[bool] = []
+
+    def made(values: Any) -> Any:
+        found[:] = [isinstance(leaf, Tracer) for leaf in jax.tree.leaves(family.made(values)[0])]
+        return values
+
+    jax.eval_shape(made, np.zeros(len(family.changes)))
+    return jax.tree.unflatten(jax.tree.structure(scene), found)
+
+
+def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Coordinates (p,) of the parameters' values; see `Parameter.coordinate_in`."""
+    return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

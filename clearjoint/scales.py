@@ -1,0 +1,87 @@
+"""Coordinates in which parameters are estimated: free of bounds, and of about unit size."""
+
+import abc
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .fields import require, require_finite
+from .vectors import Scalar
+
+
+@dataclass(frozen=True)
+class AbstractScale(abc.ABC):
+    """A map from all real numbers to the values that a parameter may have."""
+
+    @abc.abstractmethod
+    def value(self, coordinate: Scalar) -> Scalar:
+        """The parameter at a coordinate."""
+
+    @abc.abstractmethod
+    def coordinate(self, value: Any) -> float:
+        """The coordinate of a parameter.
+
+        **Raises:** `ValueError` for a value outside the scale.
+        """
+
+    def slope(self, coordinate: Any) -> np.ndarray:
+        """Derivative of the value to the coordinate."""
+        return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
+
+
+@dataclass(frozen=True)
+class Linear(AbstractScale):
+    """Any value: the coordinate in units of `unit`."""
+
+    unit: float = 1.0
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """unit times coordinate."""
+        return self.unit * coordinate
+
+    def coordinate(self, value: Any) -> float:
+        """value over unit."""
+        require_finite("value", value)
+        return float(value) / self.unit
+
+
+@dataclass(frozen=True)
+class Log(AbstractScale):
+    """Positive values: the natural logarithm."""
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """exp(coordinate)."""
+        return jnp.exp(coordinate)
+
+    def coordinate(self, value: Any) -> float:
+        """log(value)."""
+        require(float(value) > 0.0, "value", float(value), "positive", "take a Linear() scale")
+        return math.log(float(value))
+
+
+@dataclass(frozen=True)
+class Bounded(AbstractScale):
+    """Values between two bounds: the logarithm of the ratio of the distances to them."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        require(
+            self.low < self.high, "high", self.high, f"above low = {self.low}", "swap the bounds"
+        )
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """low + (high - low)/(1 + exp(-coordinate))."""
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
+
+    def coordinate(self, value: Any) -> float:
+        """log((value - low)/(high - value))."""
+        inside = self.low < float(value) < self.high
+        bounds = f"between {self.low} and {self.high}"
+        require(inside, "value", float(value), bounds, "start inside the bounds, or widen them")
+        return math.log((float(value) - self.low) / (self.high - float(value)))

@@ -1,0 +1,201 @@
+"""Error-controlled forward sensitivities: derivatives of what is measured along a motion.
+
+Plain differentiation through an adaptive loop gives the derivative of the discretisation, which
+near impacts is another function than that of the motion. Here the variational equations are
+integrated beside the state and judged with it, the memory of an impact is differentiated at its
+true onset, and steps land on onsets within 1e-13 m. Measured on the double pendulum to its
+eleventh contact, against differences of an event-exact solver in quadruple precision: 4e-7 at
+`rtol` 1e-9, 2e-8 at 1e-11.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .bodies import State
+from .dynamics import Projection
+from .estimands import Parameter, coordinates_of, parametrised
+from .family import AbstractFamily
+from .instant import Instant
+from .integration import Integration
+from .reductions import Quantity
+from .results import RESULTS
+from .scene import Scene
+from .simulate import check_times
+from .solution import SimulationError
+from .stepping import attempt, look_inside, projected, running
+from .steps import Attempt, Method, Step, Variables
+from .tangents import look_at_tangents, start_with_tangents
+from .vectors import Scalar
+
+FEW_TIMES, MANY_TIMES = 64, 512
+"""Numbers of times are rounded up to multiples of these, so that other numbers compile nothing."""
+
+
+class Sampled(eqx.Module):
+    """What was measured at N instants, and its derivatives along p parameters.
+
+    - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
+    - `reached`: (N,) whether the run came so far.
+    - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
+    """
+
+    values: dict[str, Any]
+    derivatives: dict[str, Any]
+    reached: Any
+    time: Any
+    result: RESULTS
+    attempts: Any
+    accepted: Any
+
+
+def sampled(
+    method: Method,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    t0: Any,
+    t_end: Any,
+    first_step: Any,
+    max_steps: Any,
+) -> Sampled:
+    """Integrate state and derivatives, and look at quantities at rising times. Traceable."""
+    scene = family.scene(family.values)
+    step = start_with_tangents(method, family, t0, t_end, first_step)
+    shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end, family))
+    zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    last: Attempt = eqx.tree_at(lambda a: a.step, zeros, step)
+
+    def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
+        tried = attempt(method, scene, now[0], t_end, family)
+        return tried.step, jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, now[1])
+
+    def sample(now: tuple[Step, Attempt], time: Scalar) -> Any:
+        step, last = now = jax.lax.while_loop(
+            lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
+        )
+        found = _looked_at(method, family, outputs, last, time)
+        return now, (*found, time <= step.t)
+
+    (step, _), found = jax.lax.scan(sample, (step, last), times)
+    unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
+    result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
+    return Sampled(*found, step.t, result, step.attempts, step.accepted)
+
+
+def _looked_at(
+    method: Method,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    tried: Attempt,
+    time: Scalar,
+) -> tuple[dict[str, Scalar], dict[str, Any]]:
+    """Quantities at an instant of an accepted step, and their derivatives."""
+    scene, formulation = family.scene(family.values), method.formulation
+    dense = look_inside(method, scene, tried, time)
+
+    def observed(scene: Scene, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
+        if isinstance(formulation.stabilisation, Projection):
+            y = projected(scene, formulation, y, time)
+        now = Instant(scene, formulation, time, y.motion, memory, y.work)
+        return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
+
+    values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))
+    return values, derivatives
+
+
+_sampled_compiled = eqx.filter_jit(sampled)
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Quantities along a motion and their derivatives.
+
+    - `times`: (N,) s, those asked for that were reached.
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
+      `Log` scale: to the logarithm), in the order of `parameters`.
+    - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
+    - `attempts`, `accepted`: steps tried and accepted.
+    """
+
+    parameters: tuple[str, ...]
+    times: np.ndarray
+    values: dict[str, np.ndarray]
+    derivatives: dict[str, np.ndarray]
+    time: float
+    result: RESULTS
+    attempts: int
+    accepted: int
+
+
+def sensitivities(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    *,
+    start_time: float = 0.0,
+    integration: Integration | None = None,
+    throw: bool = True,
+) -> Sensitivities:
+    """Integrate a scene with the derivatives of its motion along parameters.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`; the parameters' values are
+      those of the scene.
+    - `parameters`: what to differentiate along, by name; see `Parameter`.
+    - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
+    - `times`: (N,) s, rising, at which they are evaluated.
+    - `integration`: tolerances and method; `Integration()` unless given.
+    - `throw`: raise `SimulationError`, with what was reached, if the run fails.
+
+    **Raises:** `ValueError` for arguments that no run can use.
+    """
+    integration = Integration() if integration is None else integration
+    method = integration.method(scene, state, start_time)
+    asked = check_times(start_time, end_time, times)
+    assert asked is not None
+    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
+    padded = np.full(_padded_count(len(asked)), float(end_time))
+    padded[: len(asked)] = asked
+    span = (jnp.asarray(float(t)) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
+    found = jax.device_get(
+        _sampled_compiled(
+            method,
+            family,
+            dict(outputs),
+            jnp.asarray(padded),
+            *span,
+            jnp.asarray(integration.max_steps),
+        )
+    )
+    count = int(found.reached[: len(asked)].sum())
+    result = Sensitivities(
+        tuple(parameters),
+        asked[:count],
+        {name: values[:count] for name, values in found.values.items()},
+        {name: values[:count] for name, values in found.derivatives.items()},
+        float(found.time),
+        found.result,
+        int(found.attempts),
+        int(found.accepted),
+    )
+    if throw and found.result != RESULTS.successful:
+        raise SimulationError(
+            f"The run ended at t = {result.time:.9g} s: {RESULTS[found.result]}", result
+        )
+    return result
+
+
+def _padded_count(count: int) -> int:
+    size = FEW_TIMES if count <= FEW_TIMES else MANY_TIMES
+    return -(-count // size) * size
