@@ -72,7 +72,7 @@ FLOORS = (
         "pool",
         "batch",
     ),
-    ("observables", "quantities", "testing"),
+    ("observables", "quantities.base", "quantities.bodies", "quantities.joints", "testing"),
     (
         "free_impact",
         "sweeps.layout",
