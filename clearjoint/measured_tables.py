@@ -3,6 +3,7 @@
 Rows are counted from 1 below the header; blank and comment lines don't count.
 """
 
+import warnings
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,9 @@ class _Column:
 
     def numbers(self) -> np.ndarray:
         """The values as numbers; NaN what is none."""
+        dated = self.values.dtype.kind in "mM"
+        remedy = "subtract the first and divide by a second"
+        require(not dated, self.place, self.values.dtype, "numbers, not dates", remedy)
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
@@ -82,7 +86,7 @@ def read_csv(
     **Raises:** `ValueError` for a column that is not there, without a unit or in one of another
     dimension, for text and NaN, times that don't rise, and noise that is not positive.
     """
-    table = pd.read_csv(path, **{"index_col": False, "skipinitialspace": True, **options})
+    table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
     headers = [_split(header) for header in table.columns]
     names = [name for name, _ in headers]
     file = f"{str(path)!r}"
@@ -135,6 +139,18 @@ def from_xarray(
     return Measurements(series)
 
 
+def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            return pd.read_csv(path, **options)
+        except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+            raise ValueError(
+                f"File {str(path)!r} must have as many fields in each row as in its header, but "
+                f"pandas says: {str(error).strip()} Pass `sep`, `decimal`, `comment` or `skiprows` as it needs."
+            ) from error
+
+
 def _checked(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
     for name, channel in channels.items():
         kind, remedy = type(channel).__name__, "pass cj.Channel(quantity, noise=...)"
@@ -156,9 +172,6 @@ def _require_listed(name: str, listed: list[str], what: str) -> None:
 
 def _times(column: _Column, unit: str) -> np.ndarray:
     """Times in s, checked to rise."""
-    dated = column.values.dtype.kind in "mM"
-    remedy = "subtract the first and divide by a second"
-    require(not dated, column.place, column.values.dtype, "numbers, not dates", remedy)
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "times must not be missing")
     rising = np.append(True, np.diff(times) > 0.0)
@@ -179,7 +192,10 @@ def _series(
     noise = channel.noise if channel.noise is not None else noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(noise is not None, "noise", noise, "one standard deviation", remedy)
-    noise = np.asarray(noise)[there] if np.ndim(noise) else noise
+    if np.ndim(noise):
+        expected, remedy = f"of shape {there.shape}", "pass one number, or one a row"
+        require(np.shape(noise) == there.shape, "noise", np.shape(noise), expected, remedy)
+        noise = np.asarray(noise)[there]
     unit = _unit(channel, column)
     return _within(
         column, lambda: Series(channel.quantity, times[there], values[there], noise, unit, name)

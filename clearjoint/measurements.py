@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .fields import as_number, require
+from .fields import as_number, concrete, require
 from .quantities.base import AbstractQuantity
 from .reductions import Quantity
 from .scene import Scene
@@ -64,7 +64,10 @@ class Series(eqx.Module):
         self.noise = as_number(noise) * factor * np.ones(np.shape(self.values))
 
     def __check_init__(self):
-        times, values, noise = (np.asarray(row) for row in (self.times, self.values, self.noise))
+        rows = [concrete(row) for row in (self.times, self.values, self.noise)]
+        if any(row is None for row in rows):
+            return
+        times, values, noise = map(np.asarray, rows)
         label = "" if self.name is None else f" of {self.name!r}"
         fine = times.ndim == 1 and times.size > 0
         require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")

@@ -102,6 +102,9 @@ BARE = "t,p\n0,1\n1,2\n"
         (GOOD, cj.Channel(PROBE.quantity), r"`noise` must be one standard deviation, but is None"),
         (GOOD.replace("p [mm]", "t [s]"), PROBE, "`channels` must be once in '.*', but is 't'"),
         (GOOD, PROBE.quantity, r"`channels\['p'\]` must be a Channel, but is 'JournalOffset'"),
+        (GOOD.replace("1,2", "1,0,2,5"), PROBE, r"^File '.*rig.csv' must have as many fields"),
+        ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass `sep`, `decimal`"),
+        (GOOD, cj.Channel(PROBE.quantity, [1.0, 2.0]), r"`noise` must be of shape \(3,\), but"),
         ("t,p [mm]\n", PROBE, "In column 'p' of .*`times of 'p'` must be a row of times"),
     ],
 )  # fmt: skip
