@@ -147,7 +147,8 @@ def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
             raise ValueError(
                 f"File {str(path)!r} must have as many fields in each row as in its header, but "
-                f"pandas says: {str(error).strip()} Pass `sep`, `decimal`, `comment` or `skiprows` as it needs."
+                f"pandas says: {str(error).strip()} Pass `sep`, `decimal`, `comment` or `skiprows` "
+                "as it needs."
             ) from error
 
 
