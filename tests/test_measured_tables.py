@@ -177,14 +177,16 @@ def test_datasets_that_are_not_right_are_refused(make, name, message):
 
 
 def test_example_of_the_readme(tmp_path, monkeypatch):
+    """On the scene of its first example."""
     readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    scene = re.search(r"^scene = cj\.Scene\(.*?^\)\n", readme, re.DOTALL | re.MULTILINE)
+    assert scene is not None
     section = readme.partition("## Measured data\n")[2].partition("\n## ")[0]
     table, code = re.findall(r"```(?:csv|python)\n(.*?)```", section, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     Path("rig.csv").write_text(table, encoding="utf-8")
-    scene, _ = cj.double_pendulum()
-    names = {"cj": cj, "np": np, "scene": scene}
-    exec(code, names)
+    names = {"cj": cj, "np": np}
+    exec(scene.group() + code, names)
     data = names["data"]
     assert isinstance(data, cj.Measurements)
     assert len(data["probe x"]) == 3 and len(data["accelerometer"]) == 2
