@@ -189,7 +189,7 @@ class Angle(AbstractBodyQuantity):
                 sine = np.linalg.norm(np.cross(self.about, direction))
                 lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
                 expected = f"a direction across `about` = {self.about}, at least in part"
-                require(sine > 1e-9 * lengths, name, direction, expected, "choose another")
+                require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
     def __call__(self, now: Instant) -> Scalar:
         """The angle."""

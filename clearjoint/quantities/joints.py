@@ -116,22 +116,17 @@ class EntrySpeed(AbstractContactQuantity):
 class AbstractJournalQuantity(AbstractJointQuantity):
     """A quantity of the journal of a clearance joint, or of one of its bases, "V" or "W"."""
 
-    base: eqx.AbstractVar[str | None]
     unit: ClassVar[str | None] = "m"
-
-    def __check_init__(self):
-        known = (*BASES, None)
-        require(self.base in known, "base", self.base, f"one of {known}", "name one of them")
 
     def joints(self, scene: Scene) -> Collection[str]:
         """The clearance joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, ClearanceJoint)]
 
-    def offset(self, now: Instant) -> Vector:
+    def offset(self, now: Instant, base: str | None) -> Vector:
         """From the bearing's centre, in its frame, m."""
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, ClearanceJoint)
-        return joint.journal_offset(now.motions, self.base)
+        return joint.journal_offset(now.motions, base)
 
 
 class JournalOffset(AbstractJournalQuantity):
@@ -147,10 +142,11 @@ class JournalOffset(AbstractJournalQuantity):
 
     def __check_init__(self):
         require_component(self.component)
+        _require_base(self.base)
 
     def __call__(self, now: Instant) -> Scalar:
         """The component."""
-        return getattr(self.offset(now), self.component)
+        return getattr(self.offset(now, self.base), self.component)
 
 
 class Eccentricity(AbstractJournalQuantity):
@@ -160,9 +156,12 @@ class Eccentricity(AbstractJournalQuantity):
     joint: str = eqx.field(static=True)
     base: str | None = eqx.field(default=None, static=True)
 
+    def __check_init__(self):
+        _require_base(self.base)
+
     def __call__(self, now: Instant) -> Scalar:
         """The distance."""
-        offset = self.offset(now)
+        offset = self.offset(now, self.base)
         return norm_and_direction(Vector(offset.x, offset.y, 0.0))[0]
 
 
@@ -233,6 +232,11 @@ class JointAngle(AbstractJointQuantity):
     def __call__(self, now: Instant) -> Scalar:
         """The angle."""
         return _elements(now.scene)[self.joint].turn(now.motions).value
+
+
+def _require_base(base: Any) -> None:
+    known = (*BASES, None)
+    require(base in known, "base", base, f"one of {known}", "name one of them")
 
 
 def _elements(scene: Scene) -> dict[str, Any]:
