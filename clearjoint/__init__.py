@@ -51,6 +51,11 @@ from .joints.ideal import PrismaticJoint as PrismaticJoint
 from .joints.ideal import RevoluteJoint as RevoluteJoint
 from .joints.ideal import SphericalJoint as SphericalJoint
 from .joints.primitives import rows_from_residual as rows_from_residual
+from .measured_tables import Channel as Channel
+from .measured_tables import from_xarray as from_xarray
+from .measured_tables import read_csv as read_csv
+from .measurements import Measurements as Measurements
+from .measurements import Series as Series
 from .mechanisms import double_pendulum as double_pendulum
 from .mechanisms import slider_crank as slider_crank
 from .observables import MotionMode as MotionMode

@@ -72,9 +72,12 @@ FLOORS = (
         "pool",
         "batch",
     ),
-    ("observables", "quantities", "testing"),
+    ("observables", "quantities.base", "quantities.bodies", "quantities.joints", "testing"),
     (
         "free_impact",
+        "units",
+        "measurements",
+        "measured_tables",
         "sweeps.layout",
         "sweeps.differences",
         "sweeps.metadata",
@@ -115,6 +118,8 @@ THIRD_PARTY = {
     "optax": 7,
     "optimistix": 7,
     "xarray": 7,
+    "pandas": 7,
+    "pint": 7,
     "zarr": 7,
     "cloudpickle": 7,
 }

@@ -101,7 +101,9 @@ def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
     """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
-    changes = {name: axis.variation.setter(scene, state) for name, axis in axes.items()}
+    changes = {
+        name: axis.variation.setter(scene, state, axis.values[0]) for name, axis in axes.items()
+    }
     count = len(next(iter(values.values())))
     bad: dict[int, str] = {}
     rows: list[list[Any]] = []
