@@ -91,14 +91,14 @@ def read_csv(
     names = [name for name, _ in headers]
     file = f"{str(path)!r}"
 
-    def column(name: str) -> _Column:
-        _require_listed(name, names, f"columns of {file}")
+    def column(name: str, argument: str = "channels") -> _Column:
+        _require_listed(argument, name, names, f"columns of {file}")
         once = names.count(name) == 1
-        require(once, "channels", name, f"once in {file}", "rename one of the columns")
+        require(once, argument, name, f"once in {file}", "rename one of the columns")
         k = names.index(name)
         return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
 
-    times = _times(column(time), time_unit)
+    times = _times(column(time, "time"), time_unit)
     series = {
         name: _series(name, channel, column(name), times, noise, missing)
         for name, channel in _checked(channels)
@@ -128,12 +128,15 @@ def from_xarray(
 
     series = {}
     for name, channel in _checked(channels):
-        _require_listed(name, [str(v) for v in dataset.data_vars], "variables of the dataset")
+        variables = [str(variable) for variable in dataset.data_vars]
+        _require_listed("channels", name, variables, "variables of the dataset")
         dims = dataset[name].dims
         remedy = "select one series along the other dimensions"
         require(len(dims) == 1, f"channels[{name!r}]", dims, "of one dimension, the time's", remedy)
         coordinates = [str(c) for c in dataset.coords]
-        _require_listed(str(dims[0]), coordinates, "coordinates of the dataset")
+        remedy = "label its rows with their times"
+        expected = f"with a coordinate, one of {coordinates}, along {dims[0]!r}"
+        require(dims[0] in coordinates, f"channels[{name!r}]", dims, expected, remedy)
         times = _times(column(dims[0]), "s")
         series[name] = _series(name, channel, column(name), times, noise, missing)
     return Measurements(series)
@@ -141,7 +144,7 @@ def from_xarray(
 
 def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
     with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)
+        warnings.filterwarnings("error", "Length of header", pd.errors.ParserWarning)
         try:
             return pd.read_csv(path, **options)
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
@@ -167,8 +170,8 @@ def _split(header: Any) -> tuple[str, str | None]:
     return name.strip(), rest.removesuffix("]").strip()
 
 
-def _require_listed(name: str, listed: list[str], what: str) -> None:
-    require(name in listed, "channels", name, f"among the {what}, {listed}", "correct the name")
+def _require_listed(argument: str, name: str, listed: list[str], what: str) -> None:
+    require(name in listed, argument, name, f"among the {what}, {listed}", "correct the name")
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -64,6 +65,9 @@ def test_options_reach_pandas_and_noise_may_be_common(written, tmp_path):
     data = cj.read_csv(comma, {"p": PROBE}, sep=";", decimal=",")
     np.testing.assert_array_equal(data["p"].values, [1.25, 2.5])
     np.testing.assert_array_equal(data["p"].times, [0.5, 1.5])
+    with pytest.warns(pd.errors.ParserWarning, match="Falling back"):
+        spaced = cj.read_csv(written("t |  p [m]\n0 |  2\n"), {"p": PROBE}, sep=r" \| +")
+    np.testing.assert_array_equal(spaced["p"].values, [2.0])
 
 
 GAPS = "t,p [mm],a [deg]\n0,1,\n1,bad,5\n2,3,NaN\n3,4,6\n4,inf,7\n"
@@ -93,14 +97,14 @@ BARE = "t,p\n0,1\n1,2\n"
          'number, but is nan: correct it, or pass missing="drop"'),
         (GOOD.replace("1,2", "1,2 mm"), PROBE, "^Row 2 of column 'p' .*but is '2 mm'"),
         (GOOD.replace("p ", "q "), PROBE, r"among the columns of '.*', \['t', 'q'\], but is 'p'"),
-        (GOOD.replace("t,", "time,"), PROBE, r"among the columns of '.*', \['time', 'p'\].* 't'"),
+        (GOOD.replace("t,", "time,"), PROBE, r"`time` must be among the columns of '.*', \['time'"),
         (BARE, PROBE, r"^The unit of column 'p' of '.*rig.csv' must be known.*`name \[unit\]`"),
         (BARE.replace("p", "p [kg]"), PROBE, "^In column 'p' of '.*rig.csv': .*unit of 'm', but i"),
         (GOOD.replace("t,", "t [kg],"), PROBE, "^In column 't' of '.*rig.csv': .*unit of 's', but"),
         (GOOD, cj.Channel(PROBE.quantity, 1.0, "m"), "`unit of column 'p'.* the channel's 'm', bu"),
         (GOOD, cj.Channel(PROBE.quantity, -1.0), r"^In column 'p' .*`noise of 'p'\[0\]` must be"),
         (GOOD, cj.Channel(PROBE.quantity), r"`noise` must be one standard deviation, but is None"),
-        (GOOD.replace("p [mm]", "t [s]"), PROBE, "`channels` must be once in '.*', but is 't'"),
+        (GOOD.replace("p [mm]", "t [s]"), PROBE, "`time` must be once in '.*', but is 't'"),
         (GOOD, PROBE.quantity, r"`channels\['p'\]` must be a Channel, but is 'JournalOffset'"),
         (GOOD.replace("1,2", "1,0,2,5"), PROBE, r"^File '.*rig.csv' must have as many fields"),
         ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass `sep`, `decimal`"),
@@ -163,7 +167,7 @@ def gap():
         (dataset, "pair", r"`channels\['pair'\]` must be of one dimension, .*'side'"),
         (unsorted, "p", "^Row 3 of variable 'time' of the dataset must be later .* 1.0: sort"),
         (gap, "p", "^Row 3 of variable 'p' of the dataset must be a finite number, but is nan"),
-        (lambda: dataset().drop_vars("time"), "p", r"among the coordinates of the dataset, \[\]"),
+        (lambda: dataset().drop_vars("time"), "p", r"with a coordinate, .* along 'time'"),
         (
             lambda: dataset().assign_coords(time=np.array([1, 2, 3], "datetime64[s]")),
             "p",

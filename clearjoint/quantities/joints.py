@@ -102,7 +102,7 @@ class PenetrationRate(AbstractContactQuantity):
 
 
 class EntrySpeed(AbstractContactQuantity):
-    """Entry speed of a contact of a joint while it lasts, m/s; zero in flight."""
+    """Entry speed of a contact while it lasts, m/s; zero in flight. Of a law with memory."""
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
