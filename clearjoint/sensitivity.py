@@ -65,11 +65,25 @@ def sampled(
     max_steps: Any,
 ) -> Sampled:
     """Integrate state and derivatives, and look at quantities at rising times. Traceable."""
+    return followed(method, family, outputs, times, t0, t_end, first_step, max_steps)[0]
+
+
+def followed(
+    method: Method,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    t0: Any,
+    t_end: Any,
+    first_step: Any,
+    max_steps: Any,
+) -> tuple[Sampled, Step, Step]:
+    """`sampled`, with the first and the last step."""
     scene = family.scene(family.values)
-    step = start_with_tangents(method, family, t0, t_end, first_step)
-    shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end, family))
+    first = start_with_tangents(method, family, t0, t_end, first_step)
+    shapes = jax.eval_shape(lambda: attempt(method, scene, first, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-    last: Attempt = eqx.tree_at(lambda a: a.step, zeros, step)
+    last: Attempt = eqx.tree_at(lambda a: a.step, zeros, first)
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
         tried = attempt(method, scene, now[0], t_end, family)
@@ -82,10 +96,10 @@ def sampled(
         found = _looked_at(method, family, outputs, last, time)
         return now, (*found, time <= step.t)
 
-    (step, _), found = jax.lax.scan(sample, (step, last), times)
+    (step, _), found = jax.lax.scan(sample, (first, last), times)
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-    return Sampled(*found, step.t, result, step.attempts, step.accepted)
+    return Sampled(*found, step.t, result, step.attempts, step.accepted), first, step
 
 
 def _looked_at(

@@ -23,23 +23,25 @@ def start_with_tangents(
     method: Method, family: AbstractFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
     """`start` for a family of scenes, with the derivatives of the initial state."""
-    state = family.start(family.values)
 
-    def variables(scene: Scene, values: Any) -> tuple[Variables, None]:
-        bodies = family.start(values).bodies
-        return Variables(method.formulation.coordinates.encode(scene, bodies), {}), None
+    def begun(scene: Scene, values: Any) -> tuple[tuple[Variables, Memory], None]:
+        state = family.start(values)
+        motion = method.formulation.coordinates.encode(scene, state.bodies)
+        return (Variables(motion, {}), jax.tree.map(jnp.asarray, state.memory)), None
 
     count = len(family.values)
-    y, _, y_along = family.pushed(variables, (family.values,), (jnp.eye(count),))
+    (y, memory), _, (y_along, memory_along) = family.pushed(
+        begun, (family.values,), (jnp.eye(count),)
+    )
     scene = family.scene(family.values)
-    step = start(method, scene, t0, t_end, first_step, y, state.memory)
+    step = start(method, scene, t0, t_end, first_step, y, memory)
 
     def rates(scene: Scene, y: Variables, memory: Memory) -> tuple[Any, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (scene, memory)), None
 
     nothing = jnp.zeros(count)
     y_along = Variables(y_along.motion, dict.fromkeys(step.y.work, nothing))
-    memory_along = jax.tree.map(lambda _: nothing, step.memory)
+    memory_along = memory_along or jax.tree.map(lambda _: nothing, step.memory)
     _, _, rates_along = family.pushed(rates, (step.y, step.memory), (y_along, memory_along))
     tangents = Tangents(y_along, memory_along, rates_along)
     return eqx.tree_at(lambda s: s.tangents, step, tangents, is_leaf=lambda leaf: leaf is None)
