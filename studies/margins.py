@@ -1,9 +1,10 @@
 """Margins of peaks to their limits, and the largest value of a parameter at which none is negative.
 
-The margin of an output is log(limit / peak): 0.1 is ten per cent in hand, and where a peak is a power
-of the parameter, the margin is a straight line over the parameter's logarithm. A peak moves in time
-with the parameter, but where it is, the output's rate is zero: its derivative is that of the output
-at a fixed time (the envelope theorem), which `clearjoint.sensitivities` gives.
+The margin of an output is log(limit / peak): 0.1 is ten per cent in hand, and where a peak is a
+power of the parameter, the margin is a straight line over the parameter's logarithm. A peak moves
+in time with the parameter, but where it is, the output's rate is zero: its derivative is that of
+the output at a fixed time (the envelope theorem), which `clearjoint.sensitivities` gives. Off the
+peak it is another one, to first order in the distance: instants must be close enough to tell it.
 """
 
 from collections.abc import Callable, Mapping

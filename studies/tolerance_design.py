@@ -9,156 +9,99 @@ bisection and Brent's method on the same margins are counted beside it. The marg
 clearances then tell whether all smaller ones hold; if not, the search begins anew below the first
 that does not.
 
-There are two questions. When the machine starts, at full speed and with the pin in the middle of its
-bearing, the play is taken up in one impact, which makes the peaks: their margins are smooth. After a
-transient, at a speed at which the journal keeps to the wall, the motion has forgotten its start, and
-so have the derivatives; but the journal still vibrates on the wall, and the phase of that makes the
-margins uneven. Where it strikes, small differences grow from revolution to revolution, and
-derivatives with them: correct, and of no use.
+There are two questions. When the machine starts, at full speed and with the pin in the middle of
+its bearing, the play is taken up in one impact, which makes the peaks: their margins are smooth.
+After a transient, at a speed at which the journal keeps to the wall, the motion has forgotten its
+start, and so have the derivatives; but the journal still vibrates on the wall, and the phase of
+that makes the margins uneven. Where it strikes, small differences grow from revolution to
+revolution, and derivatives with them: correct, and of no use.
 """
 
 import argparse
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import bisect, brentq
 
 import clearjoint as cj
-from clearjoint.instant import Instant
-from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
-from clearjoint.quantities import Position
-from studies.margins import Found, Margins, largest_within, margins_of
+from studies import tolerance_figures as figures
+from studies.margins import predicted
 from studies.output import Output
-from studies.slider_crank import PIN, Settings, closed_form
-from studies.slider_crank_sweep import pin_force
-
-POSITION, FORCE = "slider position", "pin force"
-RANGE = (5e-6, 60e-6)
-"""Radial clearances that are considered, m."""
-TOLERANCE = 1e-5
-"""Of a margin that is called zero."""
-SAMPLES = 4000
-"""Instants of a revolution at which outputs are taken; the wall's vibration has some 200 periods."""
+from studies.tolerance_search import RANGE, Answer, growth, settled, solve, start
 
 
-def slider_error(now: Instant) -> Any:
-    """Slider's position less the ideal mechanism's, m."""
-    motor: Any = now.scene.joints["motor"]
-    angle = motor.speed * now.time
-    across = CRANK_LENGTH * jnp.sin(angle)
-    ideal = CRANK_LENGTH * jnp.cos(angle) + jnp.sqrt(ROD_LENGTH**2 - across**2)
-    return Position("slider", "x")(now) - ideal
-
-
-def distance(now: Instant) -> Any:
-    """Of the slider from the ideal mechanism's, m."""
-    return jnp.abs(slider_error(now))
-
-
-OUTPUTS = {POSITION: distance, FORCE: pin_force, "error": slider_error}
-
-
-@dataclass(frozen=True)
-class Design:
-    """The slider-crank at a crank speed in 1/min, run for so many revolutions, of which the last one
-    counts; and what is allowed: distance from the ideal position, m, and pin force, N."""
-
-    title: str
-    speed: float
-    revolutions: float
-    position_tolerance: float
-    force_limit: float
-
-    @property
-    def period(self) -> float:
-        """Of one revolution, s."""
-        return 60.0 / self.speed
-
-    @property
-    def limits(self) -> dict[str, float]:
-        """Largest values allowed, by output."""
-        return {POSITION: self.position_tolerance, FORCE: self.force_limit}
-
-    def run(self, clearance: float, revolutions: float = 1.0) -> cj.Sensitivities:
-        """Outputs in the last so many revolutions at a radial clearance in m, and their derivatives
-        to its logarithm."""
-        scene, state = cj.slider_crank(clearance, speed=self.speed * np.pi / 30.0)
-        end = self.revolutions * self.period
-        return cj.sensitivities(
-            scene,
-            state,
-            end,
-            {"clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance, cj.Log())},
-            OUTPUTS,
-            np.linspace(end - revolutions * self.period, end, SAMPLES),
-            throw=False,
+def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]:
+    """What was found, in words."""
+    lines = []
+    for answer in answers:
+        title = answer.design.title
+        for name, alone in answer.alone.items():
+            found = alone.found
+            lines.append(
+                f"{title}, {name} alone: {_micrometres(found.place)} in {len(found.path)} runs; "
+                f"bisection takes {alone.bisection}, Brent's method {alone.brent}"
+            )
+        both = answer.both
+        lines.append(
+            f"{title}, both: {_micrometres(both.place)} in {len(both.path)} runs; of "
+            f"{len(answer.lanes)} clearances from {_range()}, all that are smaller hold below "
+            f"{1e6 * answer.safe:.3f} µm"
         )
-
-    def look(self, place: float) -> Margins:
-        """Margins at the logarithm of a clearance in m."""
-        return margins_of(self.run(np.exp(place)), place, self.limits)
-
-
-def start() -> Design:
-    """The first revolution at 5000 1/min, with 20 kN allowed."""
-    return Design("first revolution, 5000 1/min", 5000.0, 1.0, 30e-6, 20e3)
-
-
-def settled(revolutions: float) -> Design:
-    """A revolution after a transient at 7500 1/min, with 1.05 times the ideal joint's pin force.
-
-    It ends half a turn from where the slider is farthest out and the force largest.
-    """
-    ideal = closed_form(Settings(revolutions_a_minute=7500.0))["force"]
-    return Design("after a transient, 7500 1/min", 7500.0, revolutions, 30e-6, 1.05 * ideal)
+        shares = (f"{name} {predicted(answer.lanes, name):.0%}" for name in answer.design.limits)
+        lines.append(
+            f"{title}: shares of steps from one of them to the next in which the derivatives tell "
+            f"the margin's change within 0.01: {', '.join(shares)}"
+        )
+    for label, sizes in growths.items():
+        last = ", ".join(f"{size:.3g}" for size in sizes)
+        lines.append(f"{label}: derivative of the slider's position, by revolution: {last}")
+    return lines
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What was found for a design: for each requirement alone, and for both; the margins over the
-    range; and the largest clearance, m, below which all of those hold."""
-
-    design: Design
-    alone: dict[str, Found]
-    runs: dict[str, tuple[int, int]]
-    both: Found
-    lanes: list[Margins]
-    safe: float
+def around(answer: Answer) -> str:
+    """The smallest margins one per cent below and above what was found."""
+    place = np.log(answer.safe)
+    below, above = (answer.design.look(place + np.log(factor)).margin for factor in (0.99, 1.01))
+    return f"{answer.design.title}: margin {below:+.4f} at 0.99 and {above:+.4f} at 1.01 of that"
 
 
-def solve(design: Design, count: int) -> Answer:
-    """Search, count what other methods need, and look at so many clearances of the range."""
-    ends = tuple(np.log(RANGE))
-    look = lru_cache(None)(design.look)
-    alone, runs = {}, {}
-    for name in design.limits:
-        alone[name] = largest_within(lambda place: look(place).of(name), *ends, TOLERANCE)  # noqa: B023
-        runs[name] = derivative_free(lambda place: look(place).margins[name], ends)  # noqa: B023
-    both = largest_within(look, *ends, TOLERANCE)
-    lanes = [look(place) for place in np.linspace(*ends, count)]
-    gap = first_failure(lanes, both.place)
-    safe = both if gap is None else largest_within(look, *gap, TOLERANCE)
-    return Answer(design, alone, runs, both, lanes, float(np.exp(safe.place)))
+def _micrometres(place: float) -> str:
+    return f"{1e6 * np.exp(place):.3f} µm"
 
 
-def derivative_free(margin: Callable[[float], float], ends: tuple[float, ...]) -> tuple[int, int]:
-    """Runs that bisection and Brent's method need to the same tolerance."""
-    counts = (
-        method(margin, *ends, xtol=TOLERANCE, full_output=True)[1].function_calls
-        for method in (bisect, brentq)
-    )
-    return tuple(counts)
+def _range() -> str:
+    return f"{1e6 * RANGE[0]:g} to {1e6 * RANGE[1]:g} µm"
 
 
-def growth(design: Design, clearance: float) -> np.ndarray:
-    """Largest derivative of the slider's position to the relative clearance in each revolution, in
-    clearances."""
-    run = design.run(clearance, design.revolutions)
-    turn = np.floor(run.times / design.period).astype(int)
-    sizes = np.abs(run.derivatives["error"][:, 0]) / clearance
-    return np.array([sizes[turn == k].max() for k in range(int(turn.max()))])
+def run(output: Output) -> list[str]:
+    """Both searches, with figures; returns the findings."""
+    transient, lanes = (1.5, 5) if output.quick else (11.5, 97)
+    late = settled(transient)
+    answers = [solve(start(), lanes), solve(late, lanes)]
+    safe = answers[1].safe
+    rough = replace(late, title="5000 1/min", speed=5000.0)
+    cases = ((late, safe), (late, RANGE[1]), (rough, safe), (rough, RANGE[1]))
+    growths = {
+        f"{design.speed:g} 1/min, {1e6 * clearance:.3g} µm": growth(design, clearance)
+        for design, clearance in cases
+    }
+    output.folder.mkdir(parents=True, exist_ok=True)
+    output.save(figures.margins(answers), "margin")
+    output.save(figures.motion(late, safe, growths), "motion")
+    return findings(answers, growths) + [around(answer) for answer in answers]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the study, and print its findings."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="few clearances and revolutions")
+    parser.add_argument("--output", type=Path, default=Path("results/tolerance_design"))
+    chosen = parser.parse_args(arguments)
+    cj.configure()
+    output = Output(chosen.output / "quick" if chosen.quick else chosen.output, chosen.quick)
+    print("\n".join(f"- {line}" for line in run(output)))
+    print(f"Figures: {output.folder}")
+
+
+if __name__ == "__main__":
+    main()
