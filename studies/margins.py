@@ -52,10 +52,12 @@ class Margins:
         return Margins(self.place, *({name: part[name]} for part in parts))
 
 
-def margins_of(run: cj.Sensitivities, place: float, limits: Mapping[str, float]) -> Margins:
-    """Margins of a run's outputs to their limits, along its only parameter."""
+def margins_of(
+    run: cj.Sensitivities, place: float, limits: Mapping[str, float], neighbours: int = 1
+) -> Margins:
+    """Margins of a run's outputs to their limits, along its only parameter; see `peak`."""
     failed = run.result != cj.RESULTS.successful
-    found = {name: (np.nan,) * 3 if failed else peak(run, name) for name in limits}
+    found = {name: (np.nan,) * 3 if failed else peak(run, name, neighbours) for name in limits}
     return Margins(
         place,
         {name: float(np.log(limits[name] / value)) for name, (value, _, _) in found.items()},
@@ -64,21 +66,23 @@ def margins_of(run: cj.Sensitivities, place: float, limits: Mapping[str, float])
     )
 
 
-def peak(run: cj.Sensitivities, name: str) -> tuple[float, float, float]:
+def peak(run: cj.Sensitivities, name: str, neighbours: int = 1) -> tuple[float, float, float]:
     """Largest value of an output, its derivative along the only parameter, and its time, s.
 
-    Between instants it is that of the parabola through three; the derivative is interpolated
-    likewise.
+    It is that of the parabola through the largest of the values and so many on either side; the
+    derivative is interpolated likewise. At an end of the run it is the value there.
     """
     values, slopes, times = run.values[name], run.derivatives[name][:, 0], run.times
     k = int(np.argmax(values))
-    if not 0 < k < len(values) - 1:
+    if not neighbours <= k < len(values) - neighbours:
         return float(values[k]), float(slopes[k]), float(times[k])
-    three = slice(k - 1, k + 2)
-    arc = np.polyfit(times[three] - times[k], values[three], 2)
-    shift = -0.5 * arc[1] / arc[0] if arc[0] < 0.0 else 0.0
-    slope = np.polyfit(times[three] - times[k], slopes[three], 2)
-    return float(np.polyval(arc, shift)), float(np.polyval(slope, shift)), float(times[k] + shift)
+    near = slice(k - neighbours, k + neighbours + 1)
+    unit = float(np.ptp(times[near]))
+    shifts = (times[near] - times[k]) / unit
+    arc, slope = np.polyfit(shifts, np.stack([values[near], slopes[near]], axis=1), 2).T
+    shift = float(np.clip(-0.5 * arc[1] / arc[0], -1.0, 1.0)) if arc[0] < 0.0 else 0.0
+    value, derivative = np.polyval(arc, shift), np.polyval(slope, shift)
+    return float(value), float(derivative), float(times[k] + shift * unit)
 
 
 @dataclass(frozen=True)

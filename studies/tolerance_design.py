@@ -38,12 +38,12 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
         for name, alone in answer.alone.items():
             found = alone.found
             lines.append(
-                f"{title}, {name} alone: {_micrometres(found.place)} in {len(found.path)} runs; "
+                f"{title}, {name} alone: {_micrometres(found.place)} in {len(found.path)} looks; "
                 f"bisection takes {alone.bisection}, Brent's method {alone.brent}"
             )
         both = answer.both
         lines.append(
-            f"{title}, both: {_micrometres(both.place)} in {len(both.path)} runs; of "
+            f"{title}, both: {_micrometres(both.place)} in {len(both.path)} looks; of "
             f"{len(answer.lanes)} clearances from {_range()}, all that are smaller hold below "
             f"{1e6 * answer.safe:.3f} µm"
         )
@@ -75,7 +75,7 @@ def _range() -> str:
 
 def run(output: Output) -> list[str]:
     """Both searches, with figures; returns the findings."""
-    transient, lanes = (1.5, 5) if output.quick else (11.5, 97)
+    transient, lanes = (1.5, 5) if output.quick else (11.5, 49)
     late = settled(transient)
     answers = [solve(start(), lanes), solve(late, lanes)]
     safe = answers[1].safe

@@ -62,7 +62,7 @@ def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> 
     derivatives over the revolutions, by label."""
     figure = Figure(figsize=(12.5, 4.2), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    run = design.run(clearance)
+    run = design.run(clearance, design.instants())
     angles = 2.0 * np.pi * (run.times - run.times[0]) / design.period
     turned = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
     label = f"{1e6 * clearance:.1f} µm"

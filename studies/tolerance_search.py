@@ -26,7 +26,10 @@ RANGE = (5e-6, 60e-6)
 TOLERANCE = 1e-5
 """Of a margin that is called zero."""
 SAMPLES = 4000
-"""Instants in a revolution at which outputs are taken: some 20 in a vibration on the wall."""
+"""Instants at which a run takes its outputs: in a revolution, some 10 a vibration on the wall."""
+
+NEIGHBOURS = 20
+"""Instants on either side of a peak, of those taken closely round it, that say where it is."""
 
 
 def slider_error(now: Instant) -> Any:
@@ -67,24 +70,43 @@ class Design:
         """Largest values allowed, by output."""
         return {POSITION: self.position_tolerance, FORCE: self.force_limit}
 
-    def run(self, clearance: float, revolutions: float = 1.0) -> cj.Sensitivities:
-        """Outputs in the last so many revolutions at a radial clearance in m, and their derivatives
-        to its logarithm."""
-        scene, state = cj.slider_crank(clearance, speed=self.speed * np.pi / 30.0)
+    def instants(self, revolutions: float = 1.0) -> np.ndarray:
+        """Times in the last so many revolutions, s."""
         end = self.revolutions * self.period
+        return np.linspace(end - revolutions * self.period, end, SAMPLES)
+
+    def run(self, clearance: float, times: np.ndarray) -> cj.Sensitivities:
+        """Outputs at times in s, at a radial clearance in m, and their derivatives to its
+        logarithm."""
+        scene, state = cj.slider_crank(clearance, speed=self.speed * np.pi / 30.0)
         return cj.sensitivities(
             scene,
             state,
-            end,
+            times[-1],
             {"clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance, cj.Log())},
             OUTPUTS,
-            np.linspace(end - revolutions * self.period, end, SAMPLES),
+            times,
             throw=False,
         )
 
     def look(self, place: float) -> Margins:
-        """Margins at the logarithm of a clearance in m."""
-        return margins_of(self.run(np.exp(place)), place, self.limits)
+        """Margins at the logarithm of a clearance in m, by a run that finds the peaks and another
+        that takes the outputs closely round them."""
+        clearance = float(np.exp(place))
+        coarse = self.run(clearance, self.instants())
+        if coarse.result != cj.RESULTS.successful:
+            return margins_of(coarse, place, self.limits)
+        fine = self.run(clearance, times_round_peaks(coarse, tuple(self.limits)))
+        return margins_of(fine, place, self.limits, NEIGHBOURS)
+
+
+def times_round_peaks(run: cj.Sensitivities, names: tuple[str, ...]) -> np.ndarray:
+    """As many instants as the run has, within one of its intervals round the largest value of each
+    output, s."""
+    interval = run.times[1] - run.times[0]
+    shifts = np.linspace(-interval, interval, len(run.times) // len(names))
+    peaks = [run.times[np.argmax(run.values[name])] for name in names]
+    return np.sort(np.clip(np.concatenate([peak + shifts for peak in peaks]), *run.times[[0, -1]]))
 
 
 def start() -> Design:
@@ -148,7 +170,7 @@ def search(look: Callable[[float], Margins], name: str, low: float, high: float)
 def growth(design: Design, clearance: float) -> np.ndarray:
     """Largest derivative of the slider's position to the relative clearance in each revolution, in
     clearances."""
-    run = design.run(clearance, design.revolutions)
+    run = design.run(clearance, design.instants(design.revolutions))
     turn = np.floor(run.times / design.period).astype(int)
     sizes = np.abs(run.derivatives["error"][:, 0]) / clearance
     return np.array([sizes[turn == k].max() for k in range(int(turn.max()))])
