@@ -19,7 +19,7 @@ REACH = 0.25
 def margins(answers: list[Answer]) -> Figure:
     """Margins against clearance, with the places that Newton's method looked at, and tangents."""
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
-    panels = figure.subplots(2, len(answers), sharex=True)
+    panels = figure.subplots(2, len(answers), sharex=True, squeeze=False)
     for column, answer in zip(panels.T, answers, strict=True):
         column[0].set_title(answer.design.title, fontsize="medium")
         for axes, name in zip(column, answer.design.limits, strict=True):

@@ -3,6 +3,7 @@
 See `studies.tolerance_design`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +11,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import bisect, brentq
+from scipy.optimize import brentq
 
 import clearjoint as cj
 from clearjoint.instant import Instant
@@ -125,8 +126,8 @@ def settled(revolutions: float) -> Design:
 
 @dataclass(frozen=True)
 class Alone:
-    """The search for one requirement, and the runs that bisection and Brent's method need for it,
-    in the same range and to the same tolerance."""
+    """The search for one requirement, and how often bisection and Brent's method look in the same
+    range to the same tolerance."""
 
     found: Found
     bisection: int
@@ -159,12 +160,12 @@ def solve(design: Design, count: int) -> Answer:
 
 def search(look: Callable[[float], Margins], name: str, low: float, high: float) -> Alone:
     """For one requirement between two places."""
-    counts = (
-        method(lambda place: look(place).margins[name], low, high, xtol=TOLERANCE, full_output=True)
-        for method in (bisect, brentq)
-    )
     found = largest_within(lambda place: look(place).of(name), low, high, TOLERANCE)
-    return Alone(found, *(count.function_calls for _, count in counts))
+    halvings = math.ceil(math.log2((high - low) / TOLERANCE))
+    _, brent = brentq(
+        lambda place: look(place).margins[name], low, high, xtol=TOLERANCE, full_output=True
+    )
+    return Alone(found, 2 + halvings, brent.function_calls)
 
 
 def growth(design: Design, clearance: float) -> np.ndarray:
