@@ -44,8 +44,8 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
         both = answer.both
         lines.append(
             f"{title}, both: {_micrometres(both.place)} in {len(both.path)} looks; of "
-            f"{len(answer.lanes)} clearances from {_range()}, all that are smaller hold below "
-            f"{1e6 * answer.safe:.3f} µm"
+            f"{len(answer.lanes)} clearances from {_range()}, and as many just below that, all hold "
+            f"up to {1e6 * answer.safe:.3f} µm"
         )
         shares = (f"{name} {predicted(answer.lanes, name):.0%}" for name in answer.design.limits)
         lines.append(
@@ -59,10 +59,12 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
 
 
 def around(answer: Answer) -> str:
-    """The smallest margins one per cent below and above what was found."""
+    """The smallest margins half a per cent below and above the safe clearance."""
     place = np.log(answer.safe)
-    below, above = (answer.design.look(place + np.log(factor)).margin for factor in (0.99, 1.01))
-    return f"{answer.design.title}: margin {below:+.4f} at 0.99 and {above:+.4f} at 1.01 of that"
+    below, above = (answer.design.look(place + np.log(factor)).margin for factor in (0.995, 1.005))
+    return (
+        f"{answer.design.title}: margin {below:+.4f} at 0.995 and {above:+.4f} at 1.005 of the last"
+    )
 
 
 def _micrometres(place: float) -> str:

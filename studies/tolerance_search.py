@@ -29,6 +29,8 @@ TOLERANCE = 1e-5
 SAMPLES = 4000
 """Instants at which a run takes its outputs: in a revolution, some 10 a vibration on the wall."""
 
+CLOSE = 0.25
+"""How far below what was found clearances are looked at closely, in their logarithm."""
 NEIGHBOURS = 20
 """Instants on either side of a peak, of those taken closely round it, that say where it is."""
 
@@ -147,12 +149,16 @@ class Answer:
 
 
 def solve(design: Design, count: int) -> Answer:
-    """Search, and look at so many clearances of the range."""
+    """Search, and look at so many clearances of the range, and as many just below what was found.
+
+    If one of these fails, the search is for the zero next to the first that does.
+    """
     low, high = np.log(RANGE)
     look = lru_cache(None)(design.look)
     both = largest_within(look, low, high, TOLERANCE)
     lanes = [look(float(place)) for place in np.linspace(low, high, count)]
-    gap = first_failure(lanes, both.place)
+    closer = [look(float(place)) for place in both.place - np.linspace(CLOSE, 0.0, count)]
+    gap = first_failure(sorted([*lanes, *closer], key=lambda lane: lane.place), both.place)
     safe = both if gap is None else largest_within(look, *gap, TOLERANCE)
     alone = {name: search(look, name, low, high) for name in design.limits}
     return Answer(design, alone, both, lanes, float(np.exp(safe.place)))
