@@ -44,8 +44,8 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
         both = answer.both
         lines.append(
             f"{title}, both: {_micrometres(both.place)} in {len(both.path)} looks; of "
-            f"{len(answer.lanes)} clearances from {_range()}, and as many just below that, all hold "
-            f"up to {1e6 * answer.safe:.3f} µm"
+            f"{len(answer.lanes)} clearances from {_range()}, and as many just below that, all "
+            f"hold up to {1e6 * answer.safe:.3f} µm"
         )
         shares = (f"{name} {predicted(answer.lanes, name):.0%}" for name in answer.design.limits)
         lines.append(
