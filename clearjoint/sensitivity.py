@@ -165,7 +165,7 @@ def sensitivities(
     asked = check_times(start_time, end_time, times)
     assert asked is not None
     family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
-    padded = np.full(_padded_count(len(asked)), float(end_time))
+    padded = np.full(_padded_count(len(asked) + 1), float(end_time))
     padded[: len(asked)] = asked
     span = (jnp.asarray(float(t)) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
     found = jax.device_get(
