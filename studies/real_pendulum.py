@@ -36,26 +36,31 @@ from studies.real.pendulum import (
 )
 from studies.real.swing_files import Swing, read_swings
 
+ALL = "all three"
 MODELS = {
     "viscous": ("viscous",),
     "viscous, Coulomb": ("viscous", "coulomb"),
     "Coulomb, quadratic": ("coulomb", "quadratic"),
-    "all three": ("viscous", "coulomb", "quadratic"),
+    ALL: ("viscous", "coulomb", "quadratic"),
 }
 SAMPLES = 40
 """A period; more tell nothing new of residuals that are correlated over periods."""
 QUICK_SAMPLES, QUICK_PERIODS = 20, 8.0
-COLOURS = ("#999999", "#E69F00", "#009E73", "#0072B2")
+BLUE = "#0072B2"
+LINES = (("#999999", "-"), ("#D55E00", "--"), ("#009E73", "-"), (BLUE, "--"))
+"""Colours and dashes of the models: dashes show what lies below, where two find the same."""
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """The first swing with its fits by model, and the tests of each on other swings."""
+    """The first swing with its fits by model, the tests of each on other swings, and for comparison
+    the fits of all frictions to these."""
 
     swing: Swing
     fits: dict[str, SwingFit]
     others: list[Swing]
     tests: dict[str, list[SwingFit]]
+    own: list[SwingFit]
 
 
 def study(swings: list[Swing]) -> Fitted:
@@ -66,7 +71,8 @@ def study(swings: list[Swing]) -> Fitted:
     tests = {
         name: [fit_start(other, found.pendulum) for other in others] for name, found in fits.items()
     }
-    return Fitted(first, fits, others, tests)
+    own = [fit_frictions(other, roughly(other), MODELS[ALL]) for other in others]
+    return Fitted(first, fits, others, tests, own)
 
 
 def prepared(path: Path, quick: bool) -> list[Swing]:
@@ -77,7 +83,7 @@ def prepared(path: Path, quick: bool) -> list[Swing]:
         length = period(free)
         if quick:
             inside = free.times - free.times[0] <= QUICK_PERIODS * length
-            free = Swing(free.name, free.times[inside], free.angles[inside], free.resolution)
+            free = Swing(free.name, free.times[inside], free.angles[inside])
         swings.append(free.thinned(length / (QUICK_SAMPLES if quick else SAMPLES)))
     return swings
 
@@ -106,24 +112,27 @@ def _table(rows: list[tuple[str, ...]]) -> str:
 
 def table(fitted: Fitted) -> str:
     """Estimates of each model, what they leave of the fitted swing, and of the others."""
-    rows: list[tuple[str, ...]] = [
-        ("friction", "length, m", "viscous, 10⁻³ s", "Coulomb, 10⁻³", "quadratic, 10⁻³ s²",
-         "rms, mrad", "correlation", *(f"rms, {other.name}" for other in fitted.others))
-    ]  # fmt: skip
+    head = ("friction", "length, m", "viscous, 10⁻³ s", "Coulomb, 10⁻³", "quadratic, 10⁻³ s²")
+    predicted = [f"predicted rms {k}" for k, _ in enumerate(fitted.others, 2)]
+    rows: list[tuple[str, ...]] = [(*head, "rms, mrad", "correlation", *predicted)]
     for name, found in fitted.fits.items():
-        rows.append(
-            (
-                name,
-                _shown(found, "length", 1.0, 6),
-                _shown(found, "viscous", 1e3, 3),
-                _shown(found, "coulomb", 1e3, 3),
-                _shown(found, "quadratic", 1e3, 4),
-                f"{1e3 * found.rms:.2f}",
-                f"{found.correlation:.2f}",
-                *(f"{1e3 * test.rms:.2f}" for test in fitted.tests[name]),
-            )
-        )
-    return _table(rows)
+        tests = [f"{1e3 * test.rms:.2f}" for test in fitted.tests[name]]
+        rows.append((name, *_estimates(found), *tests))
+    for k, found in enumerate(fitted.own, 2):
+        rows.append((f"{ALL}, own fit of {k}", *_estimates(found), *("" for _ in fitted.own)))
+    names = [f"{k}: {swing.name}" for k, swing in enumerate([fitted.swing, *fitted.others], 1)]
+    return "\n".join([*names, "", _table(rows)])
+
+
+def _estimates(found: SwingFit) -> tuple[str, ...]:
+    return (
+        _shown(found, "length", 1.0, 6),
+        _shown(found, "viscous", 1e3, 3),
+        _shown(found, "coulomb", 1e3, 3),
+        _shown(found, "quadratic", 1e3, 4),
+        f"{1e3 * found.rms:.2f}",
+        f"{found.correlation:.2f}",
+    )
 
 
 def _shown(found: SwingFit, name: str, scale: float, digits: int) -> str:
@@ -135,7 +144,7 @@ def _shown(found: SwingFit, name: str, scale: float, digits: int) -> str:
 
 def error_table(fitted: Fitted) -> str:
     """Standard errors of the last model, with and without correlation of the residuals."""
-    found = fitted.fits["all three"]
+    found = fitted.fits[ALL]
     rows = [("of all three", "estimate", "standard error", "if residuals were independent")]
     for name in found.names:
         errors = [
@@ -158,19 +167,26 @@ def figure(fitted: Fitted) -> Figure:
             name: found if k == 0 else fitted.tests[name][k - 1]
             for name, found in fitted.fits.items()
         }
-        last = fits["all three"]
+        last = fits[ALL]
         top.plot(swing.times, np.degrees(swing.angles), ".", color="black", markersize=2.5,
                  label="measured")  # fmt: skip
-        top.plot(swing.times, np.degrees(swing.angles - last.residuals), color=COLOURS[-1],
-                 linewidth=0.8, label="all three")  # fmt: skip
-        top.set_title(f"{'fitted' if k == 0 else 'predicted'}: {swing.name}", fontsize="small")
-        for colour, (name, found) in zip(COLOURS, fits.items(), strict=True):
-            bottom.plot(swing.times, 1e3 * found.residuals, color=colour, linewidth=0.8, label=name)
+        top.plot(swing.times, np.degrees(swing.angles - last.residuals), color=BLUE,
+                 linewidth=0.8, label=ALL)  # fmt: skip
+        top.set_title(f"{'fitted' if k == 0 else 'predicted'}\n{swing.name}", fontsize="small")
+        for (colour, dashes), (name, found) in zip(LINES, fits.items(), strict=True):
+            style = {"color": colour, "linestyle": dashes, "linewidth": 0.9, "label": name}
+            bottom.plot(swing.times, 1e3 * found.residuals, **style)
         bottom.set_xlabel("time, s")
     axes[0, 0].set_ylabel("angle, °")
     axes[1, 0].set_ylabel("measured less fitted, mrad")
     handles, labels = axes[1, 0].get_legend_handles_labels()
-    drawn.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    drawn.legend(
+        handles,
+        labels,
+        loc="outside lower center",
+        ncols=4 if len(swings) > 1 else 2,
+        frameon=False,
+    )
     return drawn
 
 

@@ -145,24 +145,26 @@ def parameters(pendulum: Pendulum) -> dict[str, cj.Parameter]:
     }
 
 
-def predicted(
-    pendulum: Pendulum, names: tuple[str, ...], times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (N,) at times, rad, and their derivatives (N, p) to named fields of the pendulum."""
+def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Angles (N,) at times, rad, and their derivatives (N,) to each field of the pendulum.
+
+    Always to all fields: one program then serves all fits.
+    """
     known = parameters(pendulum)
     found = cj.sensitivities(
         pendulum.scene(),
         pendulum.state(),
         float(times[-1]),
-        {name: known[name] for name in names},
+        known,
         {"angle": cj.quantities.JointAngle(HINGE)},
         times,
         start_time=float(times[0]),
         integration=cj.Integration(rtol=RTOL),
     )
     slopes = {"length": 1.0 / (pendulum.length - DISTANCE), "angle": 1.0, "speed": 1.0}
-    factors = np.array([slopes.get(name, 1.0 / SMALL.unit) for name in names])
-    return found.values["angle"], found.derivatives["angle"] * factors
+    columns = zip(found.parameters, found.derivatives["angle"].T, strict=True)
+    scaled = {name: column * slopes.get(name, 1.0 / SMALL.unit) for name, column in columns}
+    return found.values["angle"], scaled
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,8 @@ def fit(swing: Swing, start: Pendulum, names: tuple[str, ...]) -> SwingFit:
     def looked_at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = values.tobytes()
         if key not in seen:
-            seen[key] = predicted(pendulum(values), names, swing.times)
+            angles, slopes = predicted(pendulum(values), swing.times)
+            seen[key] = angles, np.stack([slopes[name] for name in names], axis=1)
         return seen[key]
 
     found = least_squares(

@@ -22,24 +22,23 @@ HELD_BY_HAND = "trigger_start_deg"
 
 @dataclass(frozen=True)
 class Swing:
-    """`times`: (N,) s, rising; `angles`: (N,) rad from hanging; `resolution`: rad a count."""
+    """`times`: (N,) s, rising; `angles`: (N,) rad from hanging."""
 
     name: str
     times: np.ndarray
     angles: np.ndarray
-    resolution: float
 
     def free(self) -> "Swing":
         """From the first passage through the vertical on: before, a hand may have held it."""
         middle = 0.5 * (self.angles.max() + self.angles.min())
         below = self.angles < middle
         first = int(np.flatnonzero(below[1:] != below[:-1])[0])
-        return Swing(self.name, self.times[first:], self.angles[first:], self.resolution)
+        return Swing(self.name, self.times[first:], self.angles[first:])
 
     def thinned(self, interval: float) -> "Swing":
         """Samples about an interval in s apart."""
         step = max(1, round(interval / float(np.median(np.diff(self.times)))))
-        return Swing(self.name, self.times[::step], self.angles[::step], self.resolution)
+        return Swing(self.name, self.times[::step], self.angles[::step])
 
 
 def read_swings(path: Path) -> list[Swing]:
@@ -87,7 +86,7 @@ def _matlab(path: Path) -> list[Swing]:
         recorded = content["Theta1"][0, 0]
         times = recorded["time"].ravel()
         angles = recorded["signals"][0, 0]["values"].ravel() - np.pi
-        return [Swing(path.stem, times - times[0], angles, _count(angles))]
+        return [Swing(path.stem, times - times[0], angles)]
     names = sorted(name for name in content if not name.startswith("__"))
     raise ValueError(
         f"{path} holds {names}, neither Time_id, Y_id, Time_vad and Y_vad nor Theta1: give "
@@ -99,12 +98,7 @@ def _pieces(path: Path, content: dict[str, Any], name: str) -> Swing:
     """Consecutive pieces joined."""
     times = np.concatenate([piece.ravel() for piece in content[f"Time_{name}"][:, 0]])
     angles = np.concatenate([piece[0] for piece in content[f"Y_{name}"][:, 0]]) - np.pi
-    return Swing(f"{path.stem}, {name}", times, angles, _count(angles))
-
-
-def _count(angles: np.ndarray) -> float:
-    """The usual smallest difference of angles that differ."""
-    return float(np.median(np.diff(np.unique(angles))))
+    return Swing(f"{path.stem}, {name}", times, angles)
 
 
 def _text(path: Path) -> list[Swing]:
@@ -126,7 +120,7 @@ def _one_column(path: Path, lines: list[str]) -> Swing:
     rate = _numbers(path, 2, lines[1].replace(",", " "))[names.index("sample_rate")]
     rows = [_numbers(path, k, line)[0] for k, line in enumerate(lines[2:], 3) if line.strip()]
     angles = np.radians(rows)
-    return Swing(path.stem, np.arange(len(angles)) / rate, angles, _count(angles))
+    return Swing(path.stem, np.arange(len(angles)) / rate, angles)
 
 
 def _columns(path: Path, lines: list[str], values: int) -> list[Swing]:
@@ -139,10 +133,7 @@ def _columns(path: Path, lines: list[str], values: int) -> list[Swing]:
             )
     table = np.array(rows)
     trials = [(trial, table[table[:, 0] == trial].T) for trial in np.unique(table[:, 0])]
-    return [
-        Swing(f"{path.stem}, trial {trial:g}", t, angle, _count(angle))
-        for trial, (_, t, angle, *_) in trials
-    ]
+    return [Swing(f"{path.stem}, trial {trial:g}", t, angle) for trial, (_, t, angle, *_) in trials]
 
 
 def _numbers(path: Path, row: int, line: str) -> list[float]:
