@@ -5,7 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
-from studies.real.pendulum import Pendulum, fit_frictions, predicted, roughly, standard_errors
+from studies.real.pendulum import (
+    Pendulum,
+    fit_frictions,
+    guess,
+    predicted,
+    roughly,
+    standard_errors,
+)
 from studies.real.swing_files import Swing, read_swings
 from studies.real_pendulum import main, prepared
 
@@ -133,6 +140,11 @@ def test_what_a_hand_held_is_cut_off():
     angles = np.array([-1.0, -1.5, -1.0, -0.5, 0.5, 1.0, 0.5, -0.5])
     found = Swing("a", np.arange(8.0), angles).free()
     np.testing.assert_array_equal(found.times, [3.0, 4.0, 5.0, 6.0, 7.0])
+
+
+def test_less_than_a_period_is_refused():
+    with pytest.raises(ValueError, match="half passes its middle 1 times"):
+        guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
 
 
 @pytest.mark.parametrize(

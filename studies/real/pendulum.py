@@ -24,7 +24,7 @@ DISTANCE = 0.01
 """Of the centre of mass from the hinge, m."""
 MASS = 1.0 / (GRAVITY * DISTANCE)
 """kg, so that the weight's greatest moment is 1 N m."""
-RTOL = 1e-8
+RTOL, MAX_STEPS = 1e-8, 200_000
 
 
 class HingeFriction(cj.AbstractDriveTorque):
@@ -159,7 +159,7 @@ def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[s
         {"angle": cj.quantities.JointAngle(HINGE)},
         times,
         start_time=float(times[0]),
-        integration=cj.Integration(rtol=RTOL),
+        integration=cj.Integration(rtol=RTOL, max_steps=MAX_STEPS),
     )
     slopes = {"length": 1.0 / (pendulum.length - DISTANCE), "angle": 1.0, "speed": 1.0}
     columns = zip(found.parameters, found.derivatives["angle"].T, strict=True)
@@ -273,8 +273,16 @@ def period(swing: Swing) -> float:
 
 
 def guess(swing: Swing) -> Pendulum:
-    """Length by the first period and amplitude, friction by nothing."""
+    """Length by the first period and amplitude, little friction.
+
+    **Raises:** `ValueError` for less than a period.
+    """
     first = crossings(swing)[:3]
+    if len(first) < 3:
+        raise ValueError(
+            f"{swing.name} passes its middle {len(first)} times: a period, three passages, is the "
+            "least that can be fitted."
+        )
     amplitude = float(np.abs(swing.angles[swing.times <= first[-1]]).max())
     small = (first[-1] - first[0]) / (1.0 + amplitude**2 / 16 + 11 * amplitude**4 / 3072)
     k = min(5, len(swing.times) - 1)
