@@ -31,6 +31,7 @@ from studies.real.pendulum import (
     SwingFit,
     fit_frictions,
     fit_start,
+    identified,
     period,
     roughly,
 )
@@ -54,13 +55,14 @@ LINES = (("#999999", "-"), ("#D55E00", "--"), ("#009E73", "-"), (BLUE, "--"))
 @dataclass(frozen=True)
 class Fitted:
     """The first swing with its fits by model, the tests of each on other swings, and for comparison
-    the fits of all frictions to these."""
+    the fits of all frictions to these. `identified`: `cj.identify` on the first swing."""
 
     swing: Swing
     fits: dict[str, SwingFit]
     others: list[Swing]
     tests: dict[str, list[SwingFit]]
     own: list[SwingFit]
+    identified: cj.Fit
 
 
 def study(swings: list[Swing]) -> Fitted:
@@ -72,7 +74,7 @@ def study(swings: list[Swing]) -> Fitted:
         name: [fit_start(other, found.pendulum) for other in others] for name, found in fits.items()
     }
     own = [fit_frictions(other, roughly(other), MODELS[ALL]) for other in others]
-    return Fitted(first, fits, others, tests, own)
+    return Fitted(first, fits, others, tests, own, identified(first, fits[ALL], rough))
 
 
 def prepared(path: Path, quick: bool) -> list[Swing]:
@@ -102,6 +104,7 @@ def main(arguments: list[str] | None = None) -> None:
     fitted = study(swings)
     print(table(fitted))
     print(error_table(fitted))
+    print(fitted.identified)
     output.save(figure(fitted), "swings")
 
 

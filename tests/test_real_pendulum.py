@@ -9,6 +9,7 @@ from studies.real.pendulum import (
     Pendulum,
     fit_frictions,
     guess,
+    identified,
     predicted,
     roughly,
     standard_errors,
@@ -88,6 +89,12 @@ def test_true_friction_is_recovered_within_its_errors(pieces):
         assert abs(away) < 4.0, name
     assert found.errors["length"] < 2e-5 and found.errors["coulomb"] < 1e-3
     assert fit_frictions(first, rough, ("viscous",)).rms > 1.5 * NOISE
+    other = identified(first, found, rough)
+    assert other.ending is other.ending.CONVERGED
+    for name in ("viscous", "coulomb", "quadratic", "vertical", "angle", "speed"):
+        away = other.estimates[name] - getattr(found.pendulum, name)
+        assert abs(away) < 0.02 * found.naive[name], name
+        assert other.standard_errors[name] == pytest.approx(found.naive[name], rel=0.02), name
 
 
 def test_quick_study_predicts_the_validation_piece(pieces, tmp_path, capsys):

@@ -25,6 +25,8 @@ DISTANCE = 0.01
 MASS = 1.0 / (GRAVITY * DISTANCE)
 """kg, so that the weight's greatest moment is 1 N m."""
 RTOL, MAX_STEPS = 1e-8, 200_000
+TOLERANCE = 1e-2
+"""Standard deviations; the errors of runs at `RTOL` hide what is smaller."""
 
 
 class HingeFriction(cj.AbstractDriveTorque):
@@ -313,14 +315,41 @@ def roughly(swing: Swing) -> Pendulum:
 
 def fit_frictions(swing: Swing, rough: Pendulum, frictions: tuple[str, ...]) -> SwingFit:
     """Fit all of a swing with some of the frictions, which begin with like shares of the loss."""
+    return fit(swing, shared(rough, frictions), (*frictions, *WITHOUT_FRICTION))
+
+
+def shared(rough: Pendulum, frictions: tuple[str, ...]) -> Pendulum:
+    """The pendulum with its viscous friction shared out between some frictions."""
     mean_speed = 0.5 * abs(rough.speed)
     share = rough.viscous / len(frictions)
     alike = {"viscous": share, "coulomb": share * mean_speed, "quadratic": share / mean_speed}
-    start = replace(rough, **{"viscous": 0.0} | {name: alike[name] for name in frictions})
-    return fit(swing, start, (*frictions, *WITHOUT_FRICTION))
+    return replace(rough, **{"viscous": 0.0} | {name: alike[name] for name in frictions})
 
 
 def fit_start(swing: Swing, known: Pendulum) -> SwingFit:
     """Fit the start of a swing of a pendulum that is known."""
     own = guess(swing)
     return fit(swing, replace(known, vertical=0.0, angle=own.angle, speed=own.speed), START)
+
+
+def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.Fit:
+    """What `cj.identify` makes of the same swing, with the noise that the residuals show.
+
+    It estimates what in `found` did not end at zero, from a rough pendulum on: the same minimum by
+    another way.
+    """
+    names = tuple(found.errors)
+    begin = shared(rough, tuple(name for name in names if name in FRICTIONS))
+    known = parameters(begin)
+    channel = cj.quantities.JointAngle(HINGE)
+    series = cj.Series(channel, swing.times, swing.angles, found.rms, "rad", swing.name)
+    return cj.identify(
+        begin.scene(),
+        begin.state(),
+        cj.Measurements({"angle": series}),
+        {"inertia" if name == "length" else name: known[name] for name in names},
+        start_time=float(swing.times[0]),
+        integration=cj.Integration(rtol=RTOL, max_steps=MAX_STEPS),
+        tolerance=TOLERANCE,
+        progress=False,
+    )
