@@ -49,7 +49,7 @@ def drops(number, terminal, generator):
     )
 
 
-def fallen(height, terminal, steps=20000):
+def fallen(height, terminal, steps=4000):
     """Speed after a fall: d(v^2/2) = g (1 - v^2/terminal^2) dh, by Euler."""
     square = 0.0
     for _ in range(steps):
@@ -57,11 +57,11 @@ def fallen(height, terminal, steps=20000):
     return np.sqrt(square)
 
 
-def risen(speed, terminal, step=1e-5):
+def risen(speed, terminal, step=5e-5):
     """Height by dh = v dt, dv = -g (1 + v^2/terminal^2) dt."""
     height = 0.0
     while speed > 0.0:
-        height += speed * step
+        height += (speed - 0.5 * 9.81 * step) * step
         speed -= 9.81 * (1 + (speed / terminal) ** 2) * step
     return height
 

@@ -64,7 +64,7 @@ def pieces(recorded, tmp_path_factory):
 
 def test_model_and_derivatives_agree_with_scipy():
     """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
-    times = np.linspace(0.0, 2.0, 41)
+    times = np.linspace(0.0, 2.0, 401)
     angles, slopes = predicted(TRUTH, times)
     np.testing.assert_allclose(angles, swing(TRUTH, times), atol=1e-7)
     steps = {"length": 1e-5, "coulomb": 1e-5, "vertical": 1e-4, "angle": 1e-4, "speed": 1e-3}
