@@ -27,6 +27,12 @@ from .estimands import Parameter as Parameter
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
+from .identification.fit import Fit as Fit
+from .identification.identify import identify as identify
+from .identification.identify import identify_many as identify_many
+from .identification.levenberg_marquardt import Ending as Ending
+from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts
 from .integration import Integration as Integration
 from .joint_coordinates import JointCoordinates as JointCoordinates
