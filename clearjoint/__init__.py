@@ -27,6 +27,9 @@ from .estimands import Parameter as Parameter
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
+from .identification.identifiability import Identifiability as Identifiability
+from .identification.identifiability import identifiability as identifiability
+from .identification.sensors import Sensor as Sensor
 from .impact_table import Impacts as Impacts
 from .integration import Integration as Integration
 from .joint_coordinates import JointCoordinates as JointCoordinates

@@ -29,4 +29,5 @@ from .motion import acceleration as acceleration
 from .motion import path as path
 from .motion import position as position
 from .orbits import orbit as orbit
+from .record_length import record_length as record_length
 from .sections import bifurcation as bifurcation
