@@ -27,6 +27,8 @@ from .estimands import Parameter as Parameter
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
+from .identification.horizon import Horizon as Horizon
+from .identification.horizon import horizon as horizon
 from .identification.identifiability import Identifiability as Identifiability
 from .identification.identifiability import identifiability as identifiability
 from .identification.sensors import Sensor as Sensor

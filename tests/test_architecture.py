@@ -91,6 +91,10 @@ FLOORS = (
         "identification.sensors",
         "identification.tables",
         "identification.identifiability",
+        "identification.growth",
+        "identification.ways",
+        "identification.shots",
+        "identification.horizon",
         "plot.style",
         "plot.motion",
         "plot.cycle",
@@ -105,6 +109,7 @@ FLOORS = (
         "plot.sections",
         "plot.orbits",
         "plot.record_length",
+        "plot.horizon",
         "__main__",
     ),
 )

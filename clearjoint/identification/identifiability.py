@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..bodies import State
-from ..estimands import Parameter
+from ..estimands import Parameter, coordinates_of
 from ..fields import require
 from ..integration import Integration
 from ..scales import AbstractScale
 from ..scene import Scene
-from ..sensitivity import sensitivities
+from ..sensitivity import Sensitivities, sensitivities
 from . import information
 from .information import Combination
-from .sensors import Sensor, Sensors, as_sensors
+from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .tables import aligned, number, percent
 
 ACCURACY_OF_DERIVATIVES = 1e3
@@ -106,6 +106,11 @@ class Identifiability:
     def deviations_alone(self) -> np.ndarray:
         """(p,) standard deviations of the coordinates, each estimated alone."""
         return information.alone(self.root)
+
+    @property
+    def labels(self) -> list[str]:
+        """What the parameters' coordinates are called."""
+        return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
     def values(self) -> np.ndarray:
@@ -196,7 +201,7 @@ class Identifiability:
 
     def _seen(self) -> list[str]:
         """A line a combination, and one a parameter that is not identifiable."""
-        labels = [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
+        labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
             seen = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
@@ -237,34 +242,43 @@ def identifiability(
     """
     integration = Integration() if integration is None else integration
     planned = as_sensors(sensors, scene)
-    times = np.unique(np.concatenate([sensor.times for sensor in planned.values()]))
-    outputs = {
-        f"{name} {k}": channel
-        for name, sensor in planned.items()
-        for k, channel in enumerate(sensor.channels)
-    }
+    times = times_of(planned)
     found = sensitivities(
         scene,
         state,
         float(times[-1]),
         parameters,
-        outputs,
+        outputs_of(planned),
         times,
         start_time=start_time,
         integration=integration,
     )
+    coordinates = coordinates_of(scene, state, parameters)
+    return identifiability_from(found, parameters, coordinates, planned, integration)
+
+
+def identifiability_from(
+    found: Sensitivities,
+    parameters: Mapping[str, Parameter],
+    coordinates: np.ndarray,
+    sensors: Mapping[str, Sensor],
+    integration: Integration,
+) -> Identifiability:
+    """The same from a run that is there already.
+
+    **Arguments:** `found`: a run with the sensors' outputs at all their times, and derivatives of
+    which the first are along the parameters. `coordinates`: (p,) of the parameters in that run.
+    """
     return Identifiability(
         tuple(parameters),
         tuple(parameter.scale for parameter in parameters.values()),
-        np.array([p.coordinate_in(scene, state) for p in parameters.values()]),
-        {name: _record(name, sensor, times, found.derivatives) for name, sensor in planned.items()},
+        coordinates,
+        {name: _record(found, name, one, len(coordinates)) for name, one in sensors.items()},
         ACCURACY_OF_DERIVATIVES * integration.rtol,
     )
 
 
-def _record(
-    name: str, sensor: Sensor, times: np.ndarray, derivatives: Mapping[str, np.ndarray]
-) -> Record:
-    at = np.searchsorted(times, sensor.times)
-    columns = [derivatives[f"{name} {k}"][at] for k in range(len(sensor.channels))]
+def _record(found: Sensitivities, name: str, sensor: Sensor, p: int) -> Record:
+    at = np.searchsorted(found.times, sensor.times)
+    columns = [found.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
     return Record(sensor.times, np.stack(columns, axis=1) / sensor.noise[:, None, None])

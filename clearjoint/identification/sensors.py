@@ -108,3 +108,17 @@ def as_sensors(sensors: Any, scene: Scene) -> dict[str, Sensor]:
         except ValueError as error:
             raise ValueError(f"Sensor {name!r}: {error}") from error
     return found
+
+
+def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
+    """Every channel of every sensor, by the sensor's name and the channel's number."""
+    return {
+        f"{name} {k}": channel
+        for name, sensor in sensors.items()
+        for k, channel in enumerate(sensor.channels)
+    }
+
+
+def times_of(sensors: Mapping[str, Sensor]) -> np.ndarray:
+    """All times at which one of them has a sample, rising, s."""
+    return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))
