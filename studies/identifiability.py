@@ -25,6 +25,7 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.quantities import (
     Acceleration,
+    Component,
     ContactForce,
     JournalOffset,
     Position,
@@ -34,6 +35,8 @@ from studies.output import Output
 
 SHOULDER, ELBOW, ARMS, BASES = "shoulder", "elbow", ("arm 2", "arm 3"), ("V", "W")
 SAMPLES = 1000
+ACROSS: tuple[Component, ...] = ("x", "y")
+ALL: tuple[Component, ...] = ("x", "y", "z")
 LENGTHS = (0.05, 0.1)
 """Of the records, s."""
 PARAMETERS = {
@@ -60,25 +63,25 @@ class Instrument:
 INSTRUMENTS = {
     "camera": Instrument(
         "arms' positions, 75 µm",
-        tuple(Position(arm, k) for arm in ARMS for k in "xyz"),
+        tuple(Position(arm, k) for arm in ARMS for k in ALL),
         75e-6,
         (("", "0.009", "0.24"), ("0.06", "0.003", "0.008")),
     ),
     "probes": Instrument(
         "journal at both bases, 5 µm",
-        tuple(JournalOffset(SHOULDER, k, base) for base in BASES for k in "xy"),
+        tuple(JournalOffset(SHOULDER, component=k, base=base) for base in BASES for k in ACROSS),
         5e-6,
         (("0.47", "1.5e-4", "0.004"), ("0.0007", "6e-5", "0.00018")),
     ),
     "accelerometers": Instrument(
         "arms' accelerations, 5 m/s²",
-        tuple(Acceleration(arm, k) for arm in ARMS for k in "xyz"),
+        tuple(Acceleration(arm, k) for arm in ARMS for k in ALL),
         5.0,
         (("0.011", "4e-5", "0.00012"), ("0.0004", "2e-5", "0.00005")),
     ),
     "hinge": Instrument(
         "hinge reaction, 7 N",
-        tuple(Reaction(ELBOW, ARMS[1], k) for k in "xyz"),
+        tuple(Reaction(ELBOW, ARMS[1], k) for k in ALL),
         7.0,
         (("0.012", "4e-5", "0.00012"), ("0.0003", "2e-5", "0.00005")),
     ),

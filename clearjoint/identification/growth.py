@@ -13,7 +13,8 @@ import numpy as np
 from ..bodies import State
 from ..estimands import Parameter
 from ..joint_coordinates import JointCoordinates
-from ..quantities import Penetration, PointPosition
+from ..quantities.bodies import PointPosition
+from ..quantities.joints import Penetration
 from ..reductions import Quantity
 from ..scene import Scene
 from ..vectors import Scalar, pack, structured, unpack

@@ -189,7 +189,9 @@ class Identifiability:
 
     def _bounds(self) -> list[str]:
         """A row a parameter: its bounds together and alone, and its correlations r."""
-        rows = [("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))]
+        rows: list[tuple[str, ...]] = [
+            ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
+        ]
         together, alone = self.value_deviations, self.slopes * self.deviations_alone
         for k, (name, fine) in enumerate(self.identifiable.items()):
             value = self.values[k]

@@ -20,7 +20,7 @@ one, unless more than this share of their variance comes from it."""
 def root_of(rows: np.ndarray) -> np.ndarray:
     """The root (p, p) of the information of rows (N, p)."""
     p = rows.shape[1]
-    return np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r")
+    return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
 
 def roots_over(rows: np.ndarray, ends: Sequence[int]) -> np.ndarray:
@@ -101,11 +101,11 @@ class Combination:
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
-        for k in order:
+        for k in order.tolist():
             if abs(signed[k]) >= SMALL_WEIGHT or self.shares[k] > SMALL_SHARE:
-                size = f"{abs(signed[k]):.2g}"
+                size = f"{abs(signed[k]):.2g} "
                 joint = (" - " if signed[k] < 0.0 else " + ") if text else ""
-                text += joint + ("" if size == "1" else size + " ") + names[k]
+                text += f"{joint}{size.removeprefix('1 ')}{names[k]}"
         return text
 
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..fields import as_number, require
-from ..quantities import AbstractQuantity
+from ..quantities.base import AbstractQuantity
 from ..reductions import Quantity
 from ..scene import Scene
 

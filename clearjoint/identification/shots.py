@@ -59,7 +59,7 @@ class Shots:
         return [float(parameter.scale.value(u)) for parameter, u in pairs]
 
     def weights(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Of each output of the sensors, (T,) one over the noise, or zero where there is no sample."""
+        """(T,) of each output of the sensors: one over the noise; zero where it has no sample."""
         found = {}
         for name, sensor in self.sensors.items():
             weight = np.zeros(len(times))

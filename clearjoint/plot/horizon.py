@@ -44,7 +44,7 @@ def integration_error(found: Horizon, *, axes: Axes | None = None) -> Axes:
         axes.plot(found.times * 1e3, there, color=colour, linestyle=style, label=label)
     _mark_limits(found, axes)
     axes.set_yscale("log")
-    axes.legend(frameon=False, loc="upper left")
+    axes.legend(frameon=False, loc="lower right")
     return dress(axes, "time, ms", "error")
 
 

@@ -25,8 +25,9 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
         axes.plot(times, found, color=colour, linewidth=0.8, alpha=0.4)
         label = report.scales[k].called(name)
         axes.plot(times, told, color=colour, linestyle=style, linewidth=2, label=label)
-    for limit in np.unique(report.limits):
-        axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":")
+    for k, limit in enumerate(np.unique(report.limits)):
+        label = "not identifiable above" if k == 0 else None
+        axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", label=label)
     axes.set_yscale("log")
     axes.legend(frameon=False)
     return dress(axes, "length of the record, ms", "standard deviation")
