@@ -2,10 +2,12 @@
 
 import warnings
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import plot
 from clearjoint.identification import growth, ways
 from clearjoint.identification.horizon import PLACES
 from clearjoint.quantities import JournalOffset
@@ -159,7 +161,7 @@ def test_guesses_of_several_parameters():
 
 def test_a_short_run_is_within_all_horizons(found):
     assert found.numerical == np.inf
-    assert found.error.max() < 1e-3 and found.derivative_error.max() < 1e-4
+    assert 0.0 < found.error.max() < 1e-3 and 0.0 < found.derivative_error.max() < 1e-4
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found.warn_if_beyond(min(LAST, found.single_shot))
@@ -211,3 +213,18 @@ def test_horizons_of_the_double_pendulum():
     assert 0.06 < stiffer.since < 0.075
     assert 0.03 < found.convergence < 0.045
     assert 0.15 < found.numerical < 0.2
+
+
+def test_figures_have_labels_and_mark_what_is_limited(found):
+    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    axes = plot.growth(limited)
+    assert axes.get_ylabel() == "displacement, m"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "log clearance",
+        "initial velocity, m/s",
+    ]
+    assert "integration fails" in [text.get_text() for text in axes.texts]
+    assert plot.integration_error(limited).get_yscale() == "log"
+    drawn = plot.record_length(found.information)
+    assert drawn.get_xlabel() == "length of the record, ms"
+    plt.close("all")

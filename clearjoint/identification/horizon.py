@@ -23,8 +23,9 @@ from .sensors import Sensors, as_sensors
 from .shots import Shots
 from .tables import aligned, number
 
-TIGHTER = 1e-2
-"""Tolerance of the run that tells the integration error, over that asked for."""
+LOOSER = 10.0
+"""Tolerance of the run that tells the integration error, over that asked for. A tighter one might
+ask for more than rounding allows."""
 PLACES = 4
 """On each way that are looked at, the guess among them."""
 DERIVATIVE_ERROR = 0.1
@@ -39,8 +40,10 @@ class Horizon:
     - `growth`: (T, p + 1) m, root mean square displacement of the bodies' points per unit of each
       parameter's coordinate, and last of the disturbance of the initial velocity, per m/s.
     - `rate`: 1/s, by which the latter grows as an exponential since the first contact.
-    - `error`: (T,) the largest error of the integration, over the noise.
-    - `derivative_error`: (T,) relative, the largest of the parameters', cumulated over the record.
+    - `error`: (T,) the largest error of the integration, over the noise: a bound, the difference
+      from a run of ten times the tolerance.
+    - `derivative_error`: (T,) likewise, relative, the largest of the parameters', over the record
+      so far.
     - `numerical`: s, from where on one of these is too large: more than the noise, or a tenth.
     - `guesses`: see `Guess`. `convergence`: s, the first length of a record that loses one of them.
     - `information`: what the data tell over time; see `Identifiability`.
@@ -143,7 +146,7 @@ def horizon(
 ) -> Horizon:
     """For how long the motion at these parameters can be fitted by single runs.
 
-    It makes two runs, one of them a hundred times tighter, and `PLACES` shorter ones for each wrong
+    It makes two runs, one of them ten times looser, and `PLACES` shorter ones for each wrong
     guess: two for each parameter, and with several of them eight (of two, four) for all at once.
 
     **Arguments:**
@@ -161,7 +164,7 @@ def horizon(
     shots = Shots(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
     truth = coordinates_of(scene, state, parameters)
     found = shots.run(truth, integration, throw=True)
-    errors = _errors(shots, found, shots.run(truth, _tightened(integration), throw=True))
+    errors = _errors(shots, found, shots.run(truth, _loosened(integration), throw=True))
     sizes = growth.sizes(found.derivatives, growth.points(scene))
     touching = np.any([found.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
     onset = _first(found.times, touching)
@@ -185,23 +188,24 @@ def _checked(uncertainty: Mapping[str, float], parameters: Mapping[str, Paramete
     return np.array([float(uncertainty[name]) for name in parameters])
 
 
-def _tightened(integration: Integration) -> Integration:
-    atol = None if integration.atol is None else TIGHTER * integration.atol
-    return replace(integration, rtol=TIGHTER * integration.rtol, atol=atol)
+def _loosened(integration: Integration) -> Integration:
+    atol = None if integration.atol is None else LOOSER * integration.atol
+    return replace(integration, rtol=LOOSER * integration.rtol, atol=atol)
 
 
 def _errors(
-    shots: Shots, found: Sensitivities, tight: Sensitivities
+    shots: Shots, found: Sensitivities, loose: Sensitivities
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of the values, (T,) in units of noise, and of the derivatives, (T,) relative."""
+    """Bounds of those of the values, (T,) in units of noise, and of the derivatives, (T,) relative:
+    differences from a looser run."""
     weights = shots.weights(found.times)
-    values = [np.abs(found.values[n] - tight.values[n]) * w for n, w in weights.items()]
+    values = [np.abs(found.values[n] - loose.values[n]) * w for n, w in weights.items()]
     p = len(shots.parameters)
     differences, size = np.zeros((2, len(found.times), p))
     for name, weight in weights.items():
-        exact = tight.derivatives[name][:, :p] * weight[:, None]
-        differences += (found.derivatives[name][:, :p] * weight[:, None] - exact) ** 2
-        size += exact**2
+        own = found.derivatives[name][:, :p] * weight[:, None]
+        differences += (loose.derivatives[name][:, :p] * weight[:, None] - own) ** 2
+        size += own**2
     total, wrong = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
     relative = np.sqrt(wrong / np.where(total > 0.0, total, 1.0))
     return np.max(values, axis=0), relative.max(axis=1)
