@@ -10,7 +10,7 @@ ends with a misfit below the noise.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,15 +92,19 @@ class Fit:
         return bool(np.mean(found.fun**2) < 1.0)
 
 
-def comparison(found: cj.Horizon, lengths: Sequence[float]) -> str:
-    """What is said and what fits do, a row a guess, in Markdown."""
+def comparison(found: cj.Horizon, lengths: Sequence[float]) -> Iterator[str]:
+    """What is said and what fits do, a row a guess, in Markdown, as they are done."""
     head = [*found.information.labels, "said, ms", *(f"{1e3 * t:g}" for t in lengths)]
-    rows = [head, ["---"] * len(head)]
+    yield _row(head)
+    yield _row(["---"] * len(head))
     for guess in found.guesses:
         ends = ["yes" if Fit(length).succeeds(guess.offsets) else "no" for length in lengths]
         offsets = [f"{x:+.2f}" for x in guess.offsets + 0.0]
-        rows.append([*offsets, f"{1e3 * guess.since:.4g}", *ends])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+        yield _row([*offsets, f"{1e3 * guess.since:.4g}", *ends])
+
+
+def _row(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def figure(found: cj.Horizon) -> Figure:
@@ -127,7 +131,8 @@ def main(arguments: list[str] | None = None) -> None:
     print(f"{found}\n")
     output.save(figure(found), "horizon")
     if not options.quick:
-        print(comparison(found, LENGTHS))
+        for row in comparison(found, LENGTHS):
+            print(row, flush=True)
 
 
 if __name__ == "__main__":

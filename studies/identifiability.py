@@ -15,8 +15,10 @@ bases.
 """
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -55,7 +57,7 @@ class Instrument:
     """
 
     title: str
-    channels: tuple[object, ...]
+    channels: tuple[Callable[[Any], Any], ...]
     noise: float
     known: tuple[tuple[str, str, str], tuple[str, str, str]]
 
