@@ -66,4 +66,5 @@ def _mark_limits(found: Horizon, axes: Axes) -> None:
                 ha="right",
                 va="top",
                 color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
             )
