@@ -191,9 +191,9 @@ def test_errors(found):
 
 @pytest.mark.slow
 def test_horizons_of_the_double_pendulum():
-    """Fits by Levenberg and Marquardt from a factor 5 in stiffness converge at 60 ms and fail from
-    65 ms on; with restitution 0.6 and 20 % less clearance besides, at 35 and 45 ms. Rounding alone
-    tells runs apart from 0.15 s on (the reference's README)."""
+    """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
+    worst guess likewise (`studies/horizon.py`). Rounding alone tells runs apart from 0.15 s on (the
+    reference's README)."""
     from studies.identifiability import ACROSS, BASES, PARAMETERS
 
     times = np.arange(1, 2001) * 1e-4
