@@ -8,8 +8,8 @@ in clearance; and fits by Levenberg and Marquardt (SciPy's) of all three paramet
 guesses, to noise-free records of different lengths, with the same derivatives. A fit succeeds if it
 ends with a misfit below the noise.
 
-Measured on 2026-11-21, guesses by the signs of their offsets. Fits to all shorter records of 35, 45,
-55, ... ms succeed, to longer ones fail, but for one (*) that succeeds at 75 and 85 ms again:
+Measured on 2026-11-21, guesses by the signs of their offsets. Fits to shorter records of 35, 45,
+55, ... ms all succeed, to longer ones fail, but for one (*) that succeeds at 75 and 85 ms again:
 
 | stiffness, restitution, clearance | said, ms | first fit that fails, ms |
 |---|---|---|
