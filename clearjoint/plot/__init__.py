@@ -18,6 +18,8 @@ from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .frames import animate_journal as animate_journal
 from .frames import journal_frames as journal_frames
+from .horizon import growth as growth
+from .horizon import integration_error as integration_error
 from .journal import XY as XY
 from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
@@ -29,4 +31,5 @@ from .motion import acceleration as acceleration
 from .motion import path as path
 from .motion import position as position
 from .orbits import orbit as orbit
+from .record_length import record_length as record_length
 from .sections import bifurcation as bifurcation
