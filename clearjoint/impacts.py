@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from .contact import UNKNOWN_ENTRY_SPEED
 from .coordinates import Motions
-from .dynamics import Formulation, Memory
+from .dynamics import Closed, Formulation, Memory
 from .scene import Scene
 from .vectors import Scalar
 
@@ -67,6 +67,19 @@ def _for_each_memory(scene: Scene, make: Any) -> Memory:
         if labels:
             memory[name] = {label: make(name, label) for label in labels}
     return memory
+
+
+def closed(found: Reaches) -> Closed:
+    """Which contacts exist.
+
+    Where steps land on their begin and end, a contact stays open or closed for a whole step. A
+    trial step that goes past a wall then meets nothing: what it says of the way to the wall is as
+    smooth as in flight, and where it crosses is found at once.
+    """
+    return {
+        name: {label: reach.depth > 0.0 for label, reach in family.items()}
+        for name, family in found.items()
+    }
 
 
 class Landing(eqx.Module):

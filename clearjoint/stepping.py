@@ -21,6 +21,7 @@ from .impacts import (
     Reach,
     Reaches,
     begins,
+    closed,
     has_memory,
     initial_memory,
     reaches,
@@ -40,12 +41,17 @@ TANGENT_TOLERANCE = 10.0
 some hundred times as accurate as `rtol` times a thousand; see `clearjoint.sensitivity`."""
 
 
-def term_of(method: Method) -> diffrax.ODETerm:
-    """The rates of the variables, as diffrax takes them; the arguments are scene and memory."""
+def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
+    """The rates of the variables, as diffrax takes them; the arguments are scene and memory.
+
+    Of a `step` that lands, those of its open and closed contacts.
+    """
+    lands = step is not None and method.landing is not None
+    modes = closed(step.reaches) if step is not None and lands else None
 
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
         scene, memory = args
-        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t))
+        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t, modes))
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
     return diffrax.ODETerm(field)
@@ -185,7 +191,7 @@ def _tried(
 
     def taken(scene: Scene, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
         y1, error, information, solver_state, result = method.solver.step(
-            term_of(method), step.t, t1, y, (scene, memory), solver_state, made_jump
+            term_of(method, step), step.t, t1, y, (scene, memory), solver_state, made_jump
         )
         if isinstance(method.formulation.stabilisation, Projection):
             y1 = projected(scene, method.formulation, y1, t1)
