@@ -27,6 +27,12 @@ from .estimands import Parameter as Parameter
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
+from .identification.fit import Fit as Fit
+from .identification.identify import identify as identify
+from .identification.identify import identify_many as identify_many
+from .identification.levenberg_marquardt import Ending as Ending
+from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts
 from .integration import Integration as Integration
 from .joint_coordinates import JointCoordinates as JointCoordinates
@@ -51,6 +57,11 @@ from .joints.ideal import PrismaticJoint as PrismaticJoint
 from .joints.ideal import RevoluteJoint as RevoluteJoint
 from .joints.ideal import SphericalJoint as SphericalJoint
 from .joints.primitives import rows_from_residual as rows_from_residual
+from .measured_tables import Channel as Channel
+from .measured_tables import from_xarray as from_xarray
+from .measured_tables import read_csv as read_csv
+from .measurements import Measurements as Measurements
+from .measurements import Series as Series
 from .mechanisms import double_pendulum as double_pendulum
 from .mechanisms import slider_crank as slider_crank
 from .observables import MotionMode as MotionMode

@@ -112,7 +112,7 @@ def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Any
 ) -> ParametrisedScene:
     """The family of scenes that parameters span, looked at where their coordinates are `values`."""
-    changes = tuple(p.variation.setter(scene, state) for p in parameters.values())
+    changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
     varied = _varied(family, scene)

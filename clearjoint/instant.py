@@ -4,6 +4,9 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
+import equinox as eqx
+
+from .absolute import AbsoluteCoordinates
 from .coordinates import Motions
 from .dynamics import ContactForce, Dynamics, Formulation, Memory, contact_forces, evaluate
 from .impacts import Reaches, reaches
@@ -58,3 +61,13 @@ class Instant:
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
         return evaluate(self.scene, self._formulation, self._variables, self.memory, self.time)
+
+    @cached_property
+    def absolute_dynamics(self) -> Dynamics:
+        """The same in absolute coordinates, where every ideal joint has its multipliers."""
+        coordinates, absolute = self._formulation.coordinates, AbsoluteCoordinates()
+        if isinstance(coordinates, AbsoluteCoordinates):
+            return self.dynamics
+        formulation = eqx.tree_at(lambda f: f.coordinates, self._formulation, absolute)
+        variables = absolute.encode(self.scene, coordinates.decode(self.scene, self._variables))
+        return evaluate(self.scene, formulation, variables, self.memory, self.time)

@@ -3,7 +3,7 @@
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,12 @@ from .vectors import Scalar
 
 @dataclass(frozen=True)
 class AbstractScale(abc.ABC):
-    """A map from all real numbers to the values that a parameter may have."""
+    """A map from all real numbers to the values that a parameter may have.
+
+    `stride`: the farthest that one step of a fit changes the coordinate.
+    """
+
+    stride: ClassVar[float]
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
@@ -38,6 +43,7 @@ class Linear(AbstractScale):
     """Any value: the coordinate in units of `unit`."""
 
     unit: float = 1.0
+    stride: ClassVar[float] = math.inf
 
     def value(self, coordinate: Scalar) -> Scalar:
         """unit times coordinate."""
@@ -52,6 +58,8 @@ class Linear(AbstractScale):
 @dataclass(frozen=True)
 class Log(AbstractScale):
     """Positive values: the natural logarithm."""
+
+    stride: ClassVar[float] = 1.0
 
     def value(self, coordinate: Scalar) -> Scalar:
         """exp(coordinate)."""
@@ -69,6 +77,7 @@ class Bounded(AbstractScale):
 
     low: float
     high: float
+    stride: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
         require(

@@ -109,7 +109,7 @@ def _looked_at(
     return values, derivatives
 
 
-_sampled_compiled = eqx.filter_jit(sampled)
+sampled_compiled = eqx.filter_jit(sampled)
 
 
 @dataclass(frozen=True)
@@ -164,18 +164,17 @@ def sensitivities(
     method = integration.method(scene, state, start_time)
     asked = check_times(start_time, end_time, times)
     assert asked is not None
-    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
-    padded = np.full(_padded_count(len(asked)), float(end_time))
-    padded[: len(asked)] = asked
-    span = (jnp.asarray(float(t)) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
+    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, coordinates)
+    span = (jnp.asarray(t, float) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
     found = jax.device_get(
-        _sampled_compiled(
+        sampled_compiled(
             method,
             family,
             dict(outputs),
-            jnp.asarray(padded),
+            jnp.asarray(padded(asked, end_time)),
             *span,
-            jnp.asarray(integration.max_steps),
+            jnp.asarray(integration.max_steps, int),
         )
     )
     count = int(found.reached[: len(asked)].sum())
@@ -196,6 +195,8 @@ def sensitivities(
     return result
 
 
-def _padded_count(count: int) -> int:
+def padded(times: np.ndarray, end_time: float) -> np.ndarray:
+    """The times, and the end time, at least once, as often as makes their number one of few."""
+    count = len(times) + 1
     size = FEW_TIMES if count <= FEW_TIMES else MANY_TIMES
-    return -(-count // size) * size
+    return np.append(times, np.full(1 + -count % size, float(end_time)))

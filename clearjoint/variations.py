@@ -28,10 +28,11 @@ class AbstractVariation(abc.ABC):
         """The unit of the value."""
 
     @abc.abstractmethod
-    def setter(self, scene: Scene, state: State) -> Change:
-        """A function that puts a value into scenes and states of the structure of these.
+    def setter(self, scene: Scene, state: State, example: Any) -> Change:
+        """A function that puts values like the example into scenes and states of the structure of
+        these. Setters of equal variations into like structures are equal.
 
-        Setters of equal variations into like structures are equal.
+        **Raises:** `ValueError` for a place that has no numbers, or of another shape.
         """
 
 
@@ -54,9 +55,11 @@ class SceneNumber(AbstractVariation):
         """The given unit, or that of the place."""
         return unit_at(scene, self.place) if self.unit is None else self.unit
 
-    def setter(self, scene: Scene, state: State) -> Change:
+    def setter(self, scene: Scene, state: State, example: Any) -> Change:
         """Puts a value at the place."""
-        return _Setter(tuple(numbers_at(scene, self.place)), True)
+        setter = _Setter(tuple(numbers_at(scene, self.place)), True)
+        setter(scene, state, example)
+        return setter
 
 
 @dataclass(frozen=True)
@@ -78,9 +81,11 @@ class StateNumber(AbstractVariation):
         """The given unit, or that of the place."""
         return unit_at(state, self.place) if self.unit is None else self.unit
 
-    def setter(self, scene: Scene, state: State) -> Change:
+    def setter(self, scene: Scene, state: State, example: Any) -> Change:
         """Puts a value at the place."""
-        return _Setter(tuple(numbers_at(state, self.place)), False)
+        setter = _Setter(tuple(numbers_at(state, self.place)), False)
+        setter(scene, state, example)
+        return setter
 
 
 @dataclass(frozen=True)
@@ -102,8 +107,9 @@ class MadeByFunction(AbstractVariation):
         """The given unit."""
         return self.unit
 
-    def setter(self, scene: Scene, state: State) -> Change:
+    def setter(self, scene: Scene, state: State, example: Any) -> Change:
         """The function."""
+        del scene, state, example
         return self.make
 
 

@@ -29,7 +29,7 @@ from ..vectors import Scalar, Vector, add, subtract
 from .axial import AbstractAxialPolicy, EndPlay, FixedAxially, FreeAxially
 from .base import AbstractContactJoint, Contact, Motions, Row
 from .ideal import require_distinct
-from .primitives import point_in_plane
+from .primitives import point_in_plane, turning_about_axes
 
 BASES = ("V", "W")
 SHOULDERS = ("lower shoulder", "upper shoulder")
@@ -200,6 +200,12 @@ class ClearanceJoint(AbstractContactJoint):
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+
+    def turn(self, motions: Motions) -> Row:
+        """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axes = self.bearing_axis, self.journal_axis
+        return turning_about_axes(self.pair(), bearing, journal, *axes)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""

@@ -15,7 +15,7 @@ from ..rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row
 from .freedoms import Ball, Hinge, Slider, Weld, aligning
-from .primitives import coincident_points, perpendicular, point_in_plane
+from .primitives import coincident_points, perpendicular, point_in_plane, turning_about_axes
 
 
 class AbstractPairJoint(AbstractConstraint):
@@ -63,6 +63,10 @@ class AbstractPairJoint(AbstractConstraint):
             label: self._perpendicular(motions, unit(first), direction)
             for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
         }
+
+    def _turn(self, motions: Motions, first: Vector, second: Vector) -> Row:
+        names = (self.first, self.second)
+        return turning_about_axes(names, *(motions[name] for name in names), first, second)
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
         relative = rotation_matrix(orientation)
@@ -129,6 +133,10 @@ class RevoluteJoint(AbstractPairJoint):
         del t
         tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
         return self._coincidence(motions) | tilts
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        return self._turn(motions, self.axis_first, self.axis_second)
 
     def freedom(self, parent: str) -> Hinge:
         """Turning about the axis."""
@@ -210,6 +218,10 @@ class CylindricalJoint(AbstractPairJoint):
         del t
         tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
         return self._point_on_line(motions, self.axis_first) | tilts
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        return self._turn(motions, self.axis_first, self.axis_second)
 
 
 class PrismaticJoint(AbstractPairJoint):

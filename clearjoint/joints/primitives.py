@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..bodies import Motion, Wrench
-from ..rotations import transverse_axes
+from ..rotations import transverse_axes, unit
 from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
 from .base import Row
 
@@ -102,6 +102,20 @@ def turning_angle(
     rate = (c * s_rate - s * c_rate) * inverse
     swing = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(jnp.arctan2(s, c), jacobian, swing * inverse)
+
+
+def turning_about_axes(
+    names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
+) -> Row:
+    """`turning_angle` about an axis that both bodies have, in the axes of each, of any length.
+
+    Zero where the bodies' frames differ by the shortest turn between the axes' components.
+    """
+    a, b = unit(axis_first), unit(axis_second)
+    start, _ = transverse_axes(a)
+    b = b * jnp.where(a.dot(b) < 0.0, -1.0, 1.0)
+    direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
+    return turning_angle(names, first, second, a, direction)
 
 
 Pose = tuple[Vector, Matrix]

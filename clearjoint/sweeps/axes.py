@@ -52,6 +52,10 @@ class Axis:
         """The unit of the values."""
         return self.variation.unit_in(scene, state)
 
+    def setter(self, scene: Scene, state: State) -> Change:
+        """A function that puts a value into scenes and states of the structure of these."""
+        return self.variation.setter(scene, state, self.values[0])
+
     def described(self) -> str:
         """What is varied, as a text by which a store knows its own."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
@@ -101,7 +105,7 @@ def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
     """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
-    changes = {name: axis.variation.setter(scene, state) for name, axis in axes.items()}
+    changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     count = len(next(iter(values.values())))
     bad: dict[int, str] = {}
     rows: list[list[Any]] = []

@@ -192,7 +192,7 @@ def _described(
     """All that decides the numbers, as texts. What an axis varies is described by its values."""
     for axis in axes.values():
         with suppress(ValueError):
-            scene, state = axis.variation.setter(scene, state)(scene, state, axis.values[0])
+            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
     return {
         **{name: describe(value) for name, value in settings.items()},
         **{f"axis {name}": axis.described() for name, axis in axes.items()},

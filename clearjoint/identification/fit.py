@@ -1,0 +1,227 @@
+"""What an identification found."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from ..bodies import State
+from ..estimands import Parameter
+from ..measurements import Measurements
+from ..scales import Bounded
+from ..scene import Scene
+from . import statistics
+from .levenberg_marquardt import Ending, Iteration
+from .residuals import Evaluated
+
+CONFIDENCE = 0.95
+UNLIKELY = 1e-3
+"""Probability of chi squared below which a fit says that noise or model are wrong."""
+AT_BOUND = 1e-3
+"""Distance from a bound, as a part of what is between the bounds, that counts as at it."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The search over the samples up to `end_time`, s: its iterations and how it ended."""
+
+    end_time: float
+    iterations: tuple[Iteration, ...]
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class Search:
+    """One start (p,), in coordinates, and where it led: the windows fitted one after the other,
+    and the best of the last."""
+
+    start: np.ndarray
+    windows: tuple[Window, ...]
+    best: Evaluated
+
+    @property
+    def ending(self) -> Ending:
+        """How the last window's search ended."""
+        return self.windows[-1].ending
+
+    @property
+    def evaluations(self) -> int:
+        """Number of runs."""
+        return sum(len(window.iterations) for window in self.windows)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimates, how sure they are, and what they leave unexplained.
+
+    `scene` and `state` have the estimates in their places. `parameters` and `units` are by name, in
+    the order of all arrays; `searches` has every start, of which `best` led farthest down.
+    """
+
+    scene: Scene
+    state: State
+    parameters: dict[str, Parameter]
+    units: dict[str, str]
+    measurements: Measurements
+    searches: tuple[Search, ...]
+    best: Search
+
+    @property
+    def ending(self) -> Ending:
+        """How the search ended; its value says it in words."""
+        return self.best.ending
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """Coordinates (p,) of the estimates."""
+        return self.best.best.coordinates
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Values of the parameters."""
+        return self._valued(self.coordinates)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance (p, p) of the coordinates, if the noise is as stated."""
+        return statistics.covariance(self.best.best.jacobian)
+
+    @cached_property
+    def value_covariance(self) -> np.ndarray:
+        """Covariance (p, p) of the values, by the slopes of the scales."""
+        scales = [parameter.scale for parameter in self.parameters.values()]
+        slopes = [float(s.slope(u)) for s, u in zip(scales, self.coordinates, strict=True)]
+        return self.covariance * np.outer(slopes, slopes)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (p, p) of the coordinates."""
+        return statistics.correlation(self.covariance)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard deviation of each value."""
+        deviations = np.sqrt(np.diag(self.value_covariance))
+        return dict(zip(self.parameters, deviations.tolist(), strict=True))
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % confidence interval of each value, through the scale: inside the bounds."""
+        half = stats.norm.ppf(0.5 + 0.5 * CONFIDENCE) * np.sqrt(np.diag(self.covariance))
+        low, high = self._valued(self.coordinates - half), self._valued(self.coordinates + half)
+        return {name: (low[name], high[name]) for name in self.parameters}
+
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray]:
+        """Each series as the fit has it, (N,), SI."""
+        times = self.measurements.times()
+        rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
+        return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
+
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """(Prediction - value) / noise of each series, (N,)."""
+        series = self.measurements.series
+        return {n: np.asarray(series[n].residuals(row)) for n, row in self.predictions.items()}
+
+    @property
+    def rms(self) -> dict[str, float]:
+        """Root mean square of each series' residuals: 1 if the noise is as stated."""
+        return {n: math.sqrt(float(np.mean(row**2))) for n, row in self.residuals.items()}
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return sum(len(series) for series in self.measurements.series.values())
+
+    @property
+    def chi_squared(self) -> float:
+        """Sum of the squared residuals."""
+        return self.best.best.chi_squared
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom: samples less parameters."""
+        return self.samples - len(self.parameters)
+
+    @property
+    def p_value(self) -> float:
+        """Probability of so large a chi squared if noise and model are right."""
+        return statistics.chi_squared_p(self.chi_squared, self.freedom)
+
+    @property
+    def whiteness(self) -> dict[str, float]:
+        """Probability of so much autocorrelation in white noise, of each series (Ljung-Box)."""
+        return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
+
+    @property
+    def normality(self) -> dict[str, float]:
+        """Probability of such skewness and kurtosis in normal noise, of each series."""
+        return {name: statistics.normality(row) for name, row in self.residuals.items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to mind before the estimates are used."""
+        return [*self._of_search(), *self._at_bounds(), *self._unseen(), *self._of_noise()]
+
+    def __str__(self) -> str:
+        from .report import report
+
+        return report(self)
+
+    def _of_search(self) -> Sequence[str]:
+        if self.ending is Ending.CONVERGED:
+            return []
+        return [f"Not converged: {self.ending.value}."]
+
+    def _at_bounds(self) -> Sequence[str]:
+        found = []
+        for name, parameter in self.parameters.items():
+            scale, value = parameter.scale, self.estimates[name]
+            if isinstance(scale, Bounded):
+                near = AT_BOUND * (scale.high - scale.low)
+                for bound in (scale.low, scale.high):
+                    if abs(value - bound) < near:
+                        found.append(f"{name} is at its bound {bound:g}.")
+        return found
+
+    def _unseen(self) -> Sequence[str]:
+        """A combination along which a deviation would leave what the scale is about."""
+        found = []
+        sizes = [
+            p.scale.stride if math.isfinite(p.scale.stride) else abs(u)
+            for p, u in zip(self.parameters.values(), self.coordinates, strict=True)
+        ]
+        for change, deviation in statistics.directions(self.best.best.jacobian):
+            if np.any(deviation * np.abs(change) > np.array(sizes)):
+                found.append(
+                    f"The data hardly see the combination {combination(change, self.parameters)} "
+                    f"(standard deviation {deviation:.2g}, in the coordinates of the scales)."
+                )
+        return found
+
+    def _of_noise(self) -> Sequence[str]:
+        if self.freedom < 1:
+            return []
+        scatter = math.sqrt(self.chi_squared / self.freedom)
+        if self.p_value < UNLIKELY:
+            return [
+                f"Residuals are {scatter:.3g} times the stated noise: the noise is understated, or "
+                "the model lacks something."
+            ]
+        if self.p_value > 1.0 - UNLIKELY:
+            return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
+        return []
+
+    def _valued(self, coordinates: np.ndarray) -> dict[str, float]:
+        pairs = zip(self.parameters.items(), coordinates, strict=True)
+        return {name: float(p.scale.value(u)) for (name, p), u in pairs}
+
+
+def combination(change: np.ndarray, names: Sequence[str] | dict[str, Parameter]) -> str:
+    """A direction in words, without what hardly takes part in it."""
+    words = [f"{part:+.3g} {name}" for part, name in zip(change, names, strict=True)]
+    return " ".join(w for w, part in zip(words, change, strict=True) if abs(part) > 1e-3)

@@ -1,0 +1,213 @@
+"""Identification: parameters and initial states that explain measurements best."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from tqdm import tqdm
+
+from ..bodies import State
+from ..estimands import Parameter
+from ..fields import require, require_positive
+from ..integration import Integration
+from ..measurements import Measurements
+from ..results import RESULTS
+from ..scene import Scene
+from .fit import Fit, Search, Window
+from .levenberg_marquardt import Ending, Iteration, search
+from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
+from .starts import Guess, Starts, start_coordinates
+
+Tell = Callable[[Iteration], None]
+TellOf = Callable[[Iteration, int], None]
+"""With the number of samples that are fitted."""
+
+
+def identify(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    *,
+    start_time: float = 0.0,
+    guess: Guess | Sequence[Guess] | None = None,
+    starts: Starts | None = None,
+    grow: Sequence[float] = (),
+    integration: Integration | None = None,
+    max_iterations: int = 100,
+    tolerance: float = 1e-3,
+    progress: bool | Tell = True,
+) -> Fit:
+    """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s: as in `simulate`; the run goes to the last sample.
+    - `measurements`: what was measured, with its noise.
+    - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
+    - `guess`: values to start from, by name; those of the scene for others. A list of them is as
+      many starts.
+    - `starts`: further starts drawn around the first guess; see `Starts`. The best end wins, and
+      `Fit.searches` has all.
+    - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
+      where the one before ended. After some impacts small errors of parameters have grown so far
+      that a start farther off finds no way down.
+    - `integration`: tolerances and method; `Integration()` unless given. Its `max_steps` bounds
+      what a run with absurd parameters costs.
+    - `max_iterations`: of each window of each start; an iteration is one run.
+    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
+    - `progress`: show a line with the iterations, or call a function with each `Iteration`.
+
+    **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
+    see `Fit.ending` and `Fit.warnings`.
+    """
+    return identify_many(
+        scene,
+        state,
+        [measurements],
+        parameters,
+        start_time=start_time,
+        guess=guess,
+        starts=starts,
+        grow=grow,
+        integration=integration,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+        progress=progress,
+    )[0]
+
+
+def identify_many(
+    scene: Scene,
+    state: State,
+    measurements: Sequence[Measurements],
+    parameters: Mapping[str, Parameter],
+    *,
+    start_time: float = 0.0,
+    guess: Guess | Sequence[Guess] | None = None,
+    starts: Starts | None = None,
+    grow: Sequence[float] = (),
+    integration: Integration | None = None,
+    max_iterations: int = 100,
+    tolerance: float = 1e-3,
+    progress: bool | Tell = True,
+) -> list[Fit]:
+    """`identify` for several sets of measurements of the same channels and times, such as draws of
+    the noise: one fit for each."""
+    _check(scene, measurements, start_time, grow, max_iterations, tolerance)
+    first = measurements[0]
+    outputs = {name: series.channel for name, series in first.series.items()}
+    times = first.times()
+    runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
+    rows = start_coordinates(scene, state, parameters, guess, starts)
+    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
+    ends = [*grow, float(times[-1])]
+    units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
+
+    fits = []
+    with _shown(progress, parameters, len(measurements) * len(rows)) as tell:
+        for one in measurements:
+            data = samples(one, len(runs.times))
+            found = [
+                _searched(runs, data, row, ends, strides, tolerance, max_iterations, tell)
+                for row in rows
+            ]
+            best = min(found, key=lambda search: search.best.chi_squared)
+            made = runs.family.made(best.best.coordinates)
+            fits.append(Fit(*made, dict(parameters), units, one, tuple(found), best))
+    return fits
+
+
+def _searched(
+    runs: Experiment,
+    data: Samples,
+    start: np.ndarray,
+    ends: Sequence[float],
+    strides: np.ndarray,
+    tolerance: float,
+    max_iterations: int,
+    tell: TellOf,
+) -> Search:
+    """The windows fitted one after the other."""
+    windows, best, at = [], None, start
+    for end in ends:
+        part, iterations = data.until(runs.times, end), []
+
+        def run(at: np.ndarray, part: Samples = part, end: float = end) -> Evaluated:
+            return evaluate(runs, part, at, end)
+
+        ending: Ending | None = None
+        for iteration, best, ending in search(run, at, strides, tolerance, max_iterations):
+            iterations.append(iteration)
+            tell(iteration, part.count)
+        assert best is not None and ending is not None
+        if best.result != RESULTS.successful:
+            ending = Ending.FAILED
+        windows.append(Window(end, tuple(iterations), ending))
+        at = best.coordinates
+    assert best is not None
+    return Search(start, tuple(windows), best)
+
+
+@contextmanager
+def _shown(
+    progress: bool | Tell, parameters: Mapping[str, Parameter], searches: int
+) -> Iterator[TellOf]:
+    """What to tell each iteration."""
+    if callable(progress):
+        yield lambda iteration, _: progress(iteration)
+        return
+    with tqdm(
+        desc="fit" if searches == 1 else f"{searches} fits",
+        unit=" runs",
+        leave=False,
+        disable=not progress,
+    ) as bar:
+
+        def tell(iteration: Iteration, count: int) -> None:
+            values = [
+                f"{name} {float(parameter.scale.value(u)):.6g}"
+                for (name, parameter), u in zip(
+                    parameters.items(), iteration.coordinates, strict=True
+                )
+            ]
+            bar.set_postfix_str(
+                f"chi2/N {iteration.chi_squared / count:.4g}, step {iteration.decrement:.2g} sd, "
+                + ", ".join(values)
+            )
+            bar.update()
+
+        yield tell
+
+
+def _check(
+    scene: Scene,
+    measurements: Sequence[Measurements],
+    start_time: float,
+    grow: Sequence[float],
+    max_iterations: int,
+    tolerance: float,
+) -> None:
+    remedy = "pass one set of measurements at least"
+    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    first = measurements[0]
+    first.check(scene)
+    for k, one in enumerate(measurements):
+        same = list(one.series) == list(first.series) and all(
+            series.channel == first[name].channel
+            and np.array_equal(series.times, first[name].times)
+            for name, series in one.series.items()
+        )
+        expected = "of the channels and times of the first"
+        require(same, f"measurements[{k}]", list(one.series), expected, "fit it by itself")
+    ends = [start_time, *grow, first.times()[-1]]
+    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
+    require(
+        rising,
+        "grow",
+        list(grow),
+        f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s",
+        "leave out the last sample's time, which comes last by itself",
+    )
+    require(max_iterations > 0, "max_iterations", max_iterations, "positive", "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")

@@ -1,0 +1,83 @@
+"""Where searches begin."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..bodies import State
+from ..estimands import Parameter
+from ..fields import require
+from ..scene import Scene
+
+Guess = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Starts:
+    """A number of starts: the first guess, and others drawn around it.
+
+    **Arguments:**
+
+    - `number`: of all starts.
+    - `spread`: half the width of the interval from which coordinates are drawn evenly, in the
+      coordinates of the scales (of a `Log` scale: 1 is a factor of e both ways): one number, or
+      one by parameter.
+    - `seed`: of the generator.
+    """
+
+    number: int
+    spread: float | Mapping[str, float] = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require(self.number > 0, "number", self.number, "positive", "ask for one start at least")
+
+    def around(self, first: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Coordinates (number, p) of the starts around those of the first (p,)."""
+        spread = self.spread
+        if isinstance(spread, Mapping):
+            _require_known("spread", spread, names)
+            spread = np.array([spread.get(name, 0.0) for name in names])
+        drawn = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
+        drawn[0] = 0.0
+        return first + np.asarray(spread) * drawn
+
+
+def start_coordinates(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    guess: Guess | Sequence[Guess] | None,
+    starts: Starts | None,
+) -> np.ndarray:
+    """Coordinates (S, p) of all starts: the guesses, then what is drawn around the first.
+
+    **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.
+    """
+    names = tuple(parameters)
+    guesses = [guess or {}] if guess is None or isinstance(guess, Mapping) else list(guess)
+    require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
+    rows = []
+    for one in guesses:
+        _require_known("guess", one, names)
+        rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
+    given = np.array(rows)
+    if starts is None:
+        return given
+    return np.concatenate([given, starts.around(given[0], names)[1:]])
+
+
+def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
+    try:
+        if name in guess:
+            return parameter.scale.coordinate(guess[name])
+        return parameter.coordinate_in(scene, state)
+    except ValueError as error:
+        raise ValueError(f"Parameter {name!r}: {error}") from error
+
+
+def _require_known(argument: str, given: Mapping[str, float], names: Sequence[str]) -> None:
+    unknown = sorted(set(given) - set(names))
+    remedy = f"name parameters: {', '.join(names)}"
+    require(not unknown, argument, unknown, "of parameters that are estimated", remedy)

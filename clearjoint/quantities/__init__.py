@@ -1,0 +1,25 @@
+"""Scalar functions of an instant, for reductions, sections and measurements.
+
+Any function of an `Instant` serves; these are values that compare equal when they mean the same,
+so that using them anew compiles nothing anew, and they know their units.
+"""
+
+from .base import AbstractQuantity as AbstractQuantity
+from .base import Component as Component
+from .bodies import Acceleration as Acceleration
+from .bodies import Angle as Angle
+from .bodies import PointAcceleration as PointAcceleration
+from .bodies import PointPosition as PointPosition
+from .bodies import PointVelocity as PointVelocity
+from .bodies import Position as Position
+from .bodies import Velocity as Velocity
+from .joints import ContactForce as ContactForce
+from .joints import Eccentricity as Eccentricity
+from .joints import EntrySpeed as EntrySpeed
+from .joints import FrictionForce as FrictionForce
+from .joints import JointAngle as JointAngle
+from .joints import JournalOffset as JournalOffset
+from .joints import Multiplier as Multiplier
+from .joints import Penetration as Penetration
+from .joints import PenetrationRate as PenetrationRate
+from .joints import Reaction as Reaction

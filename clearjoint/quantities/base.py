@@ -1,0 +1,60 @@
+"""What quantities have in common: units, periods, and names that a scene must know."""
+
+import abc
+from collections.abc import Collection
+from typing import Any, ClassVar, Literal
+
+import equinox as eqx
+import numpy as np
+
+from ..fields import as_number, require
+from ..instant import Instant
+from ..scene import Scene
+from ..smoothing import norm_and_direction
+from ..vectors import Scalar, Vector
+
+Component = Literal["x", "y", "z"]
+
+
+class AbstractQuantity(eqx.Module):
+    """A scalar function of an instant.
+
+    - `unit`: SI; ``None`` where only the scene tells.
+    - `period`: 2 pi of an angle, whose differences count modulo 2 pi; ``None`` of all others.
+    """
+
+    unit: ClassVar[str | None] = None
+    period: ClassVar[float | None] = None
+
+    @abc.abstractmethod
+    def __call__(self, now: Instant) -> Scalar:
+        """The value, in scalar form."""
+
+    @abc.abstractmethod
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has what the quantity names.
+
+        **Raises:** `ValueError` that lists what there is.
+        """
+
+
+def require_known(argument: str, name: Any, known: Collection[str]) -> None:
+    """Check that a name is one of those that a scene has."""
+    expected = f"one of the scene's {sorted(known)}"
+    require(name in known, argument, name, expected, "correct the name, or add it to the scene")
+
+
+def require_component(component: Any, *, magnitude: bool = False) -> None:
+    """Check for "x", "y" or "z", or ``None`` where the magnitude may be asked for."""
+    allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
+    require(component in allowed, "component", component, f"one of {allowed}", "name one of them")
+
+
+def numbers(values: Any) -> Any:
+    """A row of numbers as a tuple, which compares and hashes by value; ``None`` as it is."""
+    return None if values is None else tuple(np.atleast_1d(as_number(values)).tolist())
+
+
+def part(vector: Vector, component: Component | None) -> Scalar:
+    """A component, or the magnitude."""
+    return norm_and_direction(vector)[0] if component is None else getattr(vector, component)

@@ -1,0 +1,202 @@
+"""Quantities of bodies and their points: what cameras, encoders and accelerometers see."""
+
+import math
+from typing import Any, ClassVar, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..bodies import GROUND
+from ..fields import require, require_axis, require_point
+from ..instant import Instant
+from ..rotations import transverse_axes, unit
+from ..scene import Scene
+from ..vectors import Scalar, Vector
+from .base import AbstractQuantity, Component, numbers, part, require_component, require_known
+
+
+class AbstractBodyQuantity(AbstractQuantity):
+    """A quantity of one body; `of_ground` tells whether the ground has it too."""
+
+    body: eqx.AbstractVar[str]
+    of_ground: ClassVar[bool] = True
+
+    def check(self, scene: Scene) -> None:
+        """The body must be there."""
+        bodies = [GROUND, *scene.bodies] if self.of_ground else scene.bodies
+        require_known("body", self.body, bodies)
+
+
+class Position(AbstractBodyQuantity):
+    """Global coordinate of a body's centre of mass, m."""
+
+    body: str = eqx.field(static=True)
+    component: Component = eqx.field(static=True)
+    unit: ClassVar[str | None] = "m"
+
+    def __check_init__(self):
+        require_component(self.component)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The coordinate."""
+        return getattr(now.motions[self.body].position, self.component)
+
+
+class Velocity(AbstractBodyQuantity):
+    """Velocity of a body's centre of mass, m/s: its magnitude, or a global component."""
+
+    body: str = eqx.field(static=True)
+    component: Component | None = eqx.field(default=None, static=True)
+    unit: ClassVar[str | None] = "m/s"
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The velocity."""
+        return part(now.motions[self.body].velocity, self.component)
+
+
+class Acceleration(AbstractBodyQuantity):
+    """Acceleration of a body's centre of mass, m/s^2: its magnitude, or a global component."""
+
+    body: str = eqx.field(static=True)
+    component: Component | None = eqx.field(default=None, static=True)
+    unit: ClassVar[str | None] = "m/s^2"
+    of_ground: ClassVar[bool] = False
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The acceleration."""
+        return part(now.dynamics.accelerations[self.body].linear, self.component)
+
+
+class AbstractPointQuantity(AbstractBodyQuantity):
+    """A quantity of a point of a body; `point` is (3,) m in body axes."""
+
+    point: eqx.AbstractVar[Any]
+
+    def __check_init__(self):
+        require_point("point", self.point)
+
+
+class PointPosition(AbstractPointQuantity):
+    """Global coordinate of a point of a body, m.
+
+    **Arguments:** `body`: its name; `point`: (3,) m in body axes; `component`: "x", "y" or "z".
+    """
+
+    body: str = eqx.field(static=True)
+    point: Any = eqx.field(static=True, converter=numbers)
+    component: Component = eqx.field(static=True)
+    unit: ClassVar[str | None] = "m"
+
+    def __check_init__(self):
+        require_component(self.component)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The coordinate."""
+        return getattr(now.motions[self.body].point(Vector(*self.point)), self.component)
+
+
+class PointVelocity(AbstractPointQuantity):
+    """Velocity of a point of a body, m/s: its magnitude, or a global component.
+
+    **Arguments:** as `PointPosition`; `component` may be ``None``.
+    """
+
+    body: str = eqx.field(static=True)
+    point: Any = eqx.field(static=True, converter=numbers)
+    component: Component | None = eqx.field(default=None, static=True)
+    unit: ClassVar[str | None] = "m/s"
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The velocity."""
+        return part(now.motions[self.body].velocity_at(Vector(*self.point)), self.component)
+
+
+class PointAcceleration(AbstractPointQuantity):
+    """Acceleration of a point of a body, m/s^2: its magnitude, or a component.
+
+    An accelerometer is fixed to the body and feels its support, not the fall: it reads the specific
+    force, `PointAcceleration(body, point, component, axes="body", gravity=True)`.
+
+    **Arguments:**
+
+    - `body`, `point`, `component`: as `PointVelocity`.
+    - `axes`: "global" or "body", in which the component is taken.
+    - `gravity`: whether the scene's gravity is subtracted: acceleration less g.
+    """
+
+    body: str = eqx.field(static=True)
+    point: Any = eqx.field(static=True, converter=numbers)
+    component: Component | None = eqx.field(default=None, static=True)
+    axes: Literal["global", "body"] = eqx.field(default="global", static=True)
+    gravity: bool = eqx.field(default=False, static=True)
+    unit: ClassVar[str | None] = "m/s^2"
+    of_ground: ClassVar[bool] = False
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+        known = ("global", "body")
+        require(self.axes in known, "axes", self.axes, f"one of {known}", "name one of them")
+
+    def __call__(self, now: Instant) -> Scalar:
+        """That of the centre of mass, and what spin and its rate add."""
+        motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
+        local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
+        turning = acceleration.angular.cross(local) + spin.cross(spin.cross(local))
+        if self.gravity and now.scene.gravity is not None:
+            linear = linear - now.scene.gravity
+        if self.axes == "body":
+            return part(motion.components(linear) + turning, self.component)
+        return part(linear + motion.direction(turning), self.component)
+
+
+class Angle(AbstractBodyQuantity):
+    """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
+
+    It is that of the direction's projection across the axis.
+
+    **Arguments:**
+
+    - `body`: its name; `about`: (3,) the axis, in global axes, any length.
+    - `reference`: (3,) global, the direction whose angle is zero; by default that of `axis` on a
+      body whose frame is parallel to the global one.
+    - `axis`: (3,) the body's direction, in its own axes; by default one across `about` on such a
+      body, so that a body that only turns about it has the angle that it has turned.
+    """
+
+    body: str = eqx.field(static=True)
+    about: Any = eqx.field(static=True, converter=numbers)
+    reference: Any = eqx.field(default=None, static=True, converter=numbers)
+    axis: Any = eqx.field(default=None, static=True, converter=numbers)
+    unit: ClassVar[str | None] = "rad"
+    period: ClassVar[float | None] = 2.0 * math.pi
+
+    def __check_init__(self):
+        require_axis("about", self.about)
+        for name in ("reference", "axis"):
+            direction = getattr(self, name)
+            if direction is not None:
+                require_axis(name, direction)
+                sine = np.linalg.norm(np.cross(self.about, direction))
+                lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
+                expected = f"a direction across `about` = {self.about}, at least in part"
+                require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The angle."""
+        about = unit(Vector(*self.about))
+        start, _ = transverse_axes(about)
+        axis = start if self.axis is None else Vector(*self.axis)
+        zero = axis if self.reference is None else Vector(*self.reference)
+        zero = zero - about * zero.dot(about)
+        direction = now.motions[self.body].direction(axis)
+        return jnp.arctan2(direction.dot(about.cross(zero)), direction.dot(zero))

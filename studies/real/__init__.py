@@ -1,0 +1,1 @@
+"""Fits to measurements of others: their files, models and fits."""

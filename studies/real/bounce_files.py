@@ -1,0 +1,111 @@
+"""Bounce intervals and drop-rebound heights, as the repository of the data has them.
+
+The repository giiulia/LabI-Dynamics-Thermodynamics keeps them in Python files (folders `Method1`
+and `Method2` of `Coefficient_of_restitution`): `pallina4_intervalli_h1 = np.array([...])`, a row a
+bounce and a column a throw, s; `pallina4_H0` and `pallina4_H1`, drop heights and rebounds, a row a
+height and a column a reading, cm. Their literals are read; the files are never executed.
+"""
+
+import ast
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+INTERVALS = re.compile(r"pallina(\d+)_intervalli_h(\d+)")
+DROPS, REBOUNDS = re.compile(r"pallina(\d+)_H0"), re.compile(r"pallina(\d+)_H1")
+CENTIMETRE = 1e-2
+
+
+@dataclass(frozen=True)
+class Drops:
+    """`heights`: (k,) m, means of the readings; `rebounds`: (k, readings) m."""
+
+    heights: np.ndarray
+    rebounds: np.ndarray
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One ball: `series`, each (bounces, throws) of intervals between impacts in s, and `drops`."""
+
+    number: int
+    series: tuple[np.ndarray, ...]
+    drops: Drops | None
+
+
+def read_balls(paths: list[Path]) -> dict[int, Measured]:
+    """All balls in the given files, or in all Python files below the given folders.
+
+    **Raises:** `ValueError` for paths without such data, and for data that are no measurements.
+    """
+    tables: dict[str, np.ndarray] = {}
+    for path in paths:
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            tables.update(_tables(file))
+    found = [INTERVALS.fullmatch(name) or REBOUNDS.fullmatch(name) for name in tables]
+    numbers = sorted({int(match[1]) for match in found if match})
+    if not numbers:
+        raise ValueError(
+            f"No arrays named like pallina1_intervalli_h1 or pallina1_H1 are in "
+            f"{[str(path) for path in paths]}: give the folder Coefficient_of_restitution, or "
+            "the files data.py of its methods."
+        )
+    return {number: _ball(number, tables) for number in numbers}
+
+
+def _ball(number: int, tables: dict[str, np.ndarray]) -> Measured:
+    named = {
+        int(match[2]): table
+        for name, table in tables.items()
+        if (match := INTERVALS.fullmatch(name)) and int(match[1]) == number
+    }
+    series = tuple(named[index] for index in sorted(named))
+    rebounds, heights = tables.get(f"pallina{number}_H1"), tables.get(f"pallina{number}_H0")
+    if rebounds is None:
+        return Measured(number, series, None)
+    if heights is None or len(heights) != len(rebounds):
+        raise ValueError(
+            f"pallina{number}_H1 has {len(rebounds)} rows, pallina{number}_H0 "
+            f"{0 if heights is None else len(heights)}: each needs a row for every drop height."
+        )
+    drops = Drops(CENTIMETRE * heights.mean(axis=1), CENTIMETRE * rebounds)
+    return Measured(number, series, drops)
+
+
+def _tables(file: Path) -> dict[str, np.ndarray]:
+    """Arrays of intervals and heights in a file, by name."""
+    if not file.is_file():
+        raise ValueError(f"{file} is not there: give a file or a folder.")
+    try:
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+    except SyntaxError as error:
+        raise ValueError(f"{file}, line {error.lineno}, is not Python: {error.msg}.") from error
+    found = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            name = node.targets[0].id
+            if any(known.fullmatch(name) for known in (INTERVALS, DROPS, REBOUNDS)):
+                found[name] = _literal(node, f"{file}: {name}")
+    return found
+
+
+def _literal(node: ast.Assign, where: str) -> np.ndarray:
+    """The rows of numbers in `np.array([...])`."""
+    try:
+        assert isinstance(node.value, ast.Call)
+        rows = ast.literal_eval(node.value.args[0])
+        table = np.array(rows, dtype=float)
+    except (AssertionError, IndexError, ValueError, TypeError) as error:
+        raise ValueError(
+            f"{where} (line {node.lineno}) must be np.array of rows of equal length that hold "
+            "numbers alone: correct the file."
+        ) from error
+    if table.ndim != 2 or not (np.isfinite(table).all() and (table > 0.0).all()):
+        wrong = np.argwhere(~(table > 0.0))
+        raise ValueError(
+            f"{where} (line {node.lineno}) must be a table of positive numbers, but has shape "
+            f"{table.shape} and wrong entries at (row, column) {wrong.tolist()}: correct the file."
+        )
+    return table
