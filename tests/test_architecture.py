@@ -97,6 +97,7 @@ FLOORS = (
         "identification.fit",
         "identification.report",
         "identification.identify",
+        "identification.minimise",
         "plot.style",
         "plot.motion",
         "plot.cycle",
@@ -110,6 +111,7 @@ FLOORS = (
         "plot.maps",
         "plot.sections",
         "plot.orbits",
+        "plot.fits",
         "__main__",
     ),
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
@@ -19,8 +20,8 @@ from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, sam
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
-TellOf = Callable[[Iteration, int], None]
-"""With the number of samples that are fitted."""
+TellOf = Callable[[int, Iteration], None]
+"""With the number of samples that are fitted in front."""
 
 
 def identify(
@@ -129,21 +130,21 @@ def _searched(
     tell: TellOf,
 ) -> Search:
     """The windows fitted one after the other."""
-    windows, best, at = [], None, start
+    windows, at = [], start
+    best: Evaluated | None = None
     for end in ends:
-        part, iterations = data.until(runs.times, end), []
-
-        def run(at: np.ndarray, part: Samples = part, end: float = end) -> Evaluated:
-            return evaluate(runs, part, at, end)
-
-        ending: Ending | None = None
-        for iteration, best, ending in search(run, at, strides, tolerance, max_iterations):
-            iterations.append(iteration)
-            tell(iteration, part.count)
-        assert best is not None and ending is not None
+        part = data.until(runs.times, end)
+        best, iterations, ending = search(
+            partial(evaluate, runs, part, end),
+            at,
+            strides,
+            tolerance,
+            max_iterations,
+            partial(tell, part.count),
+        )
         if best.result != RESULTS.successful:
             ending = Ending.FAILED
-        windows.append(Window(end, tuple(iterations), ending))
+        windows.append(Window(end, iterations, ending))
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
@@ -155,7 +156,7 @@ def _shown(
 ) -> Iterator[TellOf]:
     """What to tell each iteration."""
     if callable(progress):
-        yield lambda iteration, _: progress(iteration)
+        yield lambda _, iteration: progress(iteration)
         return
     with tqdm(
         desc="fit" if searches == 1 else f"{searches} fits",
@@ -164,7 +165,7 @@ def _shown(
         disable=not progress,
     ) as bar:
 
-        def tell(iteration: Iteration, count: int) -> None:
+        def tell(count: int, iteration: Iteration) -> None:
             values = [
                 f"{name} {float(parameter.scale.value(u)):.6g}"
                 for (name, parameter), u in zip(

@@ -40,9 +40,8 @@ def _estimates(fit: Fit) -> str:
     errors, intervals = fit.standard_errors, fit.intervals
     for name, value in fit.estimates.items():
         digits = _digits(value, errors[name])
-        low, high = (f"{bound:.{digits}g}" for bound in intervals[name])
-        unit = fit.units[name]
-        rows.append([name, f"{value:.{digits}g}", f"{errors[name]:.2g}", low, high, unit])
+        shown = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
+        rows.append([name, shown[0], f"{errors[name]:.2g}", *shown[1:], fit.units[name]])
     return table(rows)
 
 
