@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +23,9 @@ from .starts import Guess, Starts, start_coordinates
 Tell = Callable[[Iteration], None]
 TellOf = Callable[[int, Iteration], None]
 """With the number of samples that are fitted in front."""
+
+WINDOW_TOLERANCE = 0.1
+"""Tolerance of windows that others follow."""
 
 
 def identify(
@@ -52,7 +56,8 @@ def identify(
       `Fit.searches` has all.
     - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
       where the one before ended. After some impacts small errors of parameters have grown so far
-      that a start farther off finds no way down.
+      that a start farther off finds no way down. In these windows a stride of each scale holds
+      the parameters to where the window began, so that those not seen yet do not run away.
     - `integration`: tolerances and method; `Integration()` unless given. Its `max_steps` bounds
       what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
@@ -133,12 +138,13 @@ def _searched(
     windows, at = [], start
     best: Evaluated | None = None
     for end in ends:
-        part = data.until(runs.times, end)
+        part, last = data.until(runs.times, end), end == ends[-1]
+        run = partial(evaluate, runs, part, end)
         best, iterations, ending = search(
-            partial(evaluate, runs, part, end),
+            run if last else partial(_held, run, at, strides),
             at,
             strides,
-            tolerance,
+            tolerance if last else max(tolerance, WINDOW_TOLERANCE),
             max_iterations,
             partial(tell, part.count),
         )
@@ -148,6 +154,18 @@ def _searched(
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
+
+
+def _held(
+    run: Callable[[np.ndarray], Evaluated], centre: np.ndarray, strides: np.ndarray, at: np.ndarray
+) -> Evaluated:
+    """An evaluation, as if the centre had been measured too, with strides for noise."""
+    found = run(at)
+    return replace(
+        found,
+        residuals=np.append(found.residuals, (at - centre) / strides),
+        jacobian=np.vstack([found.jacobian, np.diag(1.0 / strides)]),
+    )
 
 
 @contextmanager
