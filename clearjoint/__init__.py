@@ -36,6 +36,8 @@ from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.minimise import Minimum as Minimum
+from .identification.minimise import minimise as minimise
 from .identification.sensors import Sensor as Sensor
 from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts
