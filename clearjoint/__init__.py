@@ -28,10 +28,17 @@ from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
 from .identification.fit import Fit as Fit
+from .identification.horizon import Horizon as Horizon
+from .identification.horizon import horizon as horizon
+from .identification.identifiability import Identifiability as Identifiability
+from .identification.identifiability import identifiability as identifiability
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.minimise import Minimum as Minimum
+from .identification.minimise import minimise as minimise
+from .identification.sensors import Sensor as Sensor
 from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts
 from .integration import Integration as Integration

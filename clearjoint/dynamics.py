@@ -33,6 +33,8 @@ from .scene import Scene
 from .vectors import Scalar, Vector, add, is_zero
 
 Memory = dict[str, dict[str, Scalar]]
+Closed = dict[str, dict[str, Scalar]]
+"""Whether each contact is closed, by joint and contact."""
 
 
 class AbstractStabilisation(eqx.Module):
@@ -147,9 +149,9 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
 
 
 def contact_forces(
-    scene: Scene, motions: Motions, memory: Memory
+    scene: Scene, motions: Motions, memory: Memory, closed: Closed | None = None
 ) -> dict[str, dict[str, ContactForce]]:
-    """Forces of all contacts, by joint and contact."""
+    """Forces of all contacts, by joint and contact; only `closed` ones push, if these are given."""
     forces: dict[str, dict[str, ContactForce]] = {}
     for name, joint in scene.contact_joints().items():
         laws, contacts = joint.laws(), joint.contacts(motions)
@@ -157,8 +159,12 @@ def contact_forces(
         for label, contact in contacts.items():
             entry_speed = memory[name][label] if laws[label].has_memory else None
             normal = contact_normal_force(laws[label], contact.gap, entry_speed)
+            if closed is not None:
+                normal = jnp.where(closed[name][label], normal, 0.0)
             friction = joint.friction_force(label, contact, normal)
             elastic = laws[label].elastic_force(contact.gap)
+            if closed is not None:
+                elastic = jnp.where(closed[name][label], elastic, 0.0)
             forces[name][label] = ContactForce(contact, normal, elastic, friction)
     return forces
 
@@ -210,11 +216,17 @@ def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
 
 
 def evaluate(
-    scene: Scene, formulation: Formulation, variables: Any, memory: Memory, t: Scalar
+    scene: Scene,
+    formulation: Formulation,
+    variables: Any,
+    memory: Memory,
+    t: Scalar,
+    closed: Closed | None = None,
 ) -> Dynamics:
-    """Solve the equations of motion at one instant."""
+    """Solve the equations of motion at one instant. Only `closed` contacts push, if they are given;
+    otherwise those that penetrate."""
     mechanics = formulation.coordinates.mechanics(scene, variables)
-    forces = contact_forces(scene, mechanics.motions, memory)
+    forces = contact_forces(scene, mechanics.motions, memory, closed)
     rates = mechanics.free_rates(_applied_wrenches(scene, mechanics.motions, forces, t))
     rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
     multipliers: dict[str, dict[str, Scalar]] = {}
@@ -243,10 +255,15 @@ def _constraint_response(
 
 
 def state_rates(
-    scene: Scene, formulation: Formulation, variables: Any, memory: Memory, t: Scalar
+    scene: Scene,
+    formulation: Formulation,
+    variables: Any,
+    memory: Memory,
+    t: Scalar,
+    closed: Closed | None = None,
 ) -> tuple[Any, dict[str, Scalar]]:
-    """Time derivatives of the variables and of the ledger's integrals."""
-    dynamics = evaluate(scene, formulation, variables, memory, t)
+    """Time derivatives of the variables and of the ledger's integrals; see `evaluate`."""
+    dynamics = evaluate(scene, formulation, variables, memory, t, closed)
     powers = ledger_powers(scene, dynamics, t) if formulation.ledger else {}
     return dynamics.variable_rates, powers
 

@@ -4,6 +4,10 @@ diffrax loops over the stages and decides inside the loop, by looking at all lan
 whether the last stage of the step before may be used again. Written out, a step is plain
 arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
 do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
+
+A step that begins a contact may be *graded*: taken in the square root s of the time since its
+start, t = t0 + h s^2. Forces that begin as (t - t0)^1.5 are smooth in s. In t they are not: error
+estimates then miss nearly all of the error, which cost 1e-6 of an impact's energy at rtol 1e-8.
 """
 
 from typing import Any
@@ -61,23 +65,45 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         args: Any,
         solver_state: Any,
         made_jump: Any,
+        graded: Any = None,
     ) -> tuple[Any, Any, dict[str, Any], Any, diffrax.RESULTS]:
         """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
         tableau = _tableau(self.method)
         h = t1 - t0
-        stages = [solver_state if made_jump is False else terms.vf(t0, y0, args)]
-        y = y0
+        last = solver_state if made_jump is False else terms.vf(t0, y0, args)
+        stages, y = [_per_place(last, 0.0, graded)], y0
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
-            stages.append(terms.vf(t1 if fraction == 1.0 else t0 + fraction * h, y, args))
+            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, graded) * h
+            last = terms.vf(t, y, args)
+            stages.append(_per_place(last, fraction, graded))
         y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
-        last = stages[-1] if tableau.fsal else terms.vf(t1, y1, args)
+        if not tableau.fsal:
+            last = terms.vf(t1, y1, args)
         error = jax.tree.map(
             lambda *rates: h * _weighted(tableau.b_error, rates),
             *stages,
         )
         information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
+
+
+def _elapsed(s: float, graded: Any) -> Scalar:
+    """The part of a step's time that has passed at a place s in it."""
+    return s if graded is None else jnp.where(graded, s * s, s)
+
+
+def _per_place(rates: Any, s: float, graded: Any) -> Any:
+    """Rates against the place in the step, over its length."""
+    if graded is None:
+        return rates
+    slope = jnp.where(graded, 2.0 * s, 1.0)
+    return jax.tree.map(lambda rate: slope * rate, rates)
+
+
+def place_in_step(x: Scalar, graded: Any) -> Scalar:
+    """Where in a step, between 0 and 1, a part x of its time has passed; see the module's head."""
+    return x if graded is None else jnp.where(graded, jnp.sqrt(jnp.maximum(x, 0.0)), x)
 
 
 def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from .contact import UNKNOWN_ENTRY_SPEED
 from .coordinates import Motions
-from .dynamics import Formulation, Memory
+from .dynamics import Closed, Formulation, Memory
 from .scene import Scene
 from .vectors import Scalar
 
@@ -69,6 +69,19 @@ def _for_each_memory(scene: Scene, make: Any) -> Memory:
     return memory
 
 
+def closed(found: Reaches) -> Closed:
+    """Which contacts exist.
+
+    Where steps land on their begin and end, a contact stays open or closed for a whole step. A
+    trial step that goes past a wall then meets nothing: what it says of the way to the wall is as
+    smooth as in flight, and where it crosses is found at once.
+    """
+    return {
+        name: {label: reach.depth > 0.0 for label, reach in family.items()}
+        for name, family in found.items()
+    }
+
+
 class Landing(eqx.Module):
     """Landing on the instants where contacts begin and end.
 
@@ -118,11 +131,27 @@ class Landing(eqx.Module):
     def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:
         """Fraction of the step at which the gap is half the tolerance past its change of sign; 1
         where the step need not land."""
-        enters = (start.depth <= 0.0) & (end.depth > self.tolerance)
-        leaves = (start.depth > 0.0) & (end.depth < -self.tolerance)
-        aim = jnp.where(enters, 0.5, -0.5) * self.tolerance
+        inwards = jnp.where(start.depth > 0.0, -1.0, 1.0)
+        grazes, x, inner = self._turning(start, end, h, inwards)
+        end = Reach(
+            jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
+        )
+        aim = 0.5 * inwards * self.tolerance
         shifted = (Reach(start.depth - aim, start.rate), Reach(end.depth - aim, end.rate))
-        return jnp.where(enters | leaves, hermite_root(*shifted, h), 1.0)
+        passes = inwards * end.depth > self.tolerance
+        length = jnp.where(grazes, x, 1.0)
+        return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
+
+    def _turning(
+        self, start: Reach, end: Reach, h: Scalar, inwards: Scalar
+    ) -> tuple[Scalar, Scalar, Reach]:
+        """Whether the step passes an event and comes back; and where about it turns, a fraction of
+        the step."""
+        turns = (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
+        x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
+        inner = Reach(hermite_value(x, start, end, h), hermite_rate(x, start, end, h))
+        beyond = inwards * inner.depth > self.tolerance
+        return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
 
 
 def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
@@ -131,6 +160,13 @@ def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
     left = y * y * ((1.0 + 2.0 * x) * start.depth + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.depth - y * h * end.rate)
     return left + right
+
+
+def hermite_rate(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Rate of the interpolant there."""
+    y = 1.0 - x
+    slope = 6.0 * x * y * (end.depth - start.depth) / h
+    return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
@@ -146,10 +182,7 @@ def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
         value = hermite_value(x, start, end, h)
         past = sign * value > 0.0
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
-        y = 1.0 - x
-        slope = 6.0 * x * y * (end.depth - start.depth) + h * (
-            y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
-        )
+        slope = h * hermite_rate(x, start, end, h)
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
         inside = (newton > lower) & (newton < upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))

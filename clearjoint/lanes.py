@@ -249,7 +249,7 @@ def _empty_bracket(plan: Plan, scene: Scene, step: Step, orders: Orders) -> Brac
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, scene, step, orders.end_time))
     row = Row(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    return Bracket(row, row, stages)
+    return Bracket(row, row, stages, step.enters if shapes.graded is not None else None)
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory
-from .explicit import UnrolledExplicit, dense_weights
+from .explicit import UnrolledExplicit, dense_weights, place_in_step
 from .fields import require
 from .instant import Instant
 from .reductions import Quantity
@@ -50,6 +50,7 @@ class Bracket(eqx.Module):
     start: Row
     end: Row
     stages: Any
+    graded: Any
 
     @staticmethod
     def of(tried: Attempt) -> "Bracket":
@@ -59,13 +60,15 @@ class Bracket(eqx.Module):
             Row(tried.t_start, inside["y0"], tried.memory_start),
             Row(step.t, step.y, step.memory),
             inside["stages"],
+            tried.graded,
         )
 
     def inside(self, method: Method, x: Scalar) -> Variables:
         """The variables at a fraction x of the step, by the solver's dense output."""
         assert isinstance(method.solver, UnrolledExplicit)
         h = self.end.t - self.start.t
-        weights = [h * _horner(row, x) for row in dense_weights(method.solver.method)]
+        place = place_in_step(x, self.graded)
+        weights = [h * _horner(row, place) for row in dense_weights(method.solver.method)]
 
         def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
             for weight, stage in zip(weights, stages, strict=True):

@@ -37,6 +37,15 @@ class AbstractScale(abc.ABC):
         """Derivative of the value to the coordinate."""
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
+    def vague(self, coordinate: float) -> float:
+        """Standard deviation of the coordinate beyond which an estimate says nothing: one, the size
+        of coordinates, unless a subclass tells."""
+        return 1.0
+
+    def called(self, name: str) -> str:
+        """What the coordinate of a parameter is called; the name unless a subclass tells."""
+        return name
+
 
 @dataclass(frozen=True)
 class Linear(AbstractScale):
@@ -54,6 +63,14 @@ class Linear(AbstractScale):
         require_finite("value", value)
         return float(value) / self.unit
 
+    def vague(self, coordinate: float) -> float:
+        """The unit and the value itself, whichever is larger."""
+        return max(1.0, abs(float(coordinate)))
+
+    def called(self, name: str) -> str:
+        """In the unit."""
+        return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
+
 
 @dataclass(frozen=True)
 class Log(AbstractScale):
@@ -69,6 +86,10 @@ class Log(AbstractScale):
         """log(value)."""
         require(float(value) > 0.0, "value", float(value), "positive", "take a Linear() scale")
         return math.log(float(value))
+
+    def called(self, name: str) -> str:
+        """A logarithm."""
+        return f"log {name}"
 
 
 @dataclass(frozen=True)
@@ -94,3 +115,11 @@ class Bounded(AbstractScale):
         bounds = f"between {self.low} and {self.high}"
         require(inside, "value", float(value), bounds, "start inside the bounds, or widen them")
         return math.log((float(value) - self.low) / (self.high - float(value)))
+
+    def vague(self, coordinate: float) -> float:
+        """That of a value which may be anywhere between the bounds alike: pi/sqrt(3)."""
+        return math.pi / math.sqrt(3.0)
+
+    def called(self, name: str) -> str:
+        """A logit."""
+        return f"logit {name}"

@@ -210,6 +210,7 @@ def sensitivities(
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
-    """The times, and the end time as often as makes their number one of few."""
-    size = FEW_TIMES if len(times) <= FEW_TIMES else MANY_TIMES
-    return np.append(times, np.full(-len(times) % size, float(end_time)))
+    """The times, and the end time, at least once, as often as makes their number one of few."""
+    count = len(times) + 1
+    size = FEW_TIMES if count <= FEW_TIMES else MANY_TIMES
+    return np.append(times, np.full(1 + -count % size, float(end_time)))

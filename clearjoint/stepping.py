@@ -15,12 +15,13 @@ import jax
 import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
-from .explicit import UnrolledExplicit
+from .explicit import UnrolledExplicit, place_in_step
 from .family import AbstractFamily
 from .impacts import (
     Reach,
     Reaches,
     begins,
+    closed,
     has_memory,
     initial_memory,
     reaches,
@@ -40,12 +41,17 @@ TANGENT_TOLERANCE = 10.0
 some hundred times as accurate as `rtol` times a thousand; see `clearjoint.sensitivity`."""
 
 
-def term_of(method: Method) -> diffrax.ODETerm:
-    """The rates of the variables, as diffrax takes them; the arguments are scene and memory."""
+def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
+    """The rates of the variables, as diffrax takes them; the arguments are scene and memory.
+
+    Of a `step` that lands, those of its open and closed contacts.
+    """
+    lands = step is not None and method.landing is not None
+    modes = closed(step.reaches) if step is not None and lands else None
 
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
         scene, memory = args
-        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t))
+        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t, modes))
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
     return diffrax.ODETerm(field)
@@ -174,7 +180,22 @@ def attempt(
         step.accepted + keep,
         tangents,
     )
-    return Attempt(advanced, keep, step.t, step.memory, trial.taken.information, inside)
+    return Attempt(
+        advanced,
+        keep,
+        step.t,
+        step.memory,
+        trial.taken.information,
+        _graded(method, step),
+        inside,
+    )
+
+
+def _graded(method: Method, step: Step) -> Scalar | None:
+    """Whether the step is one that begins a contact; ``None`` where there are none to begin at."""
+    if method.landing is None or not step.reaches:
+        return None
+    return step.enters if isinstance(method.solver, UnrolledExplicit) else None
 
 
 def _tried(
@@ -182,10 +203,19 @@ def _tried(
 ) -> Trial:
     """The solver's step, projected if steps are. What is not finite stays where it was."""
     made_jump = step.jumped if _may_jump(method, scene) else False
+    graded = _graded(method, step)
+    options = {} if graded is None else {"graded": graded}
 
     def taken(scene: Scene, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
         y1, error, information, solver_state, result = method.solver.step(
-            term_of(method), step.t, t1, y, (scene, memory), solver_state, made_jump
+            term_of(method, step),
+            step.t,
+            t1,
+            y,
+            (scene, memory),
+            solver_state,
+            made_jump,
+            **options,
         )
         if isinstance(method.formulation.stabilisation, Projection):
             y1 = projected(scene, method.formulation, y1, t1)
@@ -348,10 +378,19 @@ def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tupl
     """
     end = tried.step.t
     dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
-    y = choose(t >= end, tried.step.y, dense.evaluate(t))
+    y = choose(t >= end, tried.step.y, dense.evaluate(dense_time(tried, t)))
     if isinstance(method.formulation.stabilisation, Projection):
         y = Variables(projected(scene, method.formulation, y, t).motion, y.work)
     return y, choose(t >= end, tried.step.memory, tried.memory_start)
+
+
+def dense_time(tried: Attempt, t: Scalar) -> Scalar:
+    """The time at which the dense output of a graded step has what belongs to t."""
+    if tried.graded is None:
+        return t
+    h = tried.step.t - tried.t_start
+    x = (t - tried.t_start) / jnp.where(h > 0.0, h, 1.0)
+    return tried.t_start + h * place_in_step(x, tried.graded)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:

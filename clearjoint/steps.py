@@ -62,13 +62,14 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """A step, and what is needed to look inside it."""
+    """A step, and what is needed to look inside it; `graded` as in `clearjoint.explicit`."""
 
     step: Step
     kept: Scalar
     t_start: Scalar
     memory_start: Memory
     information: Any
+    graded: Any
     tangents: "TangentsInside | None" = None
 
 

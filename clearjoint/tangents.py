@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from .dynamics import Memory
 from .family import AbstractFamily
 from .scene import Scene
-from .stepping import choose, start, term_of
+from .stepping import choose, dense_time, start, term_of
 from .steps import Attempt, Method, Step, Tangents, Variables
 from .vectors import Scalar
 
@@ -54,7 +54,7 @@ def look_at_tangents(method: Method, tried: Attempt, t: Scalar) -> tuple[Any, An
 
     def along(information: Any) -> Any:
         dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **information)
-        return dense.evaluate(t)
+        return dense.evaluate(dense_time(tried, t))
 
     y = choose(t >= end, ahead.y, jax.vmap(along)(inside.information))
     return y, choose(t >= end, ahead.memory, inside.memory_start)

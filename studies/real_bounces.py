@@ -43,8 +43,9 @@ from studies.real.bounce_fit import (
 )
 
 AIR_DENSITY, DRAG_COEFFICIENT = 1.2, 0.47
-STIFFNESS = 1e6
-"""N/m^1.5; intervals don't tell it: contacts last a few ms at most."""
+STIFFNESS = 1e8
+"""N/m^1.5; intervals don't tell it. Contacts last half a ms at most, and count as no time in the
+restitutions; real ones of soft balls last some ms, one in a hundred of an interval."""
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint.explicit import UnrolledExplicit, dense_weights, unrolled
+from clearjoint.explicit import UnrolledExplicit, dense_weights, place_in_step, unrolled
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
 Y0 = {"a": jnp.asarray(0.7), "b": jnp.asarray(-0.4)}
@@ -78,3 +78,25 @@ def test_other_methods_stay_as_they_are():
     implicit = diffrax.Kvaerno3()
     assert unrolled(implicit) is implicit
     assert isinstance(unrolled(diffrax.Ralston()), UnrolledExplicit)
+
+
+def test_a_graded_step_is_of_full_order_where_rates_begin_as_a_root():
+    """y' = 1.5 sqrt(t), so y = t^1.5: in the square root of time a polynomial, which is exact."""
+    terms = diffrax.ODETerm(lambda t, y, args: 1.5 * jnp.sqrt(t))
+    own, start = unrolled(diffrax.Tsit5()), jnp.zeros(())
+    h = jnp.asarray(0.3)
+    found = {}
+    for graded in (True, False):
+        y1, error, information, last, _ = own.step(
+            terms, 0.0, h, start, None, start, False, graded=jnp.asarray(graded)
+        )
+        found[graded] = float(y1), float(error)
+        assert float(last) == pytest.approx(1.5 * 0.3**0.5, rel=1e-15)
+        if graded:
+            dense = own.interpolation_cls(t0=0.0, t1=h, **information)
+            for x in (0.1, 0.5, 0.9):
+                value = float(dense.evaluate(h * place_in_step(x, graded)))
+                assert value == pytest.approx((0.3 * x) ** 1.5, rel=1e-13)
+    assert found[True][0] == pytest.approx(0.3**1.5, rel=1e-14)
+    assert abs(found[True][1]) < 1e-15
+    assert abs(found[False][0] / 0.3**1.5 - 1.0) > 1e-4

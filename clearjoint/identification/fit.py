@@ -15,6 +15,7 @@ from ..scales import Bounded
 from ..scene import Scene
 from . import statistics
 from .levenberg_marquardt import Ending, Iteration
+from .report import report
 from .residuals import Evaluated
 
 CONFIDENCE = 0.95
@@ -168,8 +169,6 @@ class Fit:
         return [*self._of_search(), *self._at_bounds(), *self._unseen(), *self._of_noise()]
 
     def __str__(self) -> str:
-        from .report import report
-
         return report(self)
 
     def _of_search(self) -> Sequence[str]:

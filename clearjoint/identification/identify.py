@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
@@ -19,8 +21,11 @@ from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, sam
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
-TellOf = Callable[[Iteration, int], None]
-"""With the number of samples that are fitted."""
+TellOf = Callable[[int, Iteration], None]
+"""With the number of samples that are fitted in front."""
+
+WINDOW_TOLERANCE = 0.1
+"""Tolerance of windows that others follow."""
 
 
 def identify(
@@ -51,7 +56,8 @@ def identify(
       `Fit.searches` has all.
     - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
       where the one before ended. After some impacts small errors of parameters have grown so far
-      that a start farther off finds no way down.
+      that a start farther off finds no way down. In these windows a stride of each scale holds
+      the parameters to where the window began, so that those not seen yet do not run away.
     - `integration`: tolerances and method; `Integration()` unless given. Its `max_steps` bounds
       what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
@@ -129,24 +135,37 @@ def _searched(
     tell: TellOf,
 ) -> Search:
     """The windows fitted one after the other."""
-    windows, best, at = [], None, start
+    windows, at = [], start
+    best: Evaluated | None = None
     for end in ends:
-        part, iterations = data.until(runs.times, end), []
-
-        def run(at: np.ndarray, part: Samples = part, end: float = end) -> Evaluated:
-            return evaluate(runs, part, at, end)
-
-        ending: Ending | None = None
-        for iteration, best, ending in search(run, at, strides, tolerance, max_iterations):
-            iterations.append(iteration)
-            tell(iteration, part.count)
-        assert best is not None and ending is not None
+        part, last = data.until(runs.times, end), end == ends[-1]
+        run = partial(evaluate, runs, part, end)
+        best, iterations, ending = search(
+            run if last else partial(_held, run, at, strides),
+            at,
+            strides,
+            tolerance if last else max(tolerance, WINDOW_TOLERANCE),
+            max_iterations,
+            partial(tell, part.count),
+        )
         if best.result != RESULTS.successful:
             ending = Ending.FAILED
-        windows.append(Window(end, tuple(iterations), ending))
+        windows.append(Window(end, iterations, ending))
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
+
+
+def _held(
+    run: Callable[[np.ndarray], Evaluated], centre: np.ndarray, strides: np.ndarray, at: np.ndarray
+) -> Evaluated:
+    """An evaluation, as if the centre had been measured too, with strides for noise."""
+    found = run(at)
+    return replace(
+        found,
+        residuals=np.append(found.residuals, (at - centre) / strides),
+        jacobian=np.vstack([found.jacobian, np.diag(1.0 / strides)]),
+    )
 
 
 @contextmanager
@@ -155,7 +174,7 @@ def _shown(
 ) -> Iterator[TellOf]:
     """What to tell each iteration."""
     if callable(progress):
-        yield lambda iteration, _: progress(iteration)
+        yield lambda _, iteration: progress(iteration)
         return
     with tqdm(
         desc="fit" if searches == 1 else f"{searches} fits",
@@ -164,7 +183,7 @@ def _shown(
         disable=not progress,
     ) as bar:
 
-        def tell(iteration: Iteration, count: int) -> None:
+        def tell(count: int, iteration: Iteration) -> None:
             values = [
                 f"{name} {float(parameter.scale.value(u)):.6g}"
                 for (name, parameter), u in zip(

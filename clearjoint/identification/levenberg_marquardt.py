@@ -10,7 +10,7 @@ well, not only where it was all but exact; no step goes further than the scales'
 ends when the Gauss-Newton step is a small part of the standard deviation of what is estimated.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol, TypeVar
@@ -23,6 +23,8 @@ import optimistix as optx
 
 PATIENCE = 15
 """Rejected steps, each a quarter as long as the one before, after which no step will do."""
+SHORT = 1e-3
+"""Step over the tolerance, in scaled coordinates, below which a step is none."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations below which a search that finds nothing better has
 come as near as the integration's errors let it."""
@@ -97,7 +99,7 @@ class _Strides(optx.AbstractDescent):
 
 
 class _LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Ends by the Gauss-Newton step, or after `PATIENCE` rejections."""
+    """Ends by the Gauss-Newton step, or where it gets no farther."""
 
     descent: _Strides
     tolerance: Any
@@ -112,7 +114,9 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
     ) -> tuple[Any, optx.RESULTS]:
         """Whether nothing is left to gain."""
         near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
-        return near | (state.num_steps_since_acceptance >= PATIENCE), optx.RESULTS.successful
+        short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
+        tired = state.num_steps_since_acceptance >= PATIENCE
+        return near | short | tired, optx.RESULTS.successful
 
 
 def decrement(residuals: Any, jacobian: Any) -> Any:
@@ -150,32 +154,36 @@ def search(
     strides: np.ndarray,
     tolerance: float,
     max_iterations: int,
-) -> Iterator[tuple[Iteration, E, Ending | None]]:
-    """Search the least squares from a start (p,).
+    tell: Callable[[Iteration], None],
+) -> tuple[E, tuple[Iteration, ...], Ending]:
+    """Search the least squares from a start (p,), and tell every iteration.
 
-    **Yields:** each iteration with the best evaluation so far; the last with how it ended.
+    **Returns:** the best evaluation, all iterations, and how it ended.
     """
     best = now = evaluate(start)
     scales = _scales(now.jacobian)
-    y, arrays, ending = jnp.asarray(start * scales), None, None
-    for number in range(max_iterations):
+    y, arrays, iterations = jnp.asarray(start * scales), None, []
+    limits = jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
+    while True:
         at = jnp.asarray(now.coordinates * scales), *_compressed(now, scales)
-        y, arrays, done, found = _advance(
-            y, arrays, at, jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
-        )
+        y, arrays, done, found = _advance(y, arrays, at, *limits)
         accepted = int(arrays.num_steps_since_acceptance) == 0
         best = now if accepted else best
+        iteration = Iteration(
+            len(iterations),
+            accepted,
+            float(now.residuals @ now.residuals),
+            now.coordinates,
+            float(found),
+            float(arrays.search_state.step_size),
+        )
+        iterations.append(iteration)
+        tell(iteration)
         if bool(done):
-            near = float(found) < max(NEARLY, tolerance)
-            ending = Ending.CONVERGED if near else Ending.STALLED
-        elif number == max_iterations - 1:
-            ending = Ending.EXHAUSTED
-        trust = float(arrays.search_state.step_size)
-        chi_squared = float(now.residuals @ now.residuals)
-        iteration = Iteration(number, accepted, chi_squared, now.coordinates, float(found), trust)
-        yield iteration, best, ending
-        if ending is not None:
-            return
+            near = iteration.decrement < max(NEARLY, tolerance)
+            return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
+        if len(iterations) == max_iterations:
+            return best, tuple(iterations), Ending.EXHAUSTED
         now = evaluate(np.asarray(arrays.y_eval) / scales)
 
 

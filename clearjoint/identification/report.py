@@ -1,12 +1,11 @@
 """A fit as text."""
 
 import math
+from typing import Any
 
-from .fit import Fit
 
-
-def report(fit: Fit) -> str:
-    """Estimates, goodness of fit, series, correlations and warnings, as aligned tables."""
+def report(fit: Any) -> str:
+    """Estimates, goodness of fit, series, correlations, warnings of a `Fit`, as aligned tables."""
     parts = [_head(fit), _estimates(fit), _goodness(fit), _series(fit)]
     if len(fit.parameters) > 1:
         parts.append(_correlation(fit))
@@ -27,7 +26,7 @@ def table(rows: list[list[str]]) -> str:
     return "\n".join(lines)
 
 
-def _head(fit: Fit) -> str:
+def _head(fit: Any) -> str:
     end = fit.measurements.times()[-1]
     return (
         f"Fit of {fit.samples} samples in {len(fit.measurements.series)} series to {end:g} s: "
@@ -35,14 +34,13 @@ def _head(fit: Fit) -> str:
     )
 
 
-def _estimates(fit: Fit) -> str:
+def _estimates(fit: Any) -> str:
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     errors, intervals = fit.standard_errors, fit.intervals
     for name, value in fit.estimates.items():
         digits = _digits(value, errors[name])
-        low, high = (f"{bound:.{digits}g}" for bound in intervals[name])
-        unit = fit.units[name]
-        rows.append([name, f"{value:.{digits}g}", f"{errors[name]:.2g}", low, high, unit])
+        shown = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
+        rows.append([name, shown[0], f"{errors[name]:.2g}", *shown[1:], fit.units[name]])
     return table(rows)
 
 
@@ -54,14 +52,14 @@ def _digits(value: float, error: float) -> int:
     return min(max(size + 2, 2), 15)
 
 
-def _goodness(fit: Fit) -> str:
+def _goodness(fit: Any) -> str:
     return (
         f"chi squared {fit.chi_squared:.6g} with {fit.freedom} degrees of freedom, "
         f"p = {fit.p_value:.2g}"
     )
 
 
-def _series(fit: Fit) -> str:
+def _series(fit: Any) -> str:
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     rms, white, normal = fit.rms, fit.whiteness, fit.normality
     for name, row in fit.residuals.items():
@@ -70,14 +68,14 @@ def _series(fit: Fit) -> str:
     return table(rows)
 
 
-def _correlation(fit: Fit) -> str:
+def _correlation(fit: Any) -> str:
     rows = [["correlation", *fit.parameters]]
     for name, row in zip(fit.parameters, fit.correlation, strict=True):
         rows.append([name, *(f"{number:.4f}" for number in row)])
     return table(rows)
 
 
-def _searches(fit: Fit) -> str:
+def _searches(fit: Any) -> str:
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(fit.searches):
         chosen = " *" if search is fit.best else ""

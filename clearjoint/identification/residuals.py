@@ -186,7 +186,7 @@ class Evaluated:
         return float(self.residuals @ self.residuals)
 
 
-def evaluate(runs: Experiment, data: Samples, coordinates: Any, end_time: float) -> Evaluated:
+def evaluate(runs: Experiment, data: Samples, end_time: float, coordinates: Any) -> Evaluated:
     """`residuals` with their Jacobian, from one run."""
     found = runs.run(coordinates, end_time)
     values, jacobian = _weighted(runs, found, data)

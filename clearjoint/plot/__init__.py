@@ -1,10 +1,11 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`, or the data
-set of a sweep) into given matplotlib axes, or into new ones, and returns them. None simulates,
-saves or shows anything, but `animate_journal`, which writes a file. Times are in s, lengths in m
-and forces in N on the way in; the axes show the units that suit them. Of a sweep, `against`,
-`parameter_map`, `bifurcation`, `convergence` and `orbit` take names and units from the data set.
+Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`, a `Fit`, or
+the data set of a sweep) into given matplotlib axes, or into new ones, and returns them; `fitted`
+makes a figure of its own. None simulates, saves or shows anything, but `animate_journal`, which
+writes a file. Times are in s, lengths in m and forces in N on the way in; the axes show the units
+that suit them. Of a sweep, `against`, `parameter_map`, `bifurcation`, `convergence` and `orbit`
+take names and units from the data set.
 """
 
 from .against import against as against
@@ -13,11 +14,15 @@ from .convergence import convergence as convergence
 from .convergence import power_law_exponent as power_law_exponent
 from .cycle import over_angle as over_angle
 from .cycle import poincare_map as poincare_map
+from .fits import correlations as correlations
+from .fits import fitted as fitted
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .frames import animate_journal as animate_journal
 from .frames import journal_frames as journal_frames
+from .horizon import growth as growth
+from .horizon import integration_error as integration_error
 from .journal import XY as XY
 from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
@@ -29,4 +34,5 @@ from .motion import acceleration as acceleration
 from .motion import path as path
 from .motion import position as position
 from .orbits import orbit as orbit
+from .record_length import record_length as record_length
 from .sections import bifurcation as bifurcation

@@ -11,8 +11,8 @@ from studies.real.bounce_files import Drops
 
 OUTLIER = 5.0
 """Scatters from the median of its cell beyond which a point is left out."""
-NORMAL = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
+WITHIN_ONE = 0.6827
+"""Share of a normal distribution within one standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _clean(rows: list[tuple[float, float, int]], left_out: list[str]) -> Points:
     numbers, where = np.unique(cell, return_inverse=True)
     medians = np.array([np.median(restitution[cell == number]) for number in numbers])
     away = restitution - medians[where]
-    rough = NORMAL * float(np.median(np.abs(away[away != 0.0])))
+    rough = float(np.quantile(np.abs(away[away != 0.0]), WITHIN_ONE))
     kept = np.abs(away) <= OUTLIER * rough
     left_out = left_out + [
         f"{restitution[k]:.3f} at {speed[k]:.2f} m/s, {away[k] / rough:+.1f} scatters from the "

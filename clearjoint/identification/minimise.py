@@ -1,0 +1,88 @@
+"""Parameters that minimise any function of what is measured along a motion, by optax."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from ..bodies import State
+from ..estimands import Parameter, coordinates_of
+from ..fields import require
+from ..integration import Integration
+from ..reductions import Quantity
+from ..results import RESULTS
+from ..scene import Scene
+from .residuals import experiment
+
+Objective = Callable[[dict[str, jax.Array]], jax.Array]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The best that was found: values of the parameters, their coordinates (p,), the objective
+    there, its history (iterations,), and the result of the last run, a `RESULTS` code."""
+
+    estimates: dict[str, float]
+    coordinates: np.ndarray
+    objective: float
+    history: np.ndarray
+    result: RESULTS
+
+
+def minimise(
+    scene: Scene,
+    state: State,
+    objective: Objective,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    *,
+    optimiser: optax.GradientTransformation | None = None,
+    iterations: int = 100,
+    start_time: float = 0.0,
+    integration: Integration | None = None,
+) -> Minimum:
+    """Minimise an objective that is no sum of squares (for those, `identify` needs far fewer runs).
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s, `integration`: as in `identify`.
+    - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
+    - `parameters`: what is free, by name; it starts from the scene's values.
+    - `outputs`: functions of an `Instant` by name; `times`: (N,) s, rising, at which they are seen.
+    - `optimiser`: of optax, for coordinates of the scales; `optax.adam(0.05)` unless given.
+    - `iterations`: number of runs. It ends before them with a run that does not reach all times.
+
+    **Raises:** `ValueError` for arguments that no run can use, and if the first run fails.
+    """
+    require(iterations > 0, "iterations", iterations, "positive", "allow one run")
+    optimiser = optax.adam(0.05) if optimiser is None else optimiser
+    times = np.asarray(times, dtype=float)
+    runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
+    gradient = jax.jit(jax.value_and_grad(objective))
+    at = jnp.asarray(coordinates_of(scene, state, parameters))
+    memory = optimiser.init(at)
+    history: list[float] = []
+    best, result = at, RESULTS.successful
+    for _ in range(iterations):
+        found = runs.run(at, times[-1])
+        result = found.result
+        if result != RESULTS.successful:
+            break
+        values = {name: row[: len(times)] for name, row in found.values.items()}
+        value, slopes = gradient(values)
+        history.append(float(value))
+        best = at if float(value) <= min(history) else best
+        along = sum(slopes[n] @ found.derivatives[n][: len(times)] for n in outputs)
+        step, memory = optimiser.update(jnp.asarray(along), memory, at)
+        at = jnp.asarray(optax.apply_updates(at, step))
+    remedy = "start from parameters with which the scene runs to the last of the times"
+    require(bool(history), "parameters", RESULTS[result], "such that the first run works", remedy)
+    coordinates = np.asarray(best)
+    pairs = zip(parameters.items(), coordinates, strict=True)
+    estimates = {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
+    return Minimum(estimates, coordinates, min(history), np.array(history), result)

@@ -1,0 +1,77 @@
+"""Figures of a fit."""
+
+import numpy as np
+import xarray as xr
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from ..fields import require
+from ..identification.fit import Fit
+from .labels import shown
+from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
+
+ROW = 1.9
+"""Height of a series with its residuals, inches."""
+
+
+def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
+    """Each series with its fit, and the residuals in units of the noise below.
+
+    **Arguments:** `series`: names of those to draw; all unless given.
+
+    **Returns:** the axes, (2, number of series), of a new figure.
+    """
+    names = list(fit.measurements.series) if series is None else list(series)
+    known = list(fit.measurements.series)
+    fine = bool(names) and set(names) <= set(known)
+    require(fine, "series", names, "names of series", f"choose from {', '.join(known)}")
+    columns = min(2, len(names))
+    blocks = -(-len(names) // columns)
+    figure, grid = plt.subplots(
+        2 * blocks,
+        columns,
+        figsize=(4.4 * columns, 2.0 * ROW * blocks),
+        height_ratios=[2.0, 1.0] * blocks,
+        sharex=True,
+        squeeze=False,
+        layout="constrained",
+    )
+    axes = np.empty((2, len(names)), dtype=object)
+    for k, name in enumerate(names):
+        row, column = 2 * (k // columns), k % columns
+        axes[:, k] = grid[row, column], grid[row + 1, column]
+        _draw(fit, name, *axes[:, k])
+    for empty in grid.T.reshape(columns, blocks, 2)[len(names) % columns or columns :, -1].ravel():
+        empty.set_visible(False)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
+    return axes
+
+
+def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
+    series = fit.measurements.series[name]
+    times = shown(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
+    data = shown(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
+    above.plot(times.values, data.values, ".", color=GREY, markersize=3, label="measured")
+    fit_line = fit.predictions[name] * data.factor
+    above.plot(times.values, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")
+    dress(above, "", data.label)
+    below.plot(times.values, fit.residuals[name], ".", color=BLUE, markersize=3)
+    below.axhspan(-2.0, 2.0, color="0.92", linewidth=0, zorder=0)
+    below.axhline(0.0, color=DARK, linewidth=0.8)
+    below.tick_params(labelbottom=True)
+    dress(below, times.label, "residual / noise")
+
+
+def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
+    """Correlations of the estimates, as numbers on colours."""
+    axes = axes_or_new(axes, (1.6 + 1.0 * len(fit.parameters), 1.2 + 0.9 * len(fit.parameters)))
+    numbers, names = fit.correlation, list(fit.parameters)
+    image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    for (row, column), number in np.ndenumerate(numbers):
+        colour = "white" if abs(number) > 0.6 else "black"
+        axes.text(column, row, f"{number:.2f}", ha="center", va="center", color=colour)
+    axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axes.set_yticks(range(len(names)), names)
+    axes.figure.colorbar(image, ax=axes, label="correlation of the estimates")
+    return axes

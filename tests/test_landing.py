@@ -1,0 +1,42 @@
+"""Where steps land: crossings of the wall, and visits shorter than a step."""
+
+import jax.numpy as jnp
+import pytest
+
+from clearjoint.impacts import Landing, Reach
+
+LANDING = Landing(1e-12)
+
+
+def _reaches(depth, rate):
+    return {"pin": {"V": Reach(jnp.asarray(depth), jnp.asarray(rate))}}
+
+
+def _parabola(top, at, bend, t):
+    """Depth and rate of a parabola that has its top at a time."""
+    return _reaches(top - 0.5 * bend * (t - at) ** 2, -bend * (t - at))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["grazes the wall", "parts for a moment"])
+def test_a_visit_within_a_step_is_landed_on(sign):
+    """Landing comes near the wall from the side of the start; the next steps see it ahead."""
+    top, at, bend, h = sign * 1e-9, 0.4e-3, sign * 9.81, 1e-3
+    before, after = (_parabola(top, at, bend, t) for t in (0.0, h))
+    retries, t = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(h))
+    enters = at - (2.0 * (abs(top) - 0.5e-12) / 9.81) ** 0.5
+    assert bool(retries)
+    assert 0.95 * enters < float(t) < enters * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("top", [-1e-9, 0.5e-12], ids=["misses", "within the tolerance"])
+def test_what_stays_away_is_not_landed_on(top):
+    before, after = (_parabola(top, 0.4e-3, 9.81, t) for t in (0.0, 1e-3))
+    retries, _ = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(1e-3))
+    assert not bool(retries)
+
+
+def test_a_crossing_is_landed_on_half_the_tolerance_past_the_wall():
+    before, after = _reaches(-1e-4, 0.1), _reaches(1e-4, 0.1)
+    retries, t = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(2e-3))
+    assert bool(retries)
+    assert 0.0 < 0.1 * float(t) - 1e-4 <= 1e-12

@@ -1,0 +1,123 @@
+"""The search on functions written down by hand, against SciPy's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import clearjoint as cj
+from clearjoint.identification.levenberg_marquardt import decrement, search
+from clearjoint.identification.residuals import UNREACHED
+
+TIMES = np.linspace(0.0, 3.0, 31)
+FREE = np.full(2, np.inf)
+
+
+@dataclass
+class Evaluation:
+    coordinates: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+
+
+def decay(at, data=0.0):
+    """Residuals of amplitude times exp(-rate * t), in the logarithms of both."""
+    amplitude, rate = np.exp(at)
+    curve = amplitude * np.exp(-rate * TIMES)
+    return Evaluation(
+        at, 100.0 * (curve - data), 100.0 * np.column_stack([curve, -rate * TIMES * curve])
+    )
+
+
+def noisy():
+    clean = decay(np.log([2.0, 1.5])).residuals / 100.0
+    return clean + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
+
+
+def run(evaluate, start, strides=FREE, tolerance=1e-6, limit=100):
+    told = []
+    found = search(evaluate, np.array(start, float), strides, tolerance, limit, told.append)
+    assert tuple(told) == found[1]
+    return found
+
+
+def test_same_minimum_as_scipy():
+    data, start = noisy(), np.log([0.3, 6.0])
+    best, iterations, ending = run(lambda at: decay(at, data), start)
+    other = least_squares(lambda at: decay(at, data).residuals, start, xtol=1e-14, ftol=1e-14)
+    assert ending is cj.Ending.CONVERGED and len(iterations) < 20
+    np.testing.assert_allclose(best.coordinates, other.x, atol=1e-7)
+    assert min(i.chi_squared for i in iterations) == best.residuals @ best.residuals
+
+
+def test_units_of_the_coordinates_do_not_matter():
+    data, units = noisy(), np.array([1e6, 1e-6])
+
+    def scaled(at):
+        found = decay(at / units, data)
+        return Evaluation(at, found.residuals, found.jacobian / units)
+
+    start = np.log([0.3, 6.0])
+    plain, other = run(lambda at: decay(at, data), start), run(scaled, start * units)
+    assert len(plain[1]) == len(other[1])
+    np.testing.assert_allclose(other[0].coordinates / units, plain[0].coordinates, rtol=1e-6)
+
+
+def test_what_fails_is_turned_back_from():
+    data = noisy()
+
+    def fragile(at):
+        found = decay(at, data)
+        if at[1] < at[0] - 1.0:
+            found.residuals[10:], found.jacobian[10:] = UNREACHED, 0.0
+        return found
+
+    start = np.log([0.05, 6.0])
+    best, iterations, ending = run(fragile, start)
+    assert any(i.chi_squared > 1e12 and not i.accepted for i in iterations)
+    assert ending is cj.Ending.CONVERGED
+    np.testing.assert_allclose(np.exp(best.coordinates), [2.0, 1.5], rtol=0.05)
+
+
+def test_no_step_exceeds_the_stride():
+    data = noisy()
+    _, iterations, _ = run(lambda at: decay(at, data), np.log([0.01, 20.0]), np.full(2, 0.25))
+    rows = np.array([i.coordinates for i in iterations if i.accepted])
+    steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
+    np.testing.assert_allclose(steps, 0.25)
+
+
+def test_endings():
+    data = noisy()
+    assert run(lambda at: decay(at, data), np.log([0.3, 6.0]), limit=2)[2] is cj.Ending.EXHAUSTED
+
+    def lying(at):
+        found = decay(at, data)
+        return Evaluation(at, found.residuals, -found.jacobian)
+
+    best, iterations, ending = run(lying, np.log([0.3, 6.0]))
+    assert ending is cj.Ending.STALLED
+    assert not any(i.accepted for i in iterations[1:])
+    np.testing.assert_array_equal(best.coordinates, np.log([0.3, 6.0]))
+
+
+def test_a_parameter_without_effect_stays_where_it_is():
+    data = noisy()
+
+    def one(at):
+        found = decay(np.array([at[0], np.log(1.5)]), data)
+        return Evaluation(at, found.residuals, found.jacobian * [1.0, 0.0])
+
+    best, _, ending = run(one, [0.0, 7.0])
+    assert ending is cj.Ending.CONVERGED and best.coordinates[1] == 7.0
+
+
+def test_decrement_is_the_gauss_newton_step_in_standard_deviations():
+    generator = np.random.default_rng(0)
+    jacobian, residuals = generator.standard_normal((20, 3)), generator.standard_normal(20)
+    step = np.linalg.lstsq(jacobian, -residuals)[0]
+    information = jacobian.T @ jacobian
+    assert float(decrement(residuals, jacobian)) == pytest.approx(
+        np.sqrt(step @ information @ step), rel=1e-12
+    )

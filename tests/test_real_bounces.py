@@ -1,0 +1,180 @@
+"""The study of bouncing balls, on small files of the same form with known truth."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from studies.real.ball import (
+    RestitutionOverSpeed,
+    damping_factor,
+    flight_time,
+    landing_speed,
+    scene,
+    simulated_intervals,
+)
+from studies.real.bounce_files import read_balls
+from studies.real.bounce_fit import fit, from_drops, from_intervals, requested
+from studies.real_bounces import BALLS, main
+
+TENNIS_TABLE, GOLF = 1, 4
+LOSS, POWER = 0.1, 0.3
+
+
+def restitution(speed):
+    return 1.0 - LOSS * speed**POWER
+
+
+def throw(launch, count, terminal, scatter, generator):
+    """Intervals of a ball that follows the law, in closed form."""
+    intervals = []
+    for _ in range(count):
+        intervals.append(flight_time(launch, terminal))
+        landing = landing_speed(launch, terminal)
+        launch = landing * (restitution(landing) + scatter * generator.standard_normal())
+    return intervals
+
+
+def written(name, rows):
+    return f"{name} = np.array([\n" + ",\n".join(f"    {[*map(float, r)]}" for r in rows) + "\n])\n"
+
+
+def drops(number, terminal, generator):
+    """Heights and rebounds by integrating the fall and the rise in small steps, in cm."""
+    heights, rebounds = np.linspace(0.2, 1.1, 5), []
+    for height in heights:
+        e = restitution(fallen(height, terminal)) + 2e-3 * generator.standard_normal(8)
+        rebounds.append([100 * risen(x * fallen(height, terminal), terminal) for x in e])
+    return written(f"pallina{number}_H0", 100 * heights[:, None]) + written(
+        f"pallina{number}_H1", rebounds
+    )
+
+
+def fallen(height, terminal, steps=4000):
+    """Speed after a fall: d(v^2/2) = g (1 - v^2/terminal^2) dh, by Euler."""
+    square = 0.0
+    for _ in range(steps):
+        square += 2 * 9.81 * (1 - square / terminal**2) * height / steps
+    return np.sqrt(square)
+
+
+def risen(speed, terminal, step=5e-5):
+    """Height by dh = v dt, dv = -g (1 + v^2/terminal^2) dt."""
+    height = 0.0
+    while speed > 0.0:
+        height += (speed - 0.5 * 9.81 * step) * step
+        speed -= 9.81 * (1 + (speed / terminal) ** 2) * step
+    return height
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two balls with drag, in the form of the repository; the third throw has a copied interval."""
+    generator = np.random.default_rng(1)
+    path = tmp_path_factory.mktemp("bounces")
+    (path / "Method1").mkdir()
+    (path / "Method2").mkdir()
+    intervals, heights = "import numpy as np\nfrom missing_module import *\n", ""
+    for number in (TENNIS_TABLE, GOLF):
+        terminal = BALLS[number].terminal
+        for series, launch in enumerate((1.2, 1.8, 2.6), 1):
+            columns = [throw(launch, 6, terminal, 2e-3, generator) for _ in range(8)]
+            if number == GOLF and series == 1:
+                columns[2][4] = columns[2][3]
+            rows = np.transpose(columns)
+            intervals += written(f"pallina{number}_intervalli_h{series}", rows)
+        intervals += f"print(pallina{number}_intervalli_h1)\n"
+        heights += drops(number, terminal, generator)
+    (path / "Method1" / "data.py").write_text(heights)
+    (path / "Method2" / "data.py").write_text(intervals)
+    return path
+
+
+def test_true_restitution_is_recovered_within_its_errors(folder):
+    """Drag taken into account, from intervals and from heights; without, the fit is far off."""
+    ball = read_balls([folder])[TENNIS_TABLE]
+    points = from_intervals(ball.series, BALLS[TENNIS_TABLE].terminal)
+    assert len(points.speed) == 3 * 8 * 5 and points.left_out == ()
+    assert points.scatter == pytest.approx(2e-3, rel=0.2)
+    for found in (
+        fit(points, constant=False),
+        fit(from_drops(ball.drops, BALLS[TENNIS_TABLE].terminal), constant=False),
+    ):
+        away = (np.array(found.values) - (LOSS, POWER)) / found.errors
+        assert np.abs(away).max() < 3.0
+        assert max(found.errors) < 0.02
+        assert found.error_at(np.array([1.5]))[0] < 1e-3
+    in_vacuum = fit(from_intervals(ball.series, np.inf), constant=False)
+    assert abs(in_vacuum.values[1] - POWER) > 5.0 * in_vacuum.errors[1]
+
+
+def test_copied_interval_ends_its_throw(folder):
+    ball = read_balls([folder])[GOLF]
+    points = from_intervals(ball.series, np.inf)
+    (line,) = points.left_out
+    assert "series 1, throw 3: from interval 5" in line
+    assert len(points.speed) == 3 * 8 * 5 - 2
+
+
+def test_impossible_readings_are_left_out_and_named():
+    generator = np.random.default_rng(2)
+    rows = np.transpose([throw(2.0, 4, np.inf, 1e-3, generator) for _ in range(9)])
+    rows[2, 4] *= 1.2
+    points = from_intervals((rows,), np.inf)
+    assert len(points.left_out) == 2 and all("scatters from" in line for line in points.left_out)
+    assert len(points.speed) == 9 * 3 - 2
+
+
+def test_simulated_ball_keeps_to_the_closed_form():
+    """Floor, drag and law against flights in closed form; the contacts take the rest."""
+    terminal = BALLS[TENNIS_TABLE].terminal
+    expected = throw(2.5, 6, terminal, 0.0, np.random.default_rng())
+    law = RestitutionOverSpeed(LOSS, POWER, cj.Hertz(1e8))
+    ball = BALLS[TENNIS_TABLE]
+    made = scene(law, ball.mass, ball.diameter, terminal)
+    found = simulated_intervals(made, expected[0], terminal, 6)
+    np.testing.assert_allclose(found, expected, rtol=5e-4)
+
+
+@pytest.mark.parametrize("delivered", [0.5, 0.7, 0.9, 0.97])
+def test_damping_delivers_what_is_asked(delivered):
+    found = float(cj.delivered_restitution(damping_factor(delivered)))
+    assert found == pytest.approx(delivered, abs=5e-4)
+
+
+def test_what_to_request_of_a_law():
+    """Lankarani and Nikravesh deliver 0.9132 for 0.9, and never less than 0.663."""
+    assert requested(cj.LankaraniNikravesh, 0.91324) == pytest.approx(0.9, abs=1e-4)
+    assert requested(cj.LankaraniNikravesh, 0.6) is None
+    assert requested(cj.HuntCrossley, 0.66298) == pytest.approx(0.5, abs=1e-4)
+
+
+def test_quick_study_writes_its_figures(folder, tmp_path, capsys):
+    main([str(folder), "--quick", "--output", str(tmp_path)])
+    assert {file.name for file in tmp_path.iterdir()} == {"restitution.png", "intervals.png"}
+    lines = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()]
+    chains = {row[0]: float(row[4]) for row in lines if len(row) == 6 and row[1] == "3"}
+    assert set(chains) == {"table tennis", "golf"}
+    assert all(0.3 < rms < 2.0 for rms in chains.values()), chains
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\n", "No arrays named like pallina1_intervalli_h1"),
+        ("pallina1_intervalli_h1 = np.array([[1, 2], [3]])\n", "rows of equal length"),
+        ("pallina1_intervalli_h1 = np.array(numbers)\n", "hold numbers alone"),
+        ("pallina1_intervalli_h1 = np.array([[0.4, 0.3], [-0.1, 0.2]])\n", r"\[\[1, 0\]\]"),
+        ("pallina1_H1 = np.array([[4.0]])\n", "row for every drop height"),
+        ("pallina1_H1 = (\n", "is not Python"),
+    ],
+)
+def test_files_that_hold_no_measurements_are_refused(tmp_path, text, said):
+    file = tmp_path / "data.py"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_balls([file])
+
+
+def test_missing_file_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"is not there"):
+        read_balls([tmp_path / "nothing.py"])

@@ -1,0 +1,184 @@
+"""The study of a swinging pendulum, on small files of the same forms with known truth."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.io import savemat
+
+from studies.real.pendulum import (
+    Pendulum,
+    fit_frictions,
+    guess,
+    identified,
+    predicted,
+    roughly,
+    standard_errors,
+)
+from studies.real.swing_files import Swing, read_swings
+from studies.real_pendulum import main, prepared
+
+TRUTH = Pendulum(0.15, 1e-3, 3e-3, 5e-5, 2e-3, 0.3, 10.0)
+NOISE = 2e-4
+
+
+def swing(truth, times):
+    """Angles by SciPy, from the equation of motion of a mathematical pendulum."""
+    rate = 9.81 / truth.length
+
+    def field(t, y):
+        angle, speed = y
+        friction = truth.viscous * speed + truth.coulomb * np.tanh(speed / 0.02)
+        friction += truth.quadratic * speed * abs(speed)
+        return speed, -rate * (np.sin(angle - truth.vertical) + friction)
+
+    span, start = (times[0], times[-1]), (truth.angle, truth.speed)
+    return solve_ivp(field, span, start, t_eval=times, rtol=1e-10, atol=1e-12, max_step=0.01).y[0]
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Times and noisy angles of ten seconds."""
+    times = np.arange(0.0, 10.0, 0.004)
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(times))
+    return times, swing(TRUTH, times) + noise
+
+
+@pytest.fixture(scope="module")
+def pieces(recorded, tmp_path_factory):
+    """In the form of the MATLAB file: two pieces to fit, one to validate by."""
+    times, angles = recorded
+    cells = {}
+    for name, cuts in (("id", (0, 900, 1800)), ("vad", (1800, 2500))):
+        slices = [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        for key, values in (
+            ("Time", [times[s][:, None] for s in slices]),
+            ("Y", [np.stack([angles[s] + np.pi, 0 * angles[s]]) for s in slices]),
+        ):
+            cell = np.empty((len(values), 1), dtype=object)
+            cell[:, 0] = values
+            cells[f"{key}_{name}"] = cell
+    path = tmp_path_factory.mktemp("swing") / "pieces.mat"
+    savemat(path, cells)
+    return path
+
+
+def test_model_and_derivatives_agree_with_scipy():
+    """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
+    times = np.linspace(0.0, 2.0, 401)
+    angles, slopes = predicted(TRUTH, times)
+    np.testing.assert_allclose(angles, swing(TRUTH, times), atol=1e-7)
+    steps = {"length": 1e-5, "coulomb": 1e-5, "vertical": 1e-4, "angle": 1e-4, "speed": 1e-3}
+    for name, h in steps.items():
+        up, down = (
+            swing(Pendulum(**{**vars(TRUTH), name: getattr(TRUTH, name) + s * h}), times)
+            for s in (1, -1)
+        )
+        expected = (up - down) / (2 * h)
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(slopes[name], expected, atol=2e-4 * scale)
+
+
+def test_true_friction_is_recovered_within_its_errors(pieces):
+    first, _ = prepared(pieces, quick=False)
+    rough = roughly(first)
+    found = fit_frictions(first, rough, ("viscous", "coulomb", "quadratic"))
+    assert found.rms == pytest.approx(NOISE, rel=0.15)
+    assert abs(found.correlation) < 0.2
+    for name in ("length", "viscous", "coulomb", "quadratic", "vertical"):
+        away = (getattr(found.pendulum, name) - getattr(TRUTH, name)) / found.errors[name]
+        assert abs(away) < 4.0, name
+    assert found.errors["length"] < 2e-5 and found.errors["coulomb"] < 1e-3
+    assert fit_frictions(first, rough, ("viscous",)).rms > 1.5 * NOISE
+    other = identified(first, found, rough)
+    assert other.ending is other.ending.CONVERGED
+    for name in ("viscous", "coulomb", "quadratic", "vertical", "angle", "speed"):
+        away = other.estimates[name] - getattr(found.pendulum, name)
+        assert abs(away) < 0.02 * found.naive[name], name
+        assert other.standard_errors[name] == pytest.approx(found.naive[name], rel=0.02), name
+
+
+def test_quick_study_predicts_the_validation_piece(pieces, tmp_path, capsys):
+    main([str(pieces), "--quick", "--output", str(tmp_path)])
+    assert [file.name for file in tmp_path.iterdir()] == ["swings.png"]
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()]
+    predicted_rms = {row[0]: float(row[7]) for row in rows if len(row) == 8 and row[0] != "---"
+                     and row[7][0].isdigit()}  # fmt: skip
+    assert predicted_rms["all three"] < 3e3 * NOISE < predicted_rms["viscous"]
+
+
+def test_standard_errors_allow_for_correlation():
+    """A mean of residuals that come in runs of ten is as uncertain as one of a tenth of them."""
+    generator = np.random.default_rng(4)
+    residuals = np.repeat(generator.standard_normal(400), 10)
+    (error,), (naive,) = standard_errors(np.ones((4000, 1)), residuals, 40)
+    assert naive == pytest.approx(1 / np.sqrt(4000), rel=0.1)
+    assert error == pytest.approx(1 / np.sqrt(400), rel=0.2)
+
+
+def test_text_files_of_both_forms_are_read(recorded, tmp_path):
+    times, angles = recorded
+    degrees = tmp_path / "one_column.txt"
+    lines = [f"{value:.6f}" for value in np.degrees(angles)]
+    head = ["trigger_start_deg, sample_rate, duration_sec", "90, 250, 10 "]
+    degrees.write_text("\n".join(head + lines) + "\n")
+    (found,) = read_swings(degrees)
+    np.testing.assert_allclose(found.times, times, atol=1e-12)
+    np.testing.assert_allclose(found.angles, angles, atol=1e-8)
+    columns = tmp_path / "columns.txt"
+    rows = [f" 0 {t:.16e} {a:.16e} 0" for t, a in zip(times, angles, strict=True)]
+    rows += [f" 1 {t:.16e} {-a:.16e} 0" for t, a in zip(times, angles, strict=True)]
+    columns.write_text("\n".join(["%o v", *rows]) + "\n")
+    one, two = read_swings(columns)
+    np.testing.assert_array_equal(one.angles, angles)
+    np.testing.assert_array_equal(two.angles, -angles)
+
+
+def test_recording_of_one_swing_is_read(recorded, tmp_path):
+    times, angles = recorded
+    path = tmp_path / "recording.mat"
+    signals = {"values": (angles + np.pi)[:, None]}
+    savemat(path, {"Theta1": {"time": (60 + times)[:, None], "signals": signals}})
+    (found,) = read_swings(path)
+    np.testing.assert_allclose(found.times, times, atol=1e-12)
+    np.testing.assert_allclose(found.angles, angles, atol=1e-12)
+
+
+def test_what_a_hand_held_is_cut_off():
+    angles = np.array([-1.0, -1.5, -1.0, -0.5, 0.5, 1.0, 0.5, -0.5])
+    found = Swing("a", np.arange(8.0), angles).free()
+    np.testing.assert_array_equal(found.times, [3.0, 4.0, 5.0, 6.0, 7.0])
+
+
+def test_less_than_a_period_is_refused():
+    with pytest.raises(ValueError, match="half passes its middle 1 times"):
+        guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.txt", "time angle\n0 1\n", "neither|begins with 'time angle'"),
+        ("a.txt", "% o1 o2 w1 w2\n0 0 1 2 3 4\n", "begins with"),
+        ("a.txt", "%o v\n0 0 1 2\n0 1 1\n", "Row 3 .* has 3 numbers"),
+        ("a.txt", "%o v\n0 0 one 2\n", "Row 2 .* must be numbers"),
+        ("a.txt", "%o v\n" + "0 1 0.5 0\n" * 20, "not later than the one before"),
+        ("a.txt", "%o v\n0 0 1 2\n0 1 1 1\n", "ten at least"),
+        ("a.txt", "%o v\n" + "".join(f"0 {k} 0.5 0\n" for k in range(20)), "it is no swing"),
+        ("a.txt", "%o v\n" + "".join(f"0 {k} nan 0\n" for k in range(20)), "Sample 1 .* finite"),
+        ("a.mat", "text", "not a MATLAB file"),
+    ],
+)
+def test_files_that_hold_no_swing_are_refused(tmp_path, name, text, said):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_swings(path)
+
+
+def test_matlab_file_of_other_content_is_refused(tmp_path):
+    path = tmp_path / "other.mat"
+    savemat(path, {"x": np.ones(3)})
+    with pytest.raises(ValueError, match=r"\['x'\], neither"):
+        read_swings(path)
+    with pytest.raises(ValueError, match="is not there"):
+        read_swings(tmp_path / "nothing.mat")
