@@ -97,6 +97,8 @@ FLOORS = (
         "identification.report",
         "identification.fit",
         "identification.identify",
+        "identification.shooting_window",
+        "identification.multiple_shooting",
         "identification.information",
         "identification.sensors",
         "identification.tables",

@@ -111,7 +111,7 @@ def identify_many(
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
 
     fits = []
-    with _shown(progress, parameters, len(measurements) * len(rows)) as tell:
+    with shown(progress, parameters, len(measurements) * len(rows)) as tell:
         for one in measurements:
             data = samples(one, len(runs.times))
             found = [
@@ -169,10 +169,10 @@ def _held(
 
 
 @contextmanager
-def _shown(
+def shown(
     progress: bool | Tell, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[TellOf]:
-    """What to tell each iteration."""
+    """What is told of each iteration: to the caller's function, or shown as a line."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return

@@ -137,11 +137,14 @@ def _begun(solver: Any, y: Any, at: Any) -> Any:
 
 
 @eqx.filter_jit
-def _advance(y: Any, arrays: Any, at: Any, strides: Any, tolerance: Any) -> Any:
+def _advance(y: Any, arrays: Any, at: Any, strides: Any, tolerance: Any, trust: Any) -> Any:
     """One step: the best so far, the state's arrays, whether to end, the decrement."""
     solver = _LevenbergMarquardt(_Strides(optx.DampedNewtonDescent(), strides), tolerance)
     begun = _begun(solver, y, at)
-    state = begun if arrays is None else eqx.combine(arrays, eqx.filter(begun, eqx.is_array, True))
+    if arrays is None:
+        state = eqx.tree_at(lambda s: s.search_state.step_size, begun, trust)
+    else:
+        state = eqx.combine(arrays, eqx.filter(begun, eqx.is_array, True))
     y, state, _ = solver.step(_line, y, at, {}, state, frozenset())
     done, _ = solver.terminate(_line, y, at, {}, state, frozenset())
     found = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
@@ -155,15 +158,22 @@ def search(
     tolerance: float,
     max_iterations: int,
     tell: Callable[[Iteration], None],
+    trust: float = 1.0,
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
     """Search the least squares from a start (p,), and tell every iteration.
+
+    `trust` in the model at first: one over the damping.
 
     **Returns:** the best evaluation, all iterations, and how it ended.
     """
     best = now = evaluate(start)
     scales = _scales(now.jacobian)
     y, arrays, iterations = jnp.asarray(start * scales), None, []
-    limits = jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
+    limits = (
+        jnp.asarray(strides * scales),
+        jnp.asarray(tolerance, float),
+        jnp.asarray(trust, float),
+    )
     while True:
         at = jnp.asarray(now.coordinates * scales), *_compressed(now, scales)
         y, arrays, done, found = _advance(y, arrays, at, *limits)

@@ -2,13 +2,19 @@
 
 Small errors of a guess grow from impact to impact, until the run meets other impacts than the data
 tell of, and least squares lead astray. So the record is cut into windows, each short enough to be
-followed, with starts of their own that are estimated too. What a window leads to and where the next
-one starts may differ at first, and are then tied together ever more closely. H. G. Bock, *Recent
-advances in parameter identification techniques for ODE* (1983).
+followed, with starts of their own that are estimated too. H. G. Bock, *Recent advances in parameter
+identification techniques for ODE* (1983).
+
+The parameters of the guess should come from a fit of the record's beginning. With these the
+windows' starts are found one after the other, each near where the window before leads, so that all
+follow the data; and boundaries are moved into flight, since a start that may or may not touch makes
+the misfit jump. Then everything is fitted together, and what a window leads to and where the next
+one starts are tied ever more closely.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -21,18 +27,20 @@ from ..family import AbstractFamily
 from ..fields import require
 from ..integration import Integration
 from ..measurements import Measurements
+from ..quantities.joints import Penetration
 from ..reductions import Quantity
 from ..results import RESULTS
 from ..scene import Scene
 from ..steps import Method
 from .fit import Fit, Search, Window
-from .levenberg_marquardt import Ending, search
+from .identify import Tell, shown
+from .levenberg_marquardt import SINGULAR, Iteration, search
 from .residuals import Evaluated, Samples, samples
 from .shooting_window import FreeStart, Shot, shot
 from .starts import Guess, start_coordinates
 
-CONTINUITY = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-"""Gaps between windows that count as one standard deviation, m, one after the other."""
+TIGHTER = 10.0**0.5
+"""By how much less a gap between windows may be, from one round of the search to the next."""
 RATE = 100.0
 """1/s: gaps in velocities that count as much, over those in positions."""
 STRIDES = (1e-3, 1.0, 1.0)
@@ -40,6 +48,14 @@ STRIDES = (1e-3, 1.0, 1.0)
 of entry speeds."""
 BEFORE_LAST = 0.1
 """Tolerance, in standard deviations, of what is not fitted for the last time."""
+TRUST = 1e4
+"""In the model at first: gaps outweigh the data by far, and damping of what they weigh would hold
+the rest."""
+TIGHTENING = 12
+"""Iterations, at most, before gaps are counted more strictly: while they are wide, the data hardly
+see some combinations, along which a search would creep."""
+FOLLOWING = 20
+"""Iterations, at most, that bring a window's start to the data."""
 
 
 @dataclass(frozen=True)
@@ -86,47 +102,47 @@ def identify_by_shots(
     *,
     start_time: float = 0.0,
     guess: Guess | None = None,
-    continuity: Sequence[float] = CONTINUITY,
+    continuity: float = 1e-9,
     integration: Integration | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-3,
+    progress: bool | Tell = True,
 ) -> ShootingFit:
     """Estimate parameters and the states at the boundaries between windows.
 
     **Arguments:**
 
     - `scene`, `state`, `measurements`, `parameters`, `start_time`, `guess`, `integration`,
-      `max_iterations`, `tolerance`: as in `identify`.
+      `max_iterations`, `tolerance`, `progress`: as in `identify`. An iteration runs all windows.
     - `boundaries`: rising times, s, inside the record, at which windows meet: shorter ones than the
-      convergence horizon (see `horizon`), longer ones than it takes to see the state.
-    - `continuity`: gaps in m that count as one standard deviation of a measurement, from loose to
-      tight; those of velocities are a hundred times these in m/s.
+      convergence horizon (see `horizon`), longer ones than it takes to see the state. Each is moved
+      to the sample in the later half of its window at which all contacts are farthest open.
+    - `continuity`: gap in m that counts as one standard deviation of a measurement in the end; in
+      velocities, a hundred times as much in m/s. At first it is the size of the gaps that are left
+      when every window follows the data by itself.
 
-    **Returns:** a `ShootingFit`; its covariance is that of the parameters with all starts estimated.
+    **Returns:** a `ShootingFit`; its covariance is that of the parameters, all starts estimated.
 
     **Raises:** `ValueError` for arguments that no fit can use.
     """
-    problem = _Shooting(
-        scene, state, measurements, parameters, boundaries, start_time, integration
-    )
+    problem = _Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
-    at, strides = problem.begun(row), problem.strides()
+    at = problem.followed(row)
     windows, best = [], None
-    for stage, size in enumerate(continuity):
-        last = stage == len(continuity) - 1
-        iterations, ending = [], Ending.EXHAUSTED
-        for iteration, best, ended in search(
-            lambda at, size=size: problem.evaluate(at, size),
-            at,
-            strides,
-            tolerance if last else BEFORE_LAST,
-            max_iterations,
-        ):
-            iterations.append(iteration)
-            ending = ended or ending
-        assert best is not None
-        at = best.coordinates
-        windows.append(Window(float(problem.pieces[-1].end), tuple(iterations), ending))
+    with shown(progress, parameters, 1) as tell:
+        for size in problem.sizes(at, continuity):
+            last = size == continuity
+            best, iterations, ending = search(
+                partial(problem.evaluate, size=size),
+                at,
+                np.full(len(at), np.inf),
+                tolerance if last else BEFORE_LAST,
+                max_iterations if last else min(TIGHTENING, max_iterations),
+                lambda one: tell(problem.samples, problem.of_parameters(one)),
+                TRUST,
+            )
+            at = best.coordinates
+            windows.append(Window(float(problem.pieces[-1].end), iterations, ending))
     assert best is not None
     found = problem.condensed(best)
     whole = Search(row, tuple(windows), found)
@@ -139,7 +155,7 @@ def identify_by_shots(
         measurements,
         (whole,),
         whole,
-        np.asarray(boundaries, float),
+        np.array([piece.start for piece in problem.pieces[1:]]),
         best.gaps,
     )
 
@@ -166,18 +182,84 @@ class _Shooting:
             name: series.channel for name, series in measurements.series.items()
         }
         self.max_steps = integration.max_steps
-        self.pieces = _pieces(measurements, boundaries, start_time)
+        self.watched: dict[str, Quantity] = {
+            f"{joint} {contact}": Penetration(joint, contact)
+            for joint, family in scene.laws().items()
+            for contact in family
+        }
+        self._record = _Record(measurements, boundaries, start_time)
+        self.pieces: list[_Piece] = []
         self.parameters = len(parameters)
+        self.samples = self._record.data.count
         self._nominal: list[tuple[Any, Any]] = []
 
-    def begun(self, row: np.ndarray) -> np.ndarray:
-        """All unknowns where the windows of a guess (p,) follow each other without gaps, which
-        becomes what later starts are counted from."""
-        self._nominal = []
-        for k in range(len(self.pieces) - 1):
-            found = self._shot(k, np.concatenate([row, np.zeros(self._free(k))]))
-            self._nominal.append(found.reached)
-        return np.concatenate([row, *(np.zeros(self._free(k + 1)) for k in range(len(self._nominal)))])
+    def sizes(self, at: np.ndarray, smallest: float) -> list[float]:
+        """Gaps that count as one standard deviation, m: from those there are to the smallest."""
+        found = self.evaluate(at, 1.0)
+        weighted = found.gaps * [self._weights(after) for after in found.shots[1:]]
+        size, sizes = float(np.sqrt(np.mean(weighted**2))), []
+        while size > smallest:
+            sizes.append(size)
+            size /= TIGHTER
+        return [*sizes, smallest]
+
+    def followed(self, row: np.ndarray) -> np.ndarray:
+        """All unknowns where each window, at the parameters of a guess (p,), follows the data from
+        about where the one before leads."""
+        cuts = self._record.cuts
+        self._nominal, self.pieces = [], [self._record.piece(cuts[0], cuts[1])]
+        unknowns, found = [row], self._alone(0, row)
+        for k, end in enumerate(cuts[2:], 1):
+            boundary = self._in_flight(k - 1, found.shots[0])
+            self.pieces[-1] = self._record.piece(self.pieces[-1].start, boundary)
+            own = unknowns[-1] if k > 1 else np.zeros(0)
+            before = self._alone(k - 1, np.concatenate([row, own])).shots[0]
+            self._nominal.append(before.reached)
+            self.pieces.append(self._record.piece(boundary, end))
+            free = self._free(k)
+            strides = self.strides()[-free:]
+            found, _, _ = search(
+                partial(self._held, k, row, strides),
+                np.zeros(free),
+                strides,
+                BEFORE_LAST,
+                FOLLOWING,
+                _say_nothing,
+            )
+            unknowns.append(found.coordinates)
+        return np.concatenate(unknowns)
+
+    def _in_flight(self, k: int, found: Shot) -> float:
+        """The sample in the later half of a window at which all contacts are farthest open."""
+        piece = self.pieces[k]
+        if not self.watched:
+            return piece.end
+        deepest = np.max([found.sampled.values[name] for name in self.watched], axis=0)
+        times = np.asarray(piece.times)
+        later = (times > 0.5 * (piece.start + piece.end)) & (times < piece.end)
+        fine = later & found.sampled.reached
+        return float(times[np.argmin(np.where(fine, deepest, np.inf))]) if fine.any() else piece.end
+
+    def _alone(self, k: int, values: np.ndarray) -> _Evaluated:
+        """One window's data, at all of its unknowns."""
+        found = jax.device_get(self._shot(k, values))
+        residuals, jacobian = self._of_data(k, found, np.arange(len(values)), len(values))
+        return _Evaluated(values, residuals, jacobian, np.zeros((0, 0)), [found])
+
+    def _held(self, k: int, row: np.ndarray, sizes: np.ndarray, at: np.ndarray) -> _Evaluated:
+        """One window's data at its start's unknowns, which are held near zero to within `sizes`."""
+        found = self._alone(k, np.concatenate([row, at]))
+        return _Evaluated(
+            at,
+            np.concatenate([found.residuals, at / sizes]),
+            np.concatenate([found.jacobian[:, self.parameters :], np.diag(1.0 / sizes)]),
+            found.gaps,
+            found.shots,
+        )
+
+    def of_parameters(self, one: Iteration) -> Iteration:
+        """The iteration without the starts' unknowns."""
+        return replace(one, coordinates=one.coordinates[: self.parameters])
 
     def _free(self, k: int) -> int:
         """Number of unknowns of a window's start."""
@@ -208,7 +290,8 @@ class _Shooting:
         span = piece.end - piece.start
         numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, 1e-6 * span))
         limit = jnp.asarray(self.max_steps)
-        return shot(self.method, family, self.outputs, piece.times, *numbers, limit)
+        outputs = self.outputs | self.watched
+        return shot(self.method, family, outputs, piece.times, *numbers, limit)
 
     def strides(self) -> np.ndarray:
         """The farthest that one iteration changes each unknown."""
@@ -265,7 +348,7 @@ class _Shooting:
         along = np.zeros((len(before.end), unknowns))
         along[:, places[k]] += before.end_along
         along[:, places[k + 1]] -= after.start_along
-        return before.end - after.start, along
+        return np.asarray(before.end - after.start), along
 
     def _weights(self, found: Shot) -> np.ndarray:
         """One, or for what changes when the start is kicked, the part that a velocity counts."""
@@ -278,8 +361,9 @@ class _Shooting:
         """What is left for the parameters (p,) once all starts are at their best."""
         parts = best.jacobian[:, : self.parameters], best.jacobian[:, self.parameters :]
         axes, sizes, _ = np.linalg.svd(parts[1] / _norms(parts[1]), full_matrices=False)
-        axes = axes[:, sizes > 1e-12 * sizes[0]]
-        residuals, jacobian = (part - axes @ (axes.T @ part) for part in (best.residuals, parts[0]))
+        axes = axes[:, sizes > SINGULAR * sizes[0]]
+        residuals = best.residuals - axes @ (axes.T @ best.residuals)
+        jacobian = parts[0] - axes @ (axes.T @ parts[0])
         names = list(self.outputs)
         predicted = [
             np.stack([found.sampled.values[name][: piece.count] for name in names])
@@ -297,6 +381,10 @@ class _Shooting:
         )
 
 
+def _say_nothing(iteration: Iteration) -> None:
+    del iteration
+
+
 def _norms(jacobian: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(jacobian, axis=0)
     return np.where(norms > 0.0, norms, 1.0)
@@ -306,30 +394,34 @@ def _looking_at(base: Any, values: np.ndarray) -> Any:
     return type(base)(jnp.asarray(values), base.base, base.changes, base.scales, base.patterns)
 
 
-def _pieces(
-    measurements: Measurements, boundaries: Sequence[float], start_time: float
-) -> list[_Piece]:
-    """The windows, with equally many padded times."""
-    times = measurements.times()
-    cuts = np.array([start_time, *boundaries, times[-1]], float)
-    require(
-        len(boundaries) > 0 and bool((np.diff(cuts) > 0.0).all()),
-        "boundaries",
-        np.asarray(boundaries),
-        f"rising times between {start_time} and {float(times[-1])}",
-        "take identify() for a single run, or cut the record inside",
-    )
-    whole = samples(measurements, len(times))
-    inside = [(times >= a) & (times < b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-    inside[-1] |= times == times[-1]
-    longest = max(int(mask.sum()) for mask in inside) + 1
-    pieces = []
-    for k, mask in enumerate(inside):
-        count = int(mask.sum())
-        padded = np.full(longest, cuts[k + 1])
-        padded[:count] = times[mask]
-        values, weights = (np.zeros((len(whole.periods), longest)) for _ in range(2))
-        values[:, :count], weights[:, :count] = whole.values[:, mask], whole.weights[:, mask]
+class _Record:
+    """The measurements, cut into windows on demand, with equally many padded times in each."""
+
+    def __init__(self, measurements: Measurements, boundaries: Sequence[float], start_time: float):
+        self._times = measurements.times()
+        self.cuts = np.array([start_time, *boundaries, self._times[-1]], float)
+        require(
+            len(boundaries) > 0 and bool((np.diff(self.cuts) > 0.0).all()),
+            "boundaries",
+            np.asarray(boundaries),
+            f"rising times between {start_time} and {float(self._times[-1])}",
+            "take identify() for a single run, or cut the record inside",
+        )
+        self.data = samples(measurements, len(self._times))
+        spans = zip(self.cuts[:-1], self.cuts[2:].tolist() + [self.cuts[-1]], strict=True)
+        self._length = 1 + max(int(self._inside(a, b).sum()) for a, b in spans)
+
+    def _inside(self, start: float, end: float) -> np.ndarray:
+        last = end == self._times[-1]
+        return (self._times >= start) & ((self._times < end) | last)
+
+    def piece(self, start: float, end: float) -> _Piece:
+        """The window from one time to another."""
+        inside = self._inside(start, end)
+        count, whole = int(inside.sum()), self.data
+        padded = np.full(self._length, end)
+        padded[:count] = self._times[inside]
+        values, weights = (np.zeros((len(whole.periods), self._length)) for _ in range(2))
+        values[:, :count], weights[:, :count] = whole.values[:, inside], whole.weights[:, inside]
         data = Samples(values, weights, whole.periods)
-        pieces.append(_Piece(cuts[k], cuts[k + 1], jnp.asarray(padded), data, count))
-    return pieces
+        return _Piece(start, end, jnp.asarray(padded), data, count)

@@ -78,9 +78,7 @@ def shot(
     max_steps: Any,
 ) -> Shot:
     """Run a window from its start to its end."""
-    found, first, last = followed(
-        method, family, outputs, times, t0, t_end, first_step, max_steps
-    )
+    found, first, last = followed(method, family, outputs, times, t0, t_end, first_step, max_steps)
     ends = [_row(family, step) for step in (first, last)]
     return Shot(found, *ends[0], *ends[1], (last.y.motion, last.memory))
 
