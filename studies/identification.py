@@ -89,6 +89,9 @@ def fit(
     grow = [] if how == "at once" else [end for end in WINDOWS if end < end_time]
     starts = cj.Starts(12, SPREAD) if how.endswith("starts") else None
     begun = time.perf_counter()
+    if how == "velocities first":
+        first = cj.identify(scene, state, velocities(data), PARAMETERS, guess=guess, grow=grow)
+        guess, grow = first.estimates, []
     found = cj.identify(scene, state, data, PARAMETERS, guess=guess, grow=grow, starts=starts)
     return found, time.perf_counter() - begun
 
