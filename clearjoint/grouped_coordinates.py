@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .absolute import AbsoluteCoordinates, AbsoluteMechanics
-from .bodies import GROUND, NO_WRENCH, BodyState, Motion, Wrench
+from .bodies import NO_WRENCH, BodyState, Motion, Wrench
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,

@@ -27,32 +27,30 @@ from .several import Several, by_name, is_structural, stacked
 from .vectors import Matrix, Vector
 
 SMALLEST = 4
-"""Elements from which on they are put together. """
+"""Elements from which on they are put together."""
+
+ROLES = ("the first body", "the second body")
 
 
 def condensed(scene: Scene) -> Scene:
     """The scene (in scalar form) with its alike elements put together, under `Several` names."""
-    order = _order(scene)
-    held = _held_bodies(scene)
-    free = {name: scene.bodies[name] for name in order if name not in held}
-    groups = [
-        Several(names) for names in _alike({name: _structure(body) for name, body in free.items()})
-    ]
-    group_of = {member: group for group in groups for member in group.members}
-    joints = _alike({
-        name: _joint_structure(scene.joints[name], group_of)
-        for name in _by_bodies(scene.contact_joints(), order)
-    })  # fmt: skip
+    order, held, contacts = _order(scene), _held_bodies(scene), scene.contact_joints()
+    free = {name: _structure(scene.bodies[name]) for name in order if name not in held}
     bodies = {
-        group: stacked([scene.bodies[member] for member in group.members]) for group in groups
+        Several(names): stacked([scene.bodies[name] for name in names]) for names in _alike(free)
     }
-    families = {
-        Several(names): _together([scene.joints[name] for name in names]) for names in joints
+    group_of = {member: group for group in bodies for member in group.members}
+    structures = {
+        name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
+    }
+    joints = {
+        Several(names): _together([contacts[name] for name in names])
+        for names in _alike(structures)
     }
     return eqx.tree_at(
         lambda s: (s.bodies, s.joints),
         scene,
-        (_with_groups(scene.bodies, bodies), _with_groups(scene.joints, families)),
+        (_with_groups(scene.bodies, bodies), _with_groups(scene.joints, joints)),
     )
 
 
@@ -114,13 +112,11 @@ def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, Several
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None
-    alike = _structure(_renamed(joint, ROLES))
-    if alike is None or _renamed(joint, ROLES).pair() != _roles(joint, ROLES):
+    anonymous = _renamed(joint, ROLES)
+    alike = _structure(anonymous)
+    if alike is None or anonymous.pair() != _roles(joint, ROLES):
         return None
     return alike, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
-
-
-ROLES = ("the first body", "the second body")
 
 
 def _roles(joint: AbstractContactJoint, names: tuple[str, str]) -> tuple[str, ...]:

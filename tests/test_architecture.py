@@ -10,7 +10,17 @@ import clearjoint
 
 PACKAGE = Path(clearjoint.__file__).parent
 FLOORS = (
-    ("vectors", "rotations", "smoothing", "linear", "restitution", "results", "runtime", "fields"),
+    (
+        "vectors",
+        "several",
+        "rotations",
+        "smoothing",
+        "linear",
+        "restitution",
+        "results",
+        "runtime",
+        "fields",
+    ),
     ("bodies", "contact", "friction"),
     (
         "joints.freedoms",
@@ -21,8 +31,9 @@ FLOORS = (
         "joints.forces",
         "joints.drives",
         "joints.clearance",
+        "joints.several",
     ),
-    ("scene", "parameters"),
+    ("scene", "grouping", "parameters"),
     (
         "coordinates",
         "absolute",
@@ -33,6 +44,7 @@ FLOORS = (
         "tree_mechanics",
         "joint_coordinates",
         "dynamics",
+        "grouped_coordinates",
         "projection",
         "structure",
         "assembly",

@@ -34,7 +34,7 @@ class SeveralContactJoints(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The laws of each contact."""
         return {
-            label: SeveralContactLaws(self.joint, label, law.has_memory)
+            label: SeveralContactLaws(joint=self.joint, label=label, has_memory=law.has_memory)
             for label, law in self.joint.laws().items()
         }
 
