@@ -12,7 +12,7 @@ from .bodies import State
 from .impact_table import ImpactCollector, Impacts
 from .results import RESULTS
 from .runtime import SlowRunNotice
-from .segments import Progress, Row, Saved, rewound, segment
+from .segments import Progress, Row, Saved, named, rewound, segment
 from .solution import Solution, Trajectory
 from .steps import Method, Step
 from .vectors import Structured, pack, unpack
@@ -36,11 +36,11 @@ class AbstractRun:
     ) -> Solution:
         unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
         result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        coordinates = self._method.formulation.coordinates
-        bodies = coordinates.decode(unpack(self._form), step.y.motion)
+        method, scene = self._method.grouped(unpack(self._form))
+        bodies = method.formulation.coordinates.decode(scene, step.y.motion)
         return Solution(
             step.t,
-            pack(State(bodies, step.memory, step.y.work)),
+            pack(named(State(bodies, step.memory, step.y.work))),
             result,
             step.attempts,
             step.accepted,
@@ -171,7 +171,8 @@ def _recorded_rows(now: Progress) -> Row:
     assert record is not None
     table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
     block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
-    return _joined([table, block])
+    whole = _joined([table, block])
+    return Row(whole.t, named(whole.state))
 
 
 def _trajectory(rows: list[Row]) -> Trajectory:

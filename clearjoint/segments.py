@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from .bodies import State
 from .scene import Scene
+from .several import by_name, gathered
 from .stepping import attempt, look_inside, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import Scalar, Structured, unpack
@@ -66,7 +67,7 @@ class Rows(eqx.Module):
 
 
 class Row(eqx.Module):
-    """A time and the state there."""
+    """A time and the state there, under the names of the condensed scene."""
 
     t: Any
     state: State
@@ -102,10 +103,11 @@ def begin(
     record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
-    scene: Scene = unpack(form)
+    method, scene = method.grouped(unpack(form))
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
-    step = start(method, scene, t0, t_end, first_step, y, state.memory)
+    memory = gathered(state.memory, scene.joints)
+    step = start(method, scene, t0, t_end, first_step, y, memory)
     last = record = None
     if saves:
         shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end))
@@ -130,7 +132,7 @@ def segment(
 ) -> tuple[Progress, Saved | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
-    scene: Scene = unpack(form)
+    method, scene = method.grouped(unpack(form))
     if save_times is None:
         return _run_and_record(method, scene, progress, t_end, t_end, attempts), None
 
@@ -138,7 +140,7 @@ def segment(
         now = _run_and_record(method, scene, now, time, t_end, attempts)
         assert now.last is not None
         state = _state(method, scene, *look_inside(method, scene, now.last, time))
-        return now, Saved(state, time <= now.step.t)
+        return now, Saved(named(state), time <= now.step.t)
 
     return jax.lax.scan(save_next, progress, save_times)
 
@@ -202,6 +204,11 @@ def _row(method: Method, scene: Scene, step: Step) -> Row:
 
 def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
     return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
+
+
+def named(state: State) -> State:
+    """A state of the condensed scene by the elements' own names."""
+    return State(by_name(state.bodies), by_name(state.memory), state.work)
 
 
 def _buffer(row: Any, length: int) -> Any:

@@ -12,6 +12,7 @@ PACKAGE = Path(clearjoint.__file__).parent
 FLOORS = (
     (
         "vectors",
+        "several",
         "rotations",
         "smoothing",
         "linear",
@@ -31,8 +32,9 @@ FLOORS = (
         "joints.forces",
         "joints.drives",
         "joints.clearance",
+        "joints.several",
     ),
-    ("scene", "parameters", "variations"),
+    ("scene", "grouping", "parameters", "variations"),
     (
         "coordinates",
         "absolute",
@@ -43,6 +45,7 @@ FLOORS = (
         "tree_mechanics",
         "joint_coordinates",
         "dynamics",
+        "grouped_coordinates",
         "projection",
         "structure",
         "assembly",
