@@ -44,6 +44,7 @@ FLOORS = (
         "steps",
         "step_length",
         "stepping",
+        "loops",
         "segments",
         "impact_table",
         "solution",
