@@ -16,12 +16,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
 import clearjoint as cj
+from clearjoint.vectors import UNIT_Y, ZERO
 from studies.benchmarks.report import Record, report
 
-SPAN, TOLERANCES, COUNTS = 0.1, (1e-6, 1e-8, 1e-9, 1e-10), (1, 10, 100)
+SPAN, TOLERANCES, COUNTS = 0.1, (1e-6, 1e-8, 1e-9, 1e-10), (1, 10, 20, 100)
 """Simulated time, s; relative tolerances; and numbers of parameters."""
 QUICK_SPAN, QUICK_TOLERANCES, QUICK_COUNTS = 0.012, (1e-6,), (1,)
 TABLE = {
@@ -32,15 +32,13 @@ TABLE = {
 LANDING, COUNTED_RTOL = 1e-13, 1e-8
 DIFFERENCE = 1e-4
 """Step of the central differences, of the logarithms and of the restitution."""
-LOADS = 4
-"""Loads of no force, whose forces and points of application are parameters too."""
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
 Program = Callable[..., Any]
 
 
 def gradients(options: argparse.Namespace) -> None:
-    """Measure error and time of derivatives of a run, and what 1, 10 and 100 parameters cost."""
-    cj.configure(devices=1)
+    """Measure error and time of derivatives of a run, and what 1, 10, 20, 100 parameters cost."""
+    cj.configure()
     span, tolerances, counts = (
         (QUICK_SPAN, QUICK_TOLERANCES, QUICK_COUNTS)
         if options.quick
@@ -104,22 +102,40 @@ def accuracy(
     return records
 
 
+class TimedLoad(cj.AbstractForce):
+    """A load on a body along Y through its centre of mass, linear in time between given values."""
+
+    body: str = eqx.field(static=True)
+    values: Any
+    span: float
+
+    def body_names(self) -> tuple[str, ...]:
+        """The body."""
+        return (self.body,)
+
+    def wrenches(self, motions: Any, t: Any) -> Any:
+        """The load at a time, N."""
+        places = jnp.arange(self.values.size)
+        distance = jnp.abs(t / self.span * self.values.size - places)
+        load = jnp.sum(self.values * jnp.maximum(1.0 - distance, 0.0))
+        return {self.body: motions[self.body].wrench(UNIT_Y * load, ZERO)}
+
+
 def cost(count: int, span: float, solver: diffrax.AbstractSolver, repeats: int) -> Record:
-    """Time and memory of the derivatives by the first so many numbers of a scene and its state."""
-    scene, state = cj.double_pendulum()
-    loads = {f"load {k}": cj.AppliedLoad("arm 2", (0.0, 0.0, 0.0)) for k in range(LOADS)}
-    numbers, back = ravel_pytree((eqx.tree_at(lambda s: s.forces, scene, loads), state))
+    """Time and memory of the derivatives by the values of a load at so many times."""
+    pendulum, state = cj.double_pendulum()
     at = jnp.zeros(count)
 
-    def height(change: Any, **options: Any) -> Any:
-        parts = back(numbers.at[:count].add(change))
-        return _height(*parts, span, COUNTED_RTOL, solver, **options)
+    def height(values: Any, **options: Any) -> Any:
+        load = TimedLoad("arm 2", values, span)
+        scene = cj.Scene(pendulum.bodies, pendulum.joints, {"load": load}, pendulum.gravity)
+        return _height(scene, state, span, COUNTED_RTOL, solver, **options)
 
     unit, _ = _timed(jax.jit(height), repeats, at)
     record: Record = {"parameters": count, "plain run, ms": 1e3 * unit}
     for name, way in (
         ("forward", jax.jacfwd(height)),
-        ("reverse", jax.grad(lambda change: height(change, adjoint=REVERSE))),
+        ("reverse", jax.grad(lambda values: height(values, adjoint=REVERSE))),
     ):
         start = time.perf_counter()
         program = jax.jit(way).lower(at).compile()
