@@ -21,7 +21,8 @@ from .steps import Attempt, Method, Step
 from .vectors import Scalar
 
 CHECKPOINTS = 300
-"""Unless told: more cost more time, since a loop copies at every turn the table it writes into."""
+"""Unless told. Measured: with 894 steps 4471 took 4.4 times as long, and with 36 000 steps 120 took
+1.5 times as long."""
 REMEDY = (
     "Reverse-mode differentiation of `simulate` needs checkpoints: pass "
     "adjoint=diffrax.RecursiveCheckpointAdjoint() to it. For few parameters forward mode, "
