@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from .bodies import State
 from .impact_table import ImpactCollector, Impacts
+from .loops import AbstractLoops
 from .results import RESULTS
 from .runtime import SlowRunNotice
 from .segments import Progress, Row, Saved, named, rewound, segment
@@ -56,11 +57,14 @@ class AbstractRun:
 class OnePiece(AbstractRun):
     """The whole run inside one traced computation."""
 
-    def solution(self, now: Progress, save_at: Any | None, max_steps: int) -> Solution:
+    def solution(
+        self, now: Progress, save_at: Any | None, max_steps: int, loops: AbstractLoops
+    ) -> Solution:
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
         limit = jnp.asarray(max_steps)
-        now, saved = segment(self._method, self._form, now, times, self._end, limit)
+        arguments = (self._method, self._form, now, times, self._end, limit)
+        now, saved = loops.closed(segment(*arguments, loops))
         if saved is None:
             return self._solution(now.step, None, None, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)

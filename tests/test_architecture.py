@@ -59,6 +59,7 @@ FLOORS = (
         "step_length",
         "stepping",
         "tangents",
+        "loops",
         "segments",
         "impact_table",
         "solution",
