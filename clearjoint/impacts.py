@@ -185,7 +185,7 @@ def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
-        inside = (newton > lower) & (newton < upper)
+        inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
     return x
 
