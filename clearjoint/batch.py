@@ -186,7 +186,7 @@ class Batch:
         """The logs of the pool's lanes, (seats, rows, columns), and how many rows are filled."""
         tables, counts = {}, {}
         for name, ring in self._common.logs(seats.lane).items():
-            columns = len(jax.tree.leaves(ring.slots[0]))
+            columns = sum(leaf[0].size for leaf in jax.tree.leaves(ring.slots[0]))
             tables[name] = np.zeros((len(sitting), self._lengths[name], columns))
             counts[name] = np.zeros(len(sitting), int)
             for k, lane in enumerate(sitting):

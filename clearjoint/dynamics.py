@@ -30,6 +30,7 @@ from .joint_coordinates import JointCoordinates
 from .joints.base import Contact, Row
 from .linear import AbstractSolver, Exact, LeastNorm, inner
 from .scene import Scene
+from .several import total
 from .vectors import Scalar, Vector, add, is_zero
 
 Memory = dict[str, dict[str, Scalar]]
@@ -176,7 +177,7 @@ def _applied_wrenches(
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(name: str, wrench: Any) -> None:
-        wrenches[name] = wrenches[name] + wrench
+        wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
 
     for element in scene.forces.values():
         for name, wrench in element.wrenches(motions, t).items():
@@ -273,7 +274,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     powers: dict[str, Scalar] = {}
 
     def book(name: str, power: Scalar) -> None:
-        powers[name] = add(powers.get(name, 0.0), power)
+        powers[name] = add(powers.get(name, 0.0), total(power))
 
     for family in dynamics.contact_forces.values():
         for force in family.values():
@@ -299,12 +300,12 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
-        energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+        energies["kinetic"] = energies["kinetic"] + total(0.5 * (linear + angular))
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
             height = scene.gravity.dot(motions[name].position)
-            energies["gravity"] = energies["gravity"] - body.mass * height
+            energies["gravity"] = energies["gravity"] - total(body.mass * height)
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
         energies["springs"] = sum(stored[1:], stored[0])
@@ -312,5 +313,5 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():
             stored_energy = laws[label].stored_energy(contact.gap)
-            energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
+            energies["contacts"] = add(energies.get("contacts", 0.0), total(stored_energy))
     return energies

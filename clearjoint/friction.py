@@ -74,4 +74,5 @@ class Ambrosio(AbstractFriction):
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """mu c_d(v)."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
-        return self.coefficient * jnp.clip(rise, 0.0, 1.0)
+        # At v0 the slope is that of rising friction: with v0 = 0 there are no lower speeds.
+        return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)

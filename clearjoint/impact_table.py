@@ -11,8 +11,10 @@ import numpy as np
 from .bodies import State
 from .contact import AbstractContactLaw, Gap
 from .dynamics import Formulation, contact_forces, contact_normal_force, state_rates
+from .grouped_coordinates import grouped
 from .impacts import second_rates
 from .scene import Scene
+from .several import by_name, gathered
 from .vectors import Structured, unpack
 
 SAMPLES_A_STEP = 33
@@ -81,16 +83,18 @@ def contact_histories(
     form: Structured, formulation: Formulation, times: Any, states: State
 ) -> dict[str, dict[str, History]]:
     """The contacts at recorded states (in scalar form, times in front)."""
-    scene: Scene = unpack(form)
+    alone: Scene = unpack(form)
+    laws = alone.laws()
+    formulation, scene = grouped(formulation, alone)
 
     def at(t: Any, state: State) -> dict[str, dict[str, Sample]]:
         variables = formulation.coordinates.encode(scene, state.bodies)
-        rates, _ = state_rates(scene, formulation, variables, state.memory, t)
+        memory = gathered(state.memory, scene.joints)
+        rates, _ = state_rates(scene, formulation, variables, memory, t)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
-        seconds = second_rates(scene, formulation, variables, rates)
-        found = contact_forces(
-            scene, formulation.coordinates.motions(scene, variables), state.memory
-        )
+        seconds = by_name(second_rates(scene, formulation, variables, rates))
+        motions = formulation.coordinates.motions(scene, variables)
+        found = by_name(contact_forces(scene, motions, memory))
         return {
             name: {
                 label: Sample(
@@ -104,7 +108,6 @@ def contact_histories(
         }
 
     samples = jax.vmap(at)(times, states)
-    laws = scene.laws()
     return {
         name: {
             label: _history(laws[name][label], times, sample) for label, sample in family.items()

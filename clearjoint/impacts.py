@@ -18,6 +18,7 @@ from .contact import UNKNOWN_ENTRY_SPEED
 from .coordinates import Motions
 from .dynamics import Closed, Formulation, Memory
 from .scene import Scene
+from .several import least, some
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
@@ -100,7 +101,7 @@ class Landing(eqx.Module):
         for name, family in found.items():
             for label, reach in family.items():
                 here = self._time_to_zero(reach, second_rates[name][label])
-                soonest = jnp.minimum(soonest, here)
+                soonest = jnp.minimum(soonest, least(here))
         return jax.lax.stop_gradient(soonest)
 
     def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
@@ -123,7 +124,7 @@ class Landing(eqx.Module):
         for name, family in before.items():
             for label, start in family.items():
                 crossing = self._crossing(start, after[name][label], h)
-                fraction = jnp.minimum(fraction, crossing)
+                fraction = jnp.minimum(fraction, least(crossing))
         # As diffrax's controllers do: where steps end is no function of the parameters.
         landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
         return (fraction < 1.0) & (landing < t1 - resolution), landing
@@ -184,7 +185,7 @@ def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
-        inside = (newton > lower) & (newton < upper)
+        inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
     return x
 
@@ -194,7 +195,7 @@ def begins(before: Reaches, after: Reaches) -> Scalar:
     found: Scalar = jnp.asarray(False)
     for name, family in before.items():
         for label, start in family.items():
-            found = found | ((start.depth <= 0.0) & (after[name][label].depth > 0.0))
+            found = found | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
     return found
 
 

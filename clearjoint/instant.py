@@ -1,6 +1,7 @@
 """One instant of one run, as outputs and sections see it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -9,16 +10,19 @@ import equinox as eqx
 from .absolute import AbsoluteCoordinates
 from .coordinates import Motions
 from .dynamics import ContactForce, Dynamics, Formulation, Memory, contact_forces, evaluate
+from .grouping import whole
 from .impacts import Reaches, reaches
 from .scene import Scene
+from .several import by_name
 from .vectors import Scalar
 
 
 class Instant:
     """A scene at a time, in scalar form. What is not asked for is not computed.
 
-    `time` s; `scene`; `memory[joint][contact]` entry speeds, m/s; `work[name]` integrals of the
-    energy ledger, J. At the end of a step, `middle` is the instant half-way through it.
+    `time` s; `work[name]` integrals of the energy ledger, J. At the end of a step, `middle` is the
+    instant half-way through it. All elements go by their own names, whether or not the run has put
+    alike ones together.
     """
 
     def __init__(
@@ -31,9 +35,20 @@ class Instant:
         work: dict[str, Scalar],
         middle: "Callable[[], Instant] | None" = None,
     ):
-        self.scene, self.time, self.memory, self.work = scene, time, memory, work
+        self.time, self.work = time, work
+        self._scene, self._memory = scene, memory
         self._formulation, self._variables = formulation, variables
         self._middle = middle
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene with each element by itself."""
+        return whole(self._scene)
+
+    @cached_property
+    def memory(self) -> Memory:
+        """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
+        return by_name(self._memory)
 
     @cached_property
     def middle(self) -> "Instant":
@@ -45,22 +60,27 @@ class Instant:
     @cached_property
     def motions(self) -> Motions:
         """Pose and twist of each body."""
-        return self._formulation.coordinates.motions(self.scene, self._variables)
+        return by_name(self._motions)
+
+    @cached_property
+    def _motions(self) -> Motions:
+        return self._formulation.coordinates.motions(self._scene, self._variables)
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, ContactForce]]:
         """Geometry and forces of all contacts, by joint and contact."""
-        return contact_forces(self.scene, self.motions, self.memory)
+        return by_name(contact_forces(self._scene, self._motions, self._memory))
 
     @cached_property
     def reaches(self) -> Reaches:
         """How deep each contact is from where its force begins, and how fast."""
-        return reaches(self.scene, self.motions)
+        return by_name(reaches(self._scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
-        return evaluate(self.scene, self._formulation, self._variables, self.memory, self.time)
+        found = evaluate(self._scene, self._formulation, self._variables, self._memory, self.time)
+        return replace(found, contact_forces=by_name(found.contact_forces))
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
@@ -69,5 +89,6 @@ class Instant:
         if isinstance(coordinates, AbsoluteCoordinates):
             return self.dynamics
         formulation = eqx.tree_at(lambda f: f.coordinates, self._formulation, absolute)
-        variables = absolute.encode(self.scene, coordinates.decode(self.scene, self._variables))
+        bodies = by_name(coordinates.decode(self._scene, self._variables))
+        variables = absolute.encode(self.scene, bodies)
         return evaluate(self.scene, formulation, variables, self.memory, self.time)

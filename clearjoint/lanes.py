@@ -20,6 +20,8 @@ from .records import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
 from .reductions import AbstractReduction
 from .results import RESULTS
 from .scene import Scene
+from .segments import named
+from .several import gathered
 from .stepping import attempt, projected, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import EulerParameters, Scalar, unpack
@@ -87,11 +89,13 @@ class Outcome(eqx.Module):
 
 def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, orders: Orders) -> Lane:
     """The lane before its first step."""
+    fits = _is_assembled(plan, scene, state, start_time)
+    plan, scene = _grouped(plan, scene)
     method = plan.method
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
-    step = start(method, scene, start_time, orders.end_time, orders.first_step, y, state.memory)
-    fits = _is_assembled(plan, scene, state, start_time)
+    memory = gathered(state.memory, scene.joints)
+    step = start(method, scene, start_time, orders.end_time, orders.first_step, y, memory)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
@@ -111,6 +115,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
 
 def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     """Take one step, unless the lane is at its end or waits for the host."""
+    plan, scene = _grouped(plan, scene)
     tried = attempt(plan.method, scene, lane.step, orders.end_time)
     goes = _goes(plan, lane, orders)
     kept = goes & tried.kept
@@ -132,6 +137,7 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """What is known of a lane now; final if it has ended."""
+    plan, scene = _grouped(plan, scene)
     step = lane.step
     now = _instant(plan, scene, Row(step.t, step.y, step.memory))
     unfinished = (step.t < end_time) & (step.result == RESULTS.successful)
@@ -141,7 +147,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
         RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result),
         step.attempts,
         step.accepted,
-        State(bodies, step.memory, step.y.work),
+        named(State(bodies, step.memory, step.y.work)),
         {
             name: reduction.results(lane.tallies[name], now)
             for name, reduction in plan.reductions.items()
@@ -162,6 +168,12 @@ def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
     if lane.saved is None:
         return goes
     return goes | (_save_is_due(lane, orders) & ~lane.saved.full())
+
+
+def _grouped(plan: Plan, scene: Scene) -> tuple[Plan, Scene]:
+    """The scene with its alike elements put together, and the plan for it."""
+    method, scene = plan.method.grouped(scene)
+    return eqx.tree_at(lambda p: p.method, plan, method), scene
 
 
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:

@@ -17,6 +17,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from .lanes import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
@@ -178,11 +179,14 @@ def harvest(
 def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
     """Time and quantities of the rows of a log."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
+    method, scene = common.plan.method.grouped(scene)
+    ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
     def at(row: Any) -> dict[str, Any]:
-        columns = [row[k] for k in range(len(example))]
+        parts = zip(jnp.split(row, ends), example, strict=True)
+        columns = [part.reshape(leaf.shape) for part, leaf in parts]
         here: Row = jax.tree.unflatten(structure, columns)
-        now = here.instant(scene, common.plan.method.formulation)
+        now = here.instant(scene, method.formulation)
         values = {key: quantity(now) for key, quantity in common.channels[name].items()}
         return {"time": here.t, **values}
 
@@ -232,7 +236,11 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
 
 def _table(ring: Ring) -> Any:
     """The slots of many lanes' rings: (lanes, slots, columns)."""
-    rows = [jnp.stack(jax.tree.leaves(slot), axis=-1) for slot in ring.slots]
+    lanes = len(ring.count)
+    rows = [
+        jnp.concatenate([leaf.reshape(lanes, -1) for leaf in jax.tree.leaves(slot)], axis=-1)
+        for slot in ring.slots
+    ]
     return jnp.stack(rows, axis=1)
 
 

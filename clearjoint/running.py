@@ -10,9 +10,10 @@ from tqdm import tqdm
 
 from .bodies import State
 from .impact_table import ImpactCollector, Impacts
+from .loops import AbstractLoops
 from .results import RESULTS
 from .runtime import SlowRunNotice
-from .segments import Progress, Row, Saved, rewound, segment
+from .segments import Progress, Row, Saved, named, rewound, segment
 from .solution import Solution, Trajectory
 from .steps import Method, Step
 from .vectors import Structured, pack, unpack
@@ -36,11 +37,11 @@ class AbstractRun:
     ) -> Solution:
         unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
         result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        coordinates = self._method.formulation.coordinates
-        bodies = coordinates.decode(unpack(self._form), step.y.motion)
+        method, scene = self._method.grouped(unpack(self._form))
+        bodies = method.formulation.coordinates.decode(scene, step.y.motion)
         return Solution(
             step.t,
-            pack(State(bodies, step.memory, step.y.work)),
+            pack(named(State(bodies, step.memory, step.y.work))),
             result,
             step.attempts,
             step.accepted,
@@ -56,11 +57,14 @@ class AbstractRun:
 class OnePiece(AbstractRun):
     """The whole run inside one traced computation."""
 
-    def solution(self, now: Progress, save_at: Any | None, max_steps: int) -> Solution:
+    def solution(
+        self, now: Progress, save_at: Any | None, max_steps: int, loops: AbstractLoops
+    ) -> Solution:
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
         limit = jnp.asarray(max_steps)
-        now, saved = segment(self._method, self._form, now, times, self._end, limit)
+        arguments = (self._method, self._form, now, times, self._end, limit)
+        now, saved = loops.closed(segment(*arguments, loops))
         if saved is None:
             return self._solution(now.step, None, None, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
@@ -171,7 +175,8 @@ def _recorded_rows(now: Progress) -> Row:
     assert record is not None
     table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
     block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
-    return _joined([table, block])
+    whole = _joined([table, block])
+    return Row(whole.t, named(whole.state))
 
 
 def _trajectory(rows: list[Row]) -> Trajectory:

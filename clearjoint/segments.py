@@ -11,7 +11,9 @@ import jax
 import jax.numpy as jnp
 
 from .bodies import State
+from .loops import PLAIN, AbstractLoops
 from .scene import Scene
+from .several import by_name, gathered
 from .stepping import attempt, look_inside, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import Scalar, Structured, unpack
@@ -66,7 +68,7 @@ class Rows(eqx.Module):
 
 
 class Row(eqx.Module):
-    """A time and the state there."""
+    """A time and the state there, under the names of the condensed scene."""
 
     t: Any
     state: State
@@ -102,10 +104,11 @@ def begin(
     record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
-    scene: Scene = unpack(form)
+    method, scene = method.grouped(unpack(form))
     bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
     y = Variables(bodies, state.work if method.formulation.ledger else {})
-    step = start(method, scene, t0, t_end, first_step, y, state.memory)
+    memory = gathered(state.memory, scene.joints)
+    step = start(method, scene, t0, t_end, first_step, y, memory)
     last = record = None
     if saves:
         shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end))
@@ -127,20 +130,21 @@ def segment(
     save_times: Any | None,
     t_end: Any,
     attempts: Any,
+    loops: AbstractLoops = PLAIN,
 ) -> tuple[Progress, Saved | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
-    scene: Scene = unpack(form)
+    method, scene = method.grouped(unpack(form))
     if save_times is None:
-        return _run_and_record(method, scene, progress, t_end, t_end, attempts), None
+        return _run_and_record(method, scene, progress, t_end, t_end, attempts, loops), None
 
     def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
-        now = _run_and_record(method, scene, now, time, t_end, attempts)
+        now = _run_and_record(method, scene, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = _state(method, scene, *look_inside(method, scene, now.last, time))
-        return now, Saved(state, time <= now.step.t)
+        return now, Saved(named(state), time <= now.step.t)
 
-    return jax.lax.scan(save_next, progress, save_times)
+    return loops.each(save_next, progress, save_times)
 
 
 def rewound(progress: Progress) -> Progress:
@@ -150,18 +154,24 @@ def rewound(progress: Progress) -> Progress:
 
 
 def _run_and_record(
-    method: Method, scene: Scene, progress: Progress, stop: Any, t_end: Any, attempts: Any
+    method: Method,
+    scene: Scene,
+    progress: Progress,
+    stop: Any,
+    t_end: Any,
+    attempts: Any,
+    loops: AbstractLoops,
 ) -> Progress:
     """Steps until one passes `stop`, emptying the record's block whenever it is full."""
     if progress.record is None:
-        return _run(method, scene, progress, stop, t_end, attempts)
+        return _run(method, scene, progress, stop, t_end, attempts, loops)
 
     def goes(now: Progress) -> Scalar:
         assert now.record is not None
         return _running(now, stop, t_end, attempts) & now.record.has_room()
 
     def go(now: Progress) -> Progress:
-        now = _run(method, scene, now, stop, t_end, attempts)
+        now = _run(method, scene, now, stop, t_end, attempts, loops)
         assert now.record is not None
         record = jax.lax.cond(
             now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
@@ -176,7 +186,13 @@ def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
 
 
 def _run(
-    method: Method, scene: Scene, progress: Progress, stop: Any, t_end: Any, attempts: Any
+    method: Method,
+    scene: Scene,
+    progress: Progress,
+    stop: Any,
+    t_end: Any,
+    attempts: Any,
+    loops: AbstractLoops,
 ) -> Progress:
     """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
 
@@ -185,7 +201,7 @@ def _run(
         return more if now.record is None else more & ~now.record.block_is_full()
 
     def go(now: Progress) -> Progress:
-        tried = attempt(method, scene, now.step, t_end)
+        tried = loops.attempt(method, scene, now.step, t_end)
         last, record = now.last, now.record
         if last is not None:
             last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
@@ -193,7 +209,7 @@ def _run(
             record = record.with_row(_row(method, scene, tried.step), tried.kept)
         return Progress(tried.step, last, record)
 
-    return jax.lax.while_loop(goes, go, progress)
+    return loops.repeat(goes, go, progress)
 
 
 def _row(method: Method, scene: Scene, step: Step) -> Row:
@@ -202,6 +218,11 @@ def _row(method: Method, scene: Scene, step: Step) -> Row:
 
 def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
     return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
+
+
+def named(state: State) -> State:
+    """A state of the condensed scene by the elements' own names."""
+    return State(by_name(state.bodies), by_name(state.memory), state.work)
 
 
 def _buffer(row: Any, length: int) -> Any:

@@ -1,5 +1,6 @@
 """diffrax's solvers and controllers, made ready for a stepping loop of our own."""
 
+from functools import reduce
 from typing import Any
 
 import diffrax
@@ -15,12 +16,14 @@ def largest_component(tree: Any) -> Any:
     """The largest absolute value of all leaves.
 
     A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
-    gathered into an array, which keeps the loop native.
+    gathered into an array, which keeps the loop native; leaves of one shape are compared element by
+    element before the elements are.
     """
-    largest: Any = 0.0
+    largest: dict[Any, Any] = {}
     for leaf in jax.tree.leaves(tree):
-        largest = jnp.maximum(largest, jnp.max(jnp.abs(leaf)))
-    return largest
+        shape = jnp.shape(leaf)
+        largest[shape] = jnp.maximum(largest.get(shape, 0.0), jnp.abs(leaf))
+    return reduce(jnp.maximum, [jnp.max(one) for one in largest.values()])
 
 
 def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:

@@ -31,6 +31,7 @@ from .impacts import (
 from .projection import project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
+from .several import total
 from .step_length import end_of_step, magnitudes, resumed
 from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables
 from .vectors import Scalar
@@ -364,11 +365,13 @@ def choose(condition: Scalar, first: Any, second: Any) -> Any:
 
 
 def _all_finite(tree: Any) -> Scalar:
-    """One test for all leaves: adding zero times each lets any NaN or infinity through."""
-    total: Scalar = 0.0
+    """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
+    one shape are added element by element before the elements are."""
+    sums: dict[Any, Scalar] = {}
     for leaf in jax.tree.leaves(tree):
-        total = total + leaf * 0.0
-    return total == 0.0
+        shape = jnp.shape(leaf)
+        sums[shape] = sums.get(shape, 0.0) + leaf * 0.0
+    return sum(map(total, sums.values())) == 0.0
 
 
 def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tuple[Any, Any]:

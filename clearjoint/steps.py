@@ -6,8 +6,10 @@ import diffrax
 import equinox as eqx
 
 from .dynamics import Formulation, Memory
+from .grouped_coordinates import grouped
 from .impacts import Landing, Reaches
 from .results import RESULTS
+from .scene import Scene
 from .vectors import Scalar
 
 
@@ -18,6 +20,12 @@ class Method(eqx.Module):
     controller: diffrax.AbstractStepSizeController
     formulation: Formulation
     landing: Landing | None
+
+    def grouped(self, scene: Scene) -> "tuple[Method, Scene]":
+        """The scene (in scalar form) with its alike elements put together, and the method for it;
+        both as they are if there are none."""
+        formulation, scene = grouped(self.formulation, scene)
+        return Method(self.solver, self.controller, formulation, self.landing), scene
 
 
 class Variables(eqx.Module):

@@ -3,6 +3,7 @@
     python -m studies.benchmark pendulum [--full | --quick] [--repeats N] [--json FILE]
     python -m studies.benchmark sweep [--quick] [--devices N] [--repeats N] [--json FILE]
     python -m studies.benchmark scaling [--quick] [--json FILE]
+    python -m studies.benchmark gradients [--quick] [--repeats N] [--json FILE]
     python -m studies.benchmark first-result | options | profile
 
 The paper's double pendulum (0.5 mm, restitution 0.9) in all programs. They run in turn, A B C A B
@@ -81,7 +82,7 @@ import clearjoint as cj
 if not __package__:  # run as a file
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from studies.benchmarks import fresh_process, pendulum, scaling, step_profile, sweep
+from studies.benchmarks import fresh_process, gradients, pendulum, scaling, step_profile, sweep
 from studies.benchmarks.report import Record, medians, report
 
 
@@ -114,6 +115,7 @@ COMMANDS = (
     ("pendulum", pendulum.pendulum, 5),
     ("sweep", sweep.sweep, 5),
     ("scaling", scaling.scaling, 3),
+    ("gradients", gradients.gradients, 9),
     ("first-result", first_result, 3),
     ("options", compiler_options, 3),
     ("profile", profile, 7),
@@ -123,6 +125,7 @@ QUICK = {
     "pendulum": f"{pendulum.QUICK:g} s, once",
     "sweep": f"{sweep.QUICK_LANES} lanes, {sweep.QUICK_SPAN:g} s, once",
     "scaling": "few lanes and bodies, once",
+    "gradients": f"{gradients.QUICK_SPAN:g} s, one tolerance and one parameter, once",
 }
 
 

@@ -4,6 +4,7 @@ All tests share one compiled run: two probes, three parameters, up to 64 times.
 """
 
 import re
+from functools import partial
 from pathlib import Path
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from scipy.optimize import least_squares
 
 import clearjoint as cj
 from clearjoint.estimands import coordinates_of
+from clearjoint.identification.identify import _held
 from clearjoint.identification.residuals import (
     UNREACHED,
     evaluate,
@@ -197,12 +199,15 @@ def test_starts_and_windows(fit, draws):
     assert found.chi_squared == pytest.approx(fit.chi_squared, abs=1e-3)
 
 
-def test_what_a_window_does_not_see_stays(draws):
-    """To 9 ms the journal falls freely."""
-    found = fitted(draws[0], guess=CLOSE, grow=(0.009,), max_iterations=5)
-    first, second = found.best.windows
-    assert first.ending is cj.Ending.CONVERGED and len(first.iterations) == 1
-    np.testing.assert_array_equal(second.iterations[0].coordinates, found.best.start)
+def test_windows_hold_to_where_they_began(problem):
+    """As one more measurement of each coordinate, with the stride for noise."""
+    runs, data, at = problem
+    centre, strides = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
+    plain = evaluate(runs, data, END, at)
+    held = _held(partial(evaluate, runs, data, END), centre, strides, at)
+    np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
+    np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)
 
 
 def test_example_of_the_readme():

@@ -16,6 +16,7 @@ from ..measurements import Measurements
 from ..results import RESULTS
 from ..scene import Scene
 from .fit import Fit, Search, Window
+from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
 from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
 from .starts import Guess, Starts, start_coordinates
@@ -41,6 +42,7 @@ def identify(
     integration: Integration | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-3,
+    horizon: Horizon | None = None,
     progress: bool | Tell = True,
 ) -> Fit:
     """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
@@ -62,6 +64,8 @@ def identify(
       what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
+    - `horizon`: that of `clearjoint.horizon`: warn if the record goes beyond what a single run can
+      use.
     - `progress`: show a line with the iterations, or call a function with each `Iteration`.
 
     **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
@@ -79,6 +83,7 @@ def identify(
         integration=integration,
         max_iterations=max_iterations,
         tolerance=tolerance,
+        horizon=horizon,
         progress=progress,
     )[0]
 
@@ -96,6 +101,7 @@ def identify_many(
     integration: Integration | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-3,
+    horizon: Horizon | None = None,
     progress: bool | Tell = True,
 ) -> list[Fit]:
     """`identify` for several sets of measurements of the same channels and times, such as draws of
@@ -104,6 +110,8 @@ def identify_many(
     first = measurements[0]
     outputs = {name: series.channel for name, series in first.series.items()}
     times = first.times()
+    if horizon is not None:
+        horizon.warn_if_beyond(float(times[-1]))
     runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
     rows = start_coordinates(scene, state, parameters, guess, starts)
     strides = np.array([parameter.scale.stride for parameter in parameters.values()])

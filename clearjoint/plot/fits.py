@@ -55,6 +55,7 @@ def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     above.plot(times.values, data.values, ".", color=GREY, markersize=3, label="measured")
     fit_line = fit.predictions[name] * data.factor
     above.plot(times.values, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")
+    above.ticklabel_format(useOffset=False)
     dress(above, "", data.label)
     below.plot(times.values, fit.residuals[name], ".", color=BLUE, markersize=3)
     below.axhspan(-2.0, 2.0, color="0.92", linewidth=0, zorder=0)

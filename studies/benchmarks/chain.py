@@ -10,7 +10,9 @@ import jax.numpy as jnp
 
 import clearjoint as cj
 from clearjoint.dynamics import Formulation, state_rates
+from clearjoint.grouped_coordinates import grouped
 from clearjoint.mechanisms import STEEL
+from clearjoint.several import gathered
 from clearjoint.vectors import structured, unpack
 from studies.benchmarks.operations import jaxpr_operations
 
@@ -57,11 +59,13 @@ def chain_cost(rods: int) -> dict[str, Any]:
 
         @eqx.filter_jit
         def evaluations(form: Any, bodies: Any, turns: Any) -> Any:
-            scene, formulation = unpack(form), Formulation()
+            alone = unpack(form)
+            formulation, scene = grouped(Formulation(), alone)
             y = formulation.coordinates.encode(scene, unpack(bodies))
+            entered = {name: dict.fromkeys("VW", 1.0) for name in alone.joints}
+            memory = gathered(entered, scene.joints)
 
             def turn(_: Any, y: Any) -> Any:
-                memory = {name: dict.fromkeys("VW", 1.0) for name in scene.joints}
                 rates, _ = state_rates(scene, formulation, y, memory, jnp.zeros(()))
                 return jax.tree.map(lambda value, rate: value + SMALL * rate, y, rates)
 
