@@ -36,19 +36,20 @@ def fits():
 
 def test_pieces_become_one_motion(fits):
     _, pieces = fits
-    assert pieces.ending is cj.Ending.CONVERGED
+    assert pieces.fit.ending is cj.Ending.CONVERGED
     np.testing.assert_array_equal(pieces.boundaries, CUTS)
     assert pieces.gaps.shape == (3, 13)
     assert np.abs(pieces.gaps).max() < 1e-8
+    assert "4 windows, gaps between them at most" in str(pieces)
 
 
 def test_estimates_and_errors_are_those_of_a_single_run(fits):
     single, pieces = fits
     error = single.standard_errors["stiffness"]
-    assert pieces.standard_errors["stiffness"] == pytest.approx(error, rel=1e-3)
-    difference = pieces.estimates["stiffness"] - single.estimates["stiffness"]
+    assert pieces.fit.standard_errors["stiffness"] == pytest.approx(error, rel=1e-3)
+    difference = pieces.fit.estimates["stiffness"] - single.estimates["stiffness"]
     assert abs(difference) < 1e-2 * error
-    assert pieces.chi_squared == pytest.approx(single.chi_squared, rel=1e-4)
+    assert pieces.fit.chi_squared == pytest.approx(single.chi_squared, rel=1e-4)
     assert abs(single.estimates["stiffness"] - STIFFNESS) < 4.0 * error
 
 
@@ -58,9 +59,9 @@ def test_a_guess_far_off_is_led_back_where_a_single_run_goes_astray(factor):
     arguments = *_oscillator(factor * STIFFNESS), _measured(), PARAMETERS
     single = cj.identify(*arguments, progress=False)
     pieces = cj.identify_by_shots(*arguments, CUTS, progress=False)
-    error = pieces.standard_errors["stiffness"]
+    error = pieces.fit.standard_errors["stiffness"]
     assert abs(single.estimates["stiffness"] - STIFFNESS) > 100.0 * error
-    assert abs(pieces.estimates["stiffness"] - STIFFNESS) < 4.0 * error
+    assert abs(pieces.fit.estimates["stiffness"] - STIFFNESS) < 4.0 * error
 
 
 @pytest.mark.parametrize("boundaries", [[], [1.4, 0.7], [0.7, 5.0]])

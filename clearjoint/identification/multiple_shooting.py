@@ -59,16 +59,23 @@ FOLLOWING = 20
 
 
 @dataclass(frozen=True)
-class ShootingFit(Fit):
+class ShootingFit:
     """A fit by windows.
 
+    - `fit`: estimates and what they are worth, as of a single run; its chi squared counts the gaps.
     - `boundaries`: (K,) s, where the windows meet.
     - `gaps`: (K, d) differences of the variables and entry speeds there, in m and rad, m/s and
       rad/s: what is left of them shows how far the pieces are one motion.
     """
 
+    fit: Fit
     boundaries: np.ndarray
     gaps: np.ndarray
+
+    def __str__(self) -> str:
+        largest = float(np.abs(self.gaps).max())
+        count = len(self.boundaries) + 1
+        return f"{self.fit}\n\n{count} windows, gaps between them at most {largest:.2g}"
 
 
 @dataclass(frozen=True)
@@ -148,16 +155,9 @@ def identify_by_shots(
     whole = Search(row, tuple(windows), found)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
     made = problem.base.made(found.coordinates)
-    return ShootingFit(
-        *made,
-        dict(parameters),
-        units,
-        measurements,
-        (whole,),
-        whole,
-        np.array([piece.start for piece in problem.pieces[1:]]),
-        best.gaps,
-    )
+    fit = Fit(*made, dict(parameters), units, measurements, (whole,), whole)
+    starts = [piece.start for piece in problem.pieces[1:]]
+    return ShootingFit(fit, np.array(starts), best.gaps)
 
 
 class _Shooting:
