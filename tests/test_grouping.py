@@ -166,6 +166,7 @@ def attempts(smallest, growth):
     return found, steps[-1].accepted > 0
 
 
+@pytest.mark.slow
 def test_steps_and_their_derivatives_are_the_same_in_lanes():
     def lanes(smallest):
         def lane(growth):

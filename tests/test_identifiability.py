@@ -174,6 +174,7 @@ def test_errors_of_reports(report):
         report.until(0.0)
 
 
+@pytest.mark.slow
 def test_bounds_of_the_pendulum_by_its_contact_forces():
     """0.05 s at 20 kHz, as in the study, contact forces alone."""
     times = 0.05 * np.arange(1, 1001) / 1000

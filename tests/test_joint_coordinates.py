@@ -210,6 +210,7 @@ def test_mechanisms_accelerate_as_in_absolute_coordinates(mechanism, redundant, 
     assert rows == left
 
 
+@pytest.mark.slow
 def test_flying_tree_keeps_energy_and_momentum():
     edges = (("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"))
     scene = tree(edges, False, None)

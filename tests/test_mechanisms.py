@@ -5,6 +5,7 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import numpy as np
+import pytest
 
 import clearjoint as cj
 from clearjoint.fields import quantity
@@ -78,6 +79,7 @@ def test_double_four_bar():
     assert max(drift.max() for drift in observed.drift.values()) < 1e-8
 
 
+@pytest.mark.slow
 def test_bricard():
     """Benchmark A04: one redundant constraint. Values from an independent least-squares KKT code,
     agreeing to 1e-10 at two tolerances, and to 8 digits with Exudyn at 1 s."""

@@ -192,6 +192,7 @@ def test_a_failing_lane_leaves_the_others_alone(pendulum):
     np.testing.assert_allclose(good[jnp.asarray([0, 2])], mixed[jnp.asarray([0, 2])], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_forward_derivative_through_impacts(pendulum):
     """Three impacts: the derivative by the clearance, against the extended-precision table."""
     scene, state = pendulum

@@ -67,6 +67,7 @@ def test_operations_are_counted_in_jaxpr_and_hlo():
     assert compiled_operations(text, 4) == 0
 
 
+@pytest.mark.slow
 def test_scaling_measures_lanes_and_chains(tmp_path):
     _, rows = records_of(tmp_path, "scaling")
     lanes, rods = rows[: len(scaling.QUICK_LANES)], rows[len(scaling.QUICK_LANES) :]

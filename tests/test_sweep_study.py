@@ -77,6 +77,7 @@ def test_map_of_clearance_and_restitution(output):
     assert any("nothing is dissipated" in line for line in findings)
 
 
+@pytest.mark.slow
 def test_limit_is_the_ideal_joint_if_the_journal_is_held(output):
     """Its tilt over 20 mm moves the end arm's centre, sqrt(1.25) m away, by 112 times the play."""
     held = clearance_limit.deviations(output, "limit_held", cj.FixedAxially())
