@@ -35,6 +35,8 @@ TABLE = {
 }
 """Reference derivatives in m by the end time: by log c (K follows c), log K, restitution."""
 LANDING, LOADED_RTOL, COUNTED_RTOL = 1e-13, 1e-8, 1e-9
+NOMINAL = (np.log(0.5e-3), np.log(207e9), 0.9)
+"""Log clearance, log stiffness, restitution."""
 DIFFERENCE = 1e-4
 """Step of the central differences, of the logarithms and of the restitution."""
 ESTIMANDS = {
@@ -87,20 +89,9 @@ def accuracy(
     """Relative errors of the three derivatives, and times over the plain run's."""
 
     def height(parameters: Any, rtol: Any, **options: Any) -> Any:
-        log_clearance, log_modulus, restitution = parameters
-        scene, state = cj.double_pendulum()
-        scene = eqx.tree_at(
-            lambda s: (
-                s.joints["shoulder"].clearance,
-                s.joints["shoulder"].law.stiffness.young_modulus,
-                s.joints["shoulder"].law.restitution,
-            ),
-            scene,
-            (jnp.exp(log_clearance), jnp.exp(log_modulus), restitution),
-        )
-        return _height(scene, state, span, rtol, solver, **options)
+        return _height(_pendulum(parameters, span, rtol, solver, **options))
 
-    at = jnp.asarray([np.log(0.5e-3), np.log(207e9), 0.9])
+    at = jnp.asarray(NOMINAL)
     plain = jax.jit(height)
     forward = jax.jit(jax.jacfwd(height))
     reverse = jax.jit(jax.grad(lambda *a: height(*a, adjoint=REVERSE)))
@@ -156,25 +147,29 @@ def attempts(
 ) -> list[Record]:
     """Attempted steps, and times of all and of one, with error-controlled derivatives along so
     many parameters and without any."""
-    scene, state = cj.double_pendulum()
 
     @jax.jit
-    def plain(scene: cj.Scene, rtol: Any) -> cj.Solution:
-        return cj.simulate(scene, state, span, rtol=rtol, solver=solver, landing_tolerance=LANDING)
+    def plain(parameters: Any, rtol: Any) -> Any:
+        run = _pendulum(parameters, span, rtol, solver)
+        return _height(run), run.attempts
 
-    runs: dict[int, Way] = {0: partial(plain, scene, COUNTED_RTOL)}
+    runs: dict[int, Way] = {0: partial(plain, jnp.asarray(NOMINAL), COUNTED_RTOL)}
     runs |= {count: controlled_run(count, COUNTED_RTOL, span, solver) for count in counts}
     found = _timed(runs, repeats)
-    return [
-        {
-            "parameters": count,
-            "attempts": int(result.attempts),
-            "ms": 1e3 * seconds,
-            "µs an attempt": 1e6 * seconds / int(result.attempts),
-            "times the plain run": seconds / found[0][0],
-        }
-        for count, (seconds, result) in found.items()
-    ]
+    unit, _ = found[0]
+    records = []
+    for count, (seconds, result) in found.items():
+        tried = int(result.attempts if isinstance(result, Sampled) else result[1])
+        records.append(
+            {
+                "parameters": count,
+                "attempts": tried,
+                "ms": 1e3 * seconds,
+                "µs an attempt": 1e6 * seconds / tried,
+                "times the plain run": seconds / unit,
+            }
+        )
+    return records
 
 
 class TimedLoad(cj.AbstractForce):
@@ -204,7 +199,7 @@ def cost(count: int, span: float, solver: diffrax.AbstractERK, repeats: int) -> 
     def height(values: Any, **options: Any) -> Any:
         load = TimedLoad("arm 2", values, span)
         scene = cj.Scene(pendulum.bodies, pendulum.joints, {"load": load}, pendulum.gravity)
-        return _height(scene, state, span, LOADED_RTOL, solver, **options)
+        return _height(_simulated(scene, state, span, LOADED_RTOL, solver, **options))
 
     unit = _least(partial(jax.jit(height), at), repeats)
     record: Record = {"parameters": count, "plain run, ms": 1e3 * unit}
@@ -220,18 +215,39 @@ def cost(count: int, span: float, solver: diffrax.AbstractERK, repeats: int) -> 
     return record
 
 
-def _height(
+def _pendulum(
+    parameters: Any, span: float, rtol: Any, solver: diffrax.AbstractERK, **options: Any
+) -> cj.Solution:
+    """The run at log clearance, log stiffness and restitution."""
+    log_clearance, log_modulus, restitution = parameters
+    scene, state = cj.double_pendulum()
+    scene = eqx.tree_at(
+        lambda s: (
+            s.joints["shoulder"].clearance,
+            s.joints["shoulder"].law.stiffness.young_modulus,
+            s.joints["shoulder"].law.restitution,
+        ),
+        scene,
+        (jnp.exp(log_clearance), jnp.exp(log_modulus), restitution),
+    )
+    return _simulated(scene, state, span, rtol, solver, **options)
+
+
+def _simulated(
     scene: cj.Scene,
     state: cj.State,
     span: float,
     rtol: Any,
     solver: diffrax.AbstractERK,
     **options: Any,
-) -> Any:
-    solution = cj.simulate(
+) -> cj.Solution:
+    return cj.simulate(
         scene, state, span, rtol=rtol, solver=solver, landing_tolerance=LANDING, **options
     )
-    return solution.final.bodies["arm 2"].position[1]
+
+
+def _height(run: cj.Solution) -> Any:
+    return run.final.bodies["arm 2"].position[1]
 
 
 def _differences(run: Program, at: Any, rtol: Any) -> np.ndarray:
