@@ -12,13 +12,17 @@ def test_quick_benchmark_of_gradients(tmp_path):
     file = tmp_path / "quick.json"
     benchmark.main(["gradients", "--quick", "--json", str(file)])
     rows = json.loads(file.read_text())["rows"]
-    assert [row.get("way", "cost") for row in rows] == [
+    accuracies, (plain, controlled), (cost,) = rows[:4], rows[4:6], rows[6:]
+    assert [row["way"] for row in accuracies] == [
         "forward, `jax.jacfwd`",
         "reverse, `jax.grad`",
+        "error-controlled, `cj.sensitivities`",
         "central differences",
-        "cost",
     ]
-    for row in rows[:3]:
+    for row in accuracies:
         assert row["error by log c"] < 0.1 and row["error by e"] < 0.1
         assert row["times the plain run"] > 0.0
-    assert rows[3]["parameters"] == 1 and rows[3]["reverse: MB"] > rows[3]["forward: MB"] > 0.0
+    assert accuracies[2]["error by log c"] < 1e-4 and accuracies[2]["error by log K"] < 1e-3
+    assert [plain["parameters"], controlled["parameters"]] == [0, 1]
+    assert controlled["attempts"] > plain["attempts"] and plain["times the plain run"] == 1.0
+    assert cost["parameters"] == 1 and cost["reverse: MB"] > cost["forward: MB"] > 0.0

@@ -19,6 +19,14 @@ EXPECTED = {
         "peak force goes about with clearance^0.",
         "steps to the end",
     ),
+    "identification": (
+        "the first 30 ms alone: {'young': False",
+        "30 ms: 0 valleys before the truth",
+        "The record ends at 100 ms, beyond what a fit by a single run can use",
+        ", p = 0\n",
+        "2 series to 0.1 s: converged",
+        "young        error / bound 1.00,  +0.2 errors off the truth",
+    ),
 }
 """What each notebook prints, among other things."""
 
