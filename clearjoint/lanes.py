@@ -14,6 +14,7 @@ from .absolute import AbsoluteCoordinates
 from .assembly import ACCEPTED_VIOLATION, REPRESENTED
 from .bodies import State
 from .coordinates import row_rate
+from .dense_output import projected
 from .dynamics import Projection, constraint_rows, flattened
 from .instant import Instant
 from .records import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
@@ -22,7 +23,7 @@ from .results import RESULTS
 from .scene import Scene
 from .segments import named
 from .several import gathered
-from .stepping import attempt, projected, running, start
+from .stepping import attempt, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import EulerParameters, Scalar, unpack
 

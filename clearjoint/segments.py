@@ -11,10 +11,11 @@ import jax
 import jax.numpy as jnp
 
 from .bodies import State
+from .dense_output import look_inside
 from .loops import PLAIN, AbstractLoops
 from .scene import Scene
 from .several import by_name, gathered
-from .stepping import attempt, look_inside, running, start
+from .stepping import attempt, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import Scalar, Structured, unpack
 

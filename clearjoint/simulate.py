@@ -160,7 +160,11 @@ def _check_adjoint(adjoint: Any) -> None:
 
 
 def _is_traced(tree: Any) -> bool:
-    return any(concrete(leaf) is None for leaf in jax.tree.leaves(tree))
+    """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
+    for what is computed from them to be."""
+    return concrete(jnp.zeros(())) is None or any(
+        concrete(leaf) is None for leaf in jax.tree.leaves(tree)
+    )
 
 
 def _array(value: Any) -> Any:

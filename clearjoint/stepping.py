@@ -14,8 +14,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .dynamics import Formulation, Memory, Projection, mechanical_energy, state_rates
-from .explicit import UnrolledExplicit, place_in_step
+from .dense_output import projected
+from .dynamics import Memory, Projection, state_rates
+from .explicit import UnrolledExplicit
 from .family import AbstractFamily
 from .impacts import (
     Reach,
@@ -28,18 +29,17 @@ from .impacts import (
     second_rates,
     updated_memory,
 )
-from .projection import project_positions, project_velocities
 from .results import RESULTS
 from .scene import Scene
 from .several import total
 from .step_length import end_of_step, magnitudes, resumed
-from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables
+from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables, choose
 from .vectors import Scalar
 
 REJECTED_ERROR = 1e100
 TANGENT_TOLERANCE = 10.0
-"""Tolerances of the tangents in those of the state. Derivatives of what was measured are then still
-some hundred times as accurate as `rtol` times a thousand; see `clearjoint.sensitivity`."""
+"""Tolerances of the tangents in those of the state: at rtol 1e-9 derivatives along the double
+pendulum's first eleven contacts are then right to 6e-7, at 1e-11 to 2e-8."""
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
@@ -329,23 +329,6 @@ def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t
     return second_rates(scene, method.formulation, y1.motion, rates.motion)
 
 
-def projected(scene: Scene, formulation: Formulation, y: Variables, t: Scalar) -> Variables:
-    """The variables on the constraints; what the projection takes is booked in the ledger."""
-    motion = project_velocities(
-        scene, formulation, project_positions(scene, formulation, y.motion, t), t
-    )
-    work = y.work
-    if formulation.ledger and "stabilisation" in work:
-        taken = _energy(scene, formulation, y.motion, t) - _energy(scene, formulation, motion, t)
-        work = {**work, "stabilisation": work["stabilisation"] + taken}
-    return Variables(motion, work)
-
-
-def _energy(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Scalar:
-    motions = formulation.coordinates.motions(scene, variables)
-    return sum(mechanical_energy(scene, motions, t).values())
-
-
 def _result(
     step: Step, keep: Scalar, trial: Trial, t_next: Scalar, t_end: Scalar, controller_result: Any
 ) -> RESULTS:
@@ -359,11 +342,6 @@ def _result(
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 
 
-def choose(condition: Scalar, first: Any, second: Any) -> Any:
-    """One of two PyTrees, leaf by leaf."""
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
-
-
 def _all_finite(tree: Any) -> Scalar:
     """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
     one shape are added element by element before the elements are."""
@@ -372,28 +350,6 @@ def _all_finite(tree: Any) -> Scalar:
         shape = jnp.shape(leaf)
         sums[shape] = sums.get(shape, 0.0) + leaf * 0.0
     return sum(map(total, sums.values())) == 0.0
-
-
-def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
-    """Variables and memory at an instant of an accepted step, by the solver's dense output.
-
-    The memory is that of the step's start: what the step's end changes holds from there on.
-    """
-    end = tried.step.t
-    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
-    y = choose(t >= end, tried.step.y, dense.evaluate(dense_time(tried, t)))
-    if isinstance(method.formulation.stabilisation, Projection):
-        y = Variables(projected(scene, method.formulation, y, t).motion, y.work)
-    return y, choose(t >= end, tried.step.memory, tried.memory_start)
-
-
-def dense_time(tried: Attempt, t: Scalar) -> Scalar:
-    """The time at which the dense output of a graded step has what belongs to t."""
-    if tried.graded is None:
-        return t
-    h = tried.step.t - tried.t_start
-    x = (t - tried.t_start) / jnp.where(h > 0.0, h, 1.0)
-    return tried.t_start + h * place_in_step(x, tried.graded)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:

@@ -4,6 +4,8 @@ from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory
 from .grouped_coordinates import grouped
@@ -86,3 +88,8 @@ class TangentsInside(eqx.Module):
 
     memory_start: Memory
     information: Any
+
+
+def choose(condition: Scalar, first: Any, second: Any) -> Any:
+    """One of two PyTrees, leaf by leaf."""
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

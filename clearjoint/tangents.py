@@ -11,11 +11,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .dense_output import dense_time
 from .dynamics import Memory
 from .family import AbstractFamily
 from .scene import Scene
-from .stepping import choose, dense_time, start, term_of
-from .steps import Attempt, Method, Step, Tangents, Variables
+from .stepping import start, term_of
+from .steps import Attempt, Method, Step, Tangents, Variables, choose
 from .vectors import Scalar
 
 

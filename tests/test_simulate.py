@@ -236,3 +236,10 @@ def test_contact_at_the_start_counts_as_elastic(pendulum):
     assert observed.energies["kinetic"][1] == pytest.approx(
         observed.energies["contacts"][0], rel=1e-6
     )
+
+
+def test_a_scene_closed_over_by_jit_runs_in_one_piece():
+    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, -9.81))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+    fallen = jax.jit(lambda: cj.simulate(scene, state, 2.0).final.bodies["ball"].position[2])()
+    assert float(fallen) == pytest.approx(-0.5 * 9.81 * 4.0, rel=1e-9)

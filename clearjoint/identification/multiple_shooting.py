@@ -13,49 +13,28 @@ one starts are tied ever more closely.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..bodies import State
-from ..estimands import Parameter, parametrised
-from ..family import AbstractFamily
-from ..fields import require
+from ..estimands import Parameter
 from ..integration import Integration
 from ..measurements import Measurements
-from ..quantities.joints import Penetration
-from ..reductions import Quantity
-from ..results import RESULTS
 from ..scene import Scene
-from ..steps import Method
 from .fit import Fit, Search, Window
 from .identify import Tell, shown
-from .levenberg_marquardt import SINGULAR, Iteration, search
-from .residuals import Evaluated, Samples, samples
-from .shooting_window import FreeStart, Shot, shot
+from .levenberg_marquardt import search
+from .shooting import BEFORE_LAST, Shooting
 from .starts import Guess, start_coordinates
 
-TIGHTER = 10.0**0.5
-"""By how much less a gap between windows may be, from one round of the search to the next."""
-RATE = 100.0
-"""1/s: gaps in velocities that count as much, over those in positions."""
-STRIDES = (1e-3, 1.0, 1.0)
-"""The farthest that one iteration moves a window's start: m and rad, m/s and rad/s, and logarithms
-of entry speeds."""
-BEFORE_LAST = 0.1
-"""Tolerance, in standard deviations, of what is not fitted for the last time."""
 TRUST = 1e4
 """In the model at first: gaps outweigh the data by far, and damping of what they weigh would hold
 the rest."""
 TIGHTENING = 12
 """Iterations, at most, before gaps are counted more strictly: while they are wide, the data hardly
 see some combinations, along which a search would creep."""
-FOLLOWING = 20
-"""Iterations, at most, that bring a window's start to the data."""
 
 
 @dataclass(frozen=True)
@@ -76,28 +55,6 @@ class ShootingFit:
         largest = float(np.abs(self.gaps).max())
         count = len(self.boundaries) + 1
         return f"{self.fit}\n\n{count} windows, gaps between them at most {largest:.2g}"
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """A window: its span, s, the times that are looked at, (T,), padded, and their samples."""
-
-    start: float
-    end: float
-    times: jax.Array
-    data: Samples
-    count: int
-
-
-@dataclass(frozen=True)
-class _Evaluated:
-    """Residuals and Jacobian of data and gaps, at the coordinates of all unknowns."""
-
-    coordinates: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    gaps: np.ndarray
-    shots: list[Shot]
 
 
 def identify_by_shots(
@@ -132,7 +89,7 @@ def identify_by_shots(
 
     **Raises:** `ValueError` for arguments that no fit can use.
     """
-    problem = _Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
+    problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
     at = problem.followed(row)
     windows, best = [], None
@@ -158,270 +115,3 @@ def identify_by_shots(
     fit = Fit(*made, dict(parameters), units, measurements, (whole,), whole)
     starts = [piece.start for piece in problem.pieces[1:]]
     return ShootingFit(fit, np.array(starts), best.gaps)
-
-
-class _Shooting:
-    """The windows, and their residuals as functions of all unknowns in one row: the parameters',
-    then those of each window's start but the first's."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        state: State,
-        measurements: Measurements,
-        parameters: Mapping[str, Parameter],
-        boundaries: Sequence[float],
-        start_time: float,
-        integration: Integration | None,
-    ):
-        integration = Integration() if integration is None else integration
-        self.method: Method = integration.method(scene, state, start_time)
-        self.base = parametrised(scene, state, parameters, np.zeros(len(parameters)))
-        self.scales = [parameter.scale for parameter in parameters.values()]
-        self.outputs: dict[str, Quantity] = {
-            name: series.channel for name, series in measurements.series.items()
-        }
-        self.max_steps = integration.max_steps
-        self.watched: dict[str, Quantity] = {
-            f"{joint} {contact}": Penetration(joint, contact)
-            for joint, family in scene.laws().items()
-            for contact in family
-        }
-        self._record = _Record(measurements, boundaries, start_time)
-        self.pieces: list[_Piece] = []
-        self.parameters = len(parameters)
-        self.samples = self._record.data.count
-        self._nominal: list[tuple[Any, Any]] = []
-
-    def sizes(self, at: np.ndarray, smallest: float) -> list[float]:
-        """Gaps that count as one standard deviation, m: from those there are to the smallest."""
-        found = self.evaluate(at, 1.0)
-        weighted = found.gaps * [self._weights(after) for after in found.shots[1:]]
-        size, sizes = float(np.sqrt(np.mean(weighted**2))), []
-        while size > smallest:
-            sizes.append(size)
-            size /= TIGHTER
-        return [*sizes, smallest]
-
-    def followed(self, row: np.ndarray) -> np.ndarray:
-        """All unknowns where each window, at the parameters of a guess (p,), follows the data from
-        about where the one before leads."""
-        cuts = self._record.cuts
-        self._nominal, self.pieces = [], [self._record.piece(cuts[0], cuts[1])]
-        unknowns, found = [row], self._alone(0, row)
-        for k, end in enumerate(cuts[2:], 1):
-            boundary = self._in_flight(k - 1, found.shots[0])
-            self.pieces[-1] = self._record.piece(self.pieces[-1].start, boundary)
-            own = unknowns[-1] if k > 1 else np.zeros(0)
-            before = self._alone(k - 1, np.concatenate([row, own])).shots[0]
-            self._nominal.append(before.reached)
-            self.pieces.append(self._record.piece(boundary, end))
-            free = self._free(k)
-            strides = self.strides()[-free:]
-            found, _, _ = search(
-                partial(self._held, k, row, strides),
-                np.zeros(free),
-                strides,
-                BEFORE_LAST,
-                FOLLOWING,
-                _say_nothing,
-            )
-            unknowns.append(found.coordinates)
-        return np.concatenate(unknowns)
-
-    def _in_flight(self, k: int, found: Shot) -> float:
-        """The sample in the later half of a window at which all contacts are farthest open."""
-        piece = self.pieces[k]
-        if not self.watched:
-            return piece.end
-        deepest = np.max([found.sampled.values[name] for name in self.watched], axis=0)
-        times = np.asarray(piece.times)
-        later = (times > 0.5 * (piece.start + piece.end)) & (times < piece.end)
-        fine = later & found.sampled.reached
-        return float(times[np.argmin(np.where(fine, deepest, np.inf))]) if fine.any() else piece.end
-
-    def _alone(self, k: int, values: np.ndarray) -> _Evaluated:
-        """One window's data, at all of its unknowns."""
-        found = jax.device_get(self._shot(k, values))
-        residuals, jacobian = self._of_data(k, found, np.arange(len(values)), len(values))
-        return _Evaluated(values, residuals, jacobian, np.zeros((0, 0)), [found])
-
-    def _held(self, k: int, row: np.ndarray, sizes: np.ndarray, at: np.ndarray) -> _Evaluated:
-        """One window's data at its start's unknowns, which are held near zero to within `sizes`."""
-        found = self._alone(k, np.concatenate([row, at]))
-        return _Evaluated(
-            at,
-            np.concatenate([found.residuals, at / sizes]),
-            np.concatenate([found.jacobian[:, self.parameters :], np.diag(1.0 / sizes)]),
-            found.gaps,
-            found.shots,
-        )
-
-    def of_parameters(self, one: Iteration) -> Iteration:
-        """The iteration without the starts' unknowns."""
-        return replace(one, coordinates=one.coordinates[: self.parameters])
-
-    def _free(self, k: int) -> int:
-        """Number of unknowns of a window's start."""
-        if k == 0:
-            return 0
-        variables, memory = self._nominal[k - 1]
-        return 2 * self._speeds(variables) + len(jax.tree.leaves(memory))
-
-    def _speeds(self, variables: Any) -> int:
-        coordinates = self.method.formulation.coordinates
-        scene = self.base.scene(np.zeros(self.parameters))
-        return len(coordinates.mechanics(scene, variables).projected({}))
-
-    def _shot(self, k: int, values: np.ndarray) -> Shot:
-        piece = self.pieces[k]
-        family: AbstractFamily
-        if k == 0:
-            family = _looking_at(self.base, values)
-        else:
-            variables, memory = self._nominal[k - 1]
-            family = FreeStart(
-                jnp.asarray(values),
-                self.base,
-                self.method.formulation.coordinates,
-                variables,
-                memory,
-            )
-        span = piece.end - piece.start
-        numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, 1e-6 * span))
-        limit = jnp.asarray(self.max_steps)
-        outputs = self.outputs | self.watched
-        return shot(self.method, family, outputs, piece.times, *numbers, limit)
-
-    def strides(self) -> np.ndarray:
-        """The farthest that one iteration changes each unknown."""
-        parts = [np.array([scale.stride for scale in self.scales])]
-        for variables, memory in self._nominal:
-            count = self._speeds(variables)
-            entries = len(jax.tree.leaves(memory))
-            parts += [np.full(c, s) for c, s in zip((count, count, entries), STRIDES, strict=True)]
-        return np.concatenate(parts)
-
-    def evaluate(self, at: np.ndarray, size: float) -> _Evaluated:
-        """Run all windows; gaps of `size` m count as one standard deviation."""
-        shots, places = [], self._places()
-        for k, place in enumerate(places):
-            shots.append(jax.device_get(self._shot(k, at[place])))
-        rows = [self._of_data(k, shots[k], places[k], len(at)) for k in range(len(shots))]
-        gaps = []
-        for k in range(len(shots) - 1):
-            value, along = self._of_gap(k, shots, places, len(at))
-            gaps.append(value)
-            weights = self._weights(shots[k + 1]) / size
-            rows.append((weights * value, weights[:, None] * along))
-        residuals, jacobian = (np.concatenate(part) for part in zip(*rows, strict=True))
-        return _Evaluated(np.array(at), residuals, jacobian, np.array(gaps), shots)
-
-    def _places(self) -> list[np.ndarray]:
-        """Which unknowns are each window's."""
-        own, first = np.arange(self.parameters), self.parameters
-        places = [own]
-        for k in range(1, len(self.pieces)):
-            count = self._free(k)
-            places.append(np.concatenate([own, np.arange(first, first + count)]))
-            first += count
-        return places
-
-    def _of_data(
-        self, k: int, found: Shot, place: np.ndarray, unknowns: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        data, names = self.pieces[k].data, list(self.outputs)
-        fine = found.sampled.reached
-        values = np.stack([np.where(fine, found.sampled.values[n], np.nan) for n in names])
-        along = np.stack([found.sampled.derivatives[name] for name in names])
-        along = np.where(fine[:, None], along, 0.0) * data.weights[..., None]
-        jacobian = np.zeros((values.size, unknowns))
-        jacobian[:, place] = along.reshape(values.size, -1)
-        used = (data.weights > 0.0).ravel()
-        return np.asarray(data.residuals(values)).ravel()[used], jacobian[used]
-
-    def _of_gap(
-        self, k: int, shots: list[Shot], places: list[np.ndarray], unknowns: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Where a window leads less where the next one starts, and derivatives."""
-        before, after = shots[k], shots[k + 1]
-        along = np.zeros((len(before.end), unknowns))
-        along[:, places[k]] += before.end_along
-        along[:, places[k + 1]] -= after.start_along
-        return np.asarray(before.end - after.start), along
-
-    def _weights(self, found: Shot) -> np.ndarray:
-        """One, or for what changes when the start is kicked, the part that a velocity counts."""
-        entries = len(jax.tree.leaves(found.reached[1]))
-        speeds = (found.start_along.shape[1] - self.parameters - entries) // 2
-        kicks = found.start_along[:, self.parameters + speeds :]
-        return np.where(np.abs(kicks).max(axis=1) > 0.0, 1.0 / RATE, 1.0)
-
-    def condensed(self, best: _Evaluated) -> Evaluated:
-        """What is left for the parameters (p,) once all starts are at their best."""
-        parts = best.jacobian[:, : self.parameters], best.jacobian[:, self.parameters :]
-        axes, sizes, _ = np.linalg.svd(parts[1] / _norms(parts[1]), full_matrices=False)
-        axes = axes[:, sizes > SINGULAR * sizes[0]]
-        residuals = best.residuals - axes @ (axes.T @ best.residuals)
-        jacobian = parts[0] - axes @ (axes.T @ parts[0])
-        names = list(self.outputs)
-        predicted = [
-            np.stack([found.sampled.values[name][: piece.count] for name in names])
-            for found, piece in zip(best.shots, self.pieces, strict=True)
-        ]
-        worst = max(best.shots, key=lambda found: found.sampled.result != RESULTS.successful)
-        return Evaluated(
-            best.coordinates[: self.parameters],
-            residuals,
-            jacobian,
-            np.concatenate(predicted, axis=1),
-            worst.sampled.result,
-            float(best.shots[-1].sampled.time),
-            sum(int(found.sampled.attempts) for found in best.shots),
-        )
-
-
-def _say_nothing(iteration: Iteration) -> None:
-    del iteration
-
-
-def _norms(jacobian: np.ndarray) -> np.ndarray:
-    norms = np.linalg.norm(jacobian, axis=0)
-    return np.where(norms > 0.0, norms, 1.0)
-
-
-def _looking_at(base: Any, values: np.ndarray) -> Any:
-    return type(base)(jnp.asarray(values), base.base, base.changes, base.scales, base.patterns)
-
-
-class _Record:
-    """The measurements, cut into windows on demand, with equally many padded times in each."""
-
-    def __init__(self, measurements: Measurements, boundaries: Sequence[float], start_time: float):
-        self._times = measurements.times()
-        self.cuts = np.array([start_time, *boundaries, self._times[-1]], float)
-        require(
-            len(boundaries) > 0 and bool((np.diff(self.cuts) > 0.0).all()),
-            "boundaries",
-            np.asarray(boundaries),
-            f"rising times between {start_time} and {float(self._times[-1])}",
-            "take identify() for a single run, or cut the record inside",
-        )
-        self.data = samples(measurements, len(self._times))
-        spans = zip(self.cuts[:-1], self.cuts[2:].tolist() + [self.cuts[-1]], strict=True)
-        self._length = 1 + max(int(self._inside(a, b).sum()) for a, b in spans)
-
-    def _inside(self, start: float, end: float) -> np.ndarray:
-        last = end == self._times[-1]
-        return (self._times >= start) & ((self._times < end) | last)
-
-    def piece(self, start: float, end: float) -> _Piece:
-        """The window from one time to another."""
-        inside = self._inside(start, end)
-        count, whole = int(inside.sum()), self.data
-        padded = np.full(self._length, end)
-        padded[:count] = self._times[inside]
-        values, weights = (np.zeros((len(whole.periods), self._length)) for _ in range(2))
-        values[:, :count], weights[:, :count] = whole.values[:, inside], whole.weights[:, inside]
-        data = Samples(values, weights, whole.periods)
-        return _Piece(start, end, jnp.asarray(padded), data, count)
