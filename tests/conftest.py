@@ -1,8 +1,11 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import jax
+import psutil
 import pytest
 
 os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
@@ -20,3 +23,15 @@ def reference_folder() -> Path:
     if not REFERENCE.is_dir():
         pytest.skip(f"the reference trajectories are not there: {REFERENCE} is missing")
     return REFERENCE
+
+
+MEMORY = 2.5e9
+"""Bytes beyond which what is compiled is forgotten; the cache on disk brings it back."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def bounded_memory() -> Iterator[None]:
+    """Compiled programs take some 10 MB each, and hundreds of them add up."""
+    yield
+    if psutil.Process().memory_info().rss > MEMORY:
+        jax.clear_caches()
