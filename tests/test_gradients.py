@@ -96,6 +96,7 @@ def reverse():
     return len(LANES) * np.stack(found, axis=1)
 
 
+@pytest.mark.slow
 def test_reverse_equals_forward(forward, reverse):
     """Both differentiate the same steps, impacts, contact from the start and saving included."""
     scale = np.abs(forward).max(axis=2, keepdims=True)
@@ -103,12 +104,14 @@ def test_reverse_equals_forward(forward, reverse):
     np.testing.assert_allclose(reverse / scale, forward / scale, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_free_fall_are_exact(reverse):
     """From the centre, where the journal's direction vanishes: start - g t^2 / 2."""
     expected = [[0, 0, 0, 1], [0, 0, -0.5 * BEFORE**2, 1]]
     np.testing.assert_allclose(reverse[0, :2], expected, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_derivatives_after_an_impact_agree_with_differences(reverse):
     run = jax.jit(heights)
     for lane in (0, 1):

@@ -131,6 +131,7 @@ def test_weights_that_matter_are_named_though_they_are_small():
     assert worst.shares[0] > 0.99
 
 
+@pytest.mark.slow
 def test_measured_series_serve_as_sensors(report):
     """By their channel, times and noise, whatever their values."""
 

@@ -86,6 +86,7 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
     assert by_tolerance > 0.8
 
 
+@pytest.mark.slow
 def test_landing_buys_accuracy_across_impacts(reference_folder):
     """The same tolerance without landing is worse by orders of magnitude."""
     reference = Case(5e-4, 0.9, 0.06).trajectory(reference_folder)

@@ -66,6 +66,7 @@ def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys, monkey
     assert "0 of 16 lanes failed" in findings
 
 
+@pytest.mark.slow
 def test_map_of_clearance_and_restitution(output):
     findings = clearance_sweep.restitution_map(output)
     assert pictures(output, "map")
