@@ -23,9 +23,10 @@ WAYS = (
     ("probes", SOFT, "windows", 1.0),
     ("accelerometers", STIFF, "velocities first", 1.0),
     ("accelerometers", SOFT, "velocities first", 1.0),
+    ("camera", "truth", "at once", 0.6),
     ("camera", SOFT, "windows", 1.0),
-    ("camera", STIFF, "windows", 0.2),
-    ("camera", STIFF, "windows, 12 starts", 0.2),
+    ("camera", STIFF, "windows", 0.1),
+    ("camera", STIFF, "windows, 12 starts", 0.04),
 )
 """Sensor, start, way to fit, and the part of the draws that is fitted so: starts cost runs."""
 ASTRAY = 5.0
