@@ -10,6 +10,7 @@ fits go to `results/identification`. ``--quick`` fits the probes to 0.03 s.
 import argparse
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -50,8 +51,18 @@ SUMMING = 2e-3
 SPREAD = {"young": 1.0, "restitution": 1.0, "clearance": 0.25}
 
 
-def measured(sensor: str, end_time: float, seed: int = 1) -> tuple[cj.Measurements, dict]:
-    """Noisy measurements by a sensor, and the Cramér-Rao bounds of the coordinates by name."""
+@dataclass(frozen=True)
+class Attempt:
+    """A fit, how many runs it took in all its stages, and how long, s."""
+
+    found: cj.Fit
+    runs: int
+    seconds: float
+
+
+def ideal(sensor: str, end_time: float) -> tuple[cj.Measurements, dict[str, float]]:
+    """What a sensor would read without its noise, and the Cramér-Rao bounds of the coordinates by
+    name."""
     channels, noise = SENSORS[sensor]
     times = np.arange(1, round(end_time * RATE) + 1) / RATE
     scene, state = cj.double_pendulum()
@@ -60,8 +71,7 @@ def measured(sensor: str, end_time: float, seed: int = 1) -> tuple[cj.Measuremen
     clean = {name: cj.Series(c, times, found.values[name], noise) for name, c in channels.items()}
     jacobian = np.concatenate([found.derivatives[name] / noise for name in channels])
     deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-    bounds = dict(zip(PARAMETERS, deviations.tolist(), strict=True))
-    return cj.Measurements(clean).with_noise(np.random.default_rng(seed)), bounds
+    return cj.Measurements(clean), dict(zip(PARAMETERS, deviations.tolist(), strict=True))
 
 
 def velocities(data: cj.Measurements) -> cj.Measurements:
@@ -80,39 +90,48 @@ def velocities(data: cj.Measurements) -> cj.Measurements:
     return cj.Measurements(series)
 
 
-def fit(
-    data: cj.Measurements, guess: dict[str, float], how: str, end_time: float
-) -> tuple[cj.Fit, float]:
-    """A fit and how long it took, s. `how`: "at once", "windows", "windows, 12 starts", or
-    "velocities first"."""
+def fit(data: cj.Measurements, guess: dict[str, float], how: str, end_time: float) -> Attempt:
+    """Fit in a way: "at once", "windows", "windows, 12 starts", or "velocities first"."""
     scene, state = cj.double_pendulum()
-    grow = [] if how == "at once" else [end for end in WINDOWS if end < end_time]
+    grow = [end for end in WINDOWS if end < end_time]
     starts = cj.Starts(12, SPREAD) if how.endswith("starts") else None
     begun = time.perf_counter()
+    fits = []
     if how == "velocities first":
-        first = cj.identify(scene, state, velocities(data), PARAMETERS, guess=guess, grow=grow)
-        guess, grow = first.estimates, []
-    found = cj.identify(scene, state, data, PARAMETERS, guess=guess, grow=grow, starts=starts)
-    return found, time.perf_counter() - begun
+        summed = velocities(data)
+        fits.append(
+            cj.identify(scene, state, summed, PARAMETERS, guess=guess, grow=grow, progress=False)
+        )
+        guess = fits[0].estimates
+    if how in ("at once", "velocities first"):
+        grow = []
+    fits.append(
+        cj.identify(
+            scene, state, data, PARAMETERS, guess=guess, grow=grow, starts=starts, progress=False
+        )
+    )
+    runs = sum(search.evaluations for one in fits for search in one.searches)
+    return Attempt(fits[-1], runs, time.perf_counter() - begun)
 
 
 def study(sensor: str, hows: Sequence[str], end_time: float, folder: Path) -> None:
     """Fit from all starts in all ways, print how it went, and draw the best."""
-    data, bounds = measured(sensor, end_time)
+    clean, bounds = ideal(sensor, end_time)
+    data = clean.with_noise(np.random.default_rng(1))
     errors = ", ".join(f"{name} {bound:.2g}" for name, bound in bounds.items())
     print(f"\n{sensor} to {end_time} s; Cramér-Rao bounds of the coordinates: {errors}")
     fit(data, TRUTH, "at once", end_time)  # compiles
     fits = []
     for label, guess in {"truth": TRUTH, **STARTS}.items():
         for how in hows:
-            found, seconds = fit(data, guess, how, end_time)
+            attempt = fit(data, guess, how, end_time)
+            found = attempt.found
             fits.append(found)
-            runs = sum(search.evaluations for search in found.searches)
             values = ", ".join(f"{name} {value:.5g}" for name, value in found.estimates.items())
             fit_of = found.chi_squared / found.samples
             print(
                 f"{label:14s}{how:20s}{found.ending.name:11s}chi2/N {fit_of:8.4f}  "
-                f"{runs:5d} runs {seconds:6.1f} s  {values}",
+                f"{attempt.runs:5d} runs {attempt.seconds:6.1f} s  {values}",
                 flush=True,
             )
     best = min(fits, key=lambda found: found.chi_squared)

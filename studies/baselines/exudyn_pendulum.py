@@ -38,6 +38,7 @@ from .scipy_pendulum import (
     JOURNAL_LENGTH,
     MASS,
     SLENDER,
+    YOUNG_MODULUS,
     ravn_contact,
 )
 
@@ -101,9 +102,11 @@ def _bearing(system: Any, journal: int, z: float) -> int:
     return bearing
 
 
-def _base(system: Any, arm: int, z: float, clearance: float, restitution: float) -> tuple[int, int]:
+def _base(
+    system: Any, arm: int, z: float, clearance: float, restitution: float, young: float
+) -> tuple[int, int]:
     """Contact of the base at `z`, m: its object and its data node."""
-    law = ravn_contact(clearance, restitution)
+    law = ravn_contact(clearance, restitution, young)
     journal = system.AddMarker(eu.MarkerBodyRigid(bodyNumber=arm, localPosition=[-0.5, 0.0, z]))
     memory = system.AddNode(
         eu.NodeGenericData(initialCoordinates=[clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
@@ -124,15 +127,15 @@ def _base(system: Any, arm: int, z: float, clearance: float, restitution: float)
     return contact, memory
 
 
-def _model(clearance: float, restitution: float) -> _Model:
+def _model(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -> _Model:
     system = exu.SystemContainer().AddSystem()
     arm_2 = _arm(system, (SLENDER, BROAD, BROAD), [0.5, 0.0, 0.0])
     arm_3 = _arm(system, (BROAD, BROAD, SLENDER), [1.0, 0.0, 0.5])
     system.CreateRevoluteJoint(
         itemNumbers=[arm_2, arm_3], position=[1.0, 0.0, 0.0], axis=[1.0, 0.0, 0.0]
     )
-    contact, memory = _base(system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution)
-    _base(system, arm_2, 0.5 * JOURNAL_LENGTH, clearance, restitution)
+    contact, memory = _base(system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution, young)
+    _base(system, arm_2, 0.5 * JOURNAL_LENGTH, clearance, restitution, young)
     return _Model(system, (arm_2, arm_3), contact, memory)
 
 
@@ -197,3 +200,28 @@ def first_impact(step: float) -> FirstImpact:
     onset = t[inside] + gap[inside] / entry_speed[inside]
     peak = np.linalg.norm(forces, axis=1).max()
     return FirstImpact(float(onset), float(entry_speed[inside]), float(peak))
+
+
+def probes(
+    young: float, restitution: float, clearance: float, times: np.ndarray, step: float
+) -> np.ndarray:
+    """(4, T) x and y of the bases V and W at `times`, s, in m; between steps interpolated."""
+    model = _model(clearance, restitution, young)
+    sensors = [
+        model.system.AddSensor(
+            eu.SensorBody(
+                bodyNumber=model.arms[0],
+                localPosition=[-0.5, 0.0, z],
+                storeInternal=True,
+                outputVariableType=exu.OutputVariableType.Position,
+            )
+        )
+        for z in (-0.5 * JOURNAL_LENGTH, 0.5 * JOURNAL_LENGTH)
+    ]
+    model.system.Assemble()
+    model.system.SolveDynamic(_settings(float(times[-1]), step))
+    rows = []
+    for sensor in sensors:
+        t, x, y, _ = model.system.GetSensorStoredData(sensor).T
+        rows += [np.interp(times, t, x), np.interp(times, t, y)]
+    return np.stack(rows)

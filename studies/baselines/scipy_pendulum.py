@@ -96,9 +96,9 @@ class Contact:
     damping: float
 
 
-def ravn_contact(clearance: float, restitution: float) -> Contact:
+def ravn_contact(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -> Contact:
     """Ravn's stiffness for the paper's steel, and Lankarani and Nikravesh's damping factor."""
-    compliance = 2.0 * (1.0 - POISSON_RATIO**2) / YOUNG_MODULUS
+    compliance = 2.0 * (1.0 - POISSON_RATIO**2) / young
     radius = BEARING_RADIUS * (BEARING_RADIUS - clearance) / clearance
     stiffness = 4.0 / (3.0 * compliance) * np.sqrt(radius)
     return Contact(clearance, stiffness, 0.75 * (1.0 - restitution**2))

@@ -1,0 +1,99 @@
+"""Parameters of the double pendulum by SciPy's `least_squares` on clearjoint's runs, without their
+derivatives: what a user of any simulator would write.
+
+The trust region reflective method with `x_scale="jac"`, over the coordinates of the scales (which
+need no bounds), and with forward differences: a Jacobian takes a run for each parameter. By default
+their step is 1.5e-8 of the coordinate.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+
+RTOL = 1e-9
+MAX_STEPS = 30_000
+"""A run takes some 3000; with the absurd parameters that a long step tries, millions."""
+BASES = np.array([[-0.5, 0.0, -10e-3], [-0.5, 0.0, 10e-3]])
+"""Points V and W of arm 2 in its frame, m."""
+UNREACHED = 1e6
+"""Residual of every sample of a run that failed, in standard deviations."""
+PATIENCE = 100
+"""Iterations of each window; SciPy's default is 100 for each parameter."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Coordinates (p,) where a search ended, how many runs it took, and how long, s."""
+
+    coordinates: np.ndarray
+    runs: int
+    seconds: float
+
+
+def probes(values: Sequence[float], times: np.ndarray) -> np.ndarray:
+    """(4, T) x and y of the bases V and W, m, for Young's modulus, restitution and clearance."""
+    scene, state = cj.double_pendulum()
+    scene = eqx.tree_at(
+        lambda s: (
+            s.joints["shoulder"].law.stiffness.young_modulus,
+            s.joints["shoulder"].law.restitution,
+            s.joints["shoulder"].clearance,
+        ),
+        scene,
+        tuple(np.asarray(value) for value in values),
+    )
+    run = cj.simulate(
+        scene,
+        state,
+        times[-1],
+        save_at=times,
+        rtol=RTOL,
+        landing_tolerance=1e-13,
+        max_steps=MAX_STEPS,
+        progress=False,
+    )
+    arm = run.states.bodies["arm 2"]
+    turned = Rotation.from_quat(np.asarray(arm.orientation), scalar_first=True)
+    rows = [np.asarray(arm.position) + turned.apply(base) for base in BASES]
+    return np.concatenate([row[:, :2].T for row in rows])
+
+
+def fit(
+    times: np.ndarray,
+    measured: np.ndarray,
+    noise: float,
+    scales: Sequence[cj.AbstractScale],
+    start: np.ndarray,
+    ends: Sequence[float],
+    difference: float | None,
+) -> Found:
+    """Fit the samples (4, T) up to each of `ends`, s, one after the other.
+
+    **Arguments:** `start`: coordinates (p,); `difference`: SciPy's relative `diff_step`.
+    """
+    runs = 0
+
+    def residuals(coordinates: np.ndarray, end: float) -> np.ndarray:
+        nonlocal runs
+        runs += 1
+        inside = times <= end
+        values = [float(s.value(u)) for s, u in zip(scales, coordinates, strict=True)]
+        try:
+            predicted = probes(values, times[inside])
+        except (cj.SimulationError, ValueError):
+            return np.full(measured[:, inside].size, UNREACHED)
+        return ((predicted - measured[:, inside]) / noise).ravel()
+
+    begun, at = time.perf_counter(), start
+    for end in ends:
+        at = least_squares(
+            residuals, at, args=(end,), x_scale="jac", diff_step=difference, max_nfev=PATIENCE
+        ).x
+    return Found(at, runs, time.perf_counter() - begun)

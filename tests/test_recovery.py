@@ -1,0 +1,71 @@
+"""Statistics of recovered parameters, and the fits that they and today's tools make."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from studies import identification_today, recovery
+from studies.baselines.scipy_fit import fit, probes
+from studies.identification import PARAMETERS, TRUTH
+from studies.recovery import Recovery, coordinates
+
+
+def attempt(offset: float, half: float, warnings: list[str]) -> Any:
+    """A fit whose intervals lie around the truth, off and wide by parts of it."""
+    intervals = {
+        name: (value * (1 + offset - half), value * (1 + offset + half))
+        for name, value in TRUTH.items()
+    }
+    found = SimpleNamespace(intervals=intervals, warnings=warnings)
+    return SimpleNamespace(found=found, runs=3, seconds=0.5)
+
+
+def test_statistics_of_fits_leave_out_those_that_went_astray():
+    errors = np.array([[1.0, 2.0, 0.0], [-1.0, 0.0, 1.0], [3.0, 4.0, 2.0], [0.0, 0.0, -6.0]])
+    attempts = [attempt(0.0, 0.1, []), attempt(0.2, 0.1, ["a"]), attempt(-0.2, 0.1, ["b"])]
+    found = Recovery((*attempts, attempt(0.0, 0.1, ["Not converged"])), errors)
+    assert found.astray.tolist() == [False, False, False, True]
+    assert found.told == 1
+    np.testing.assert_allclose(found.scatter, [2.0, 2.0, 1.0])
+    np.testing.assert_allclose(found.bias, np.sqrt(3.0) * np.array([0.5, 1.0, 1.0]))
+    np.testing.assert_allclose(found.coverage, 1.0 / 3.0)
+    cells = recovery.row("label", found).split(" | ")
+    assert cells[1:4] == ["4", "1", "1"] and cells[4] == "2.00, 2.00, 1.00"
+
+
+def test_starts_cover_what_the_issue_asks():
+    for sign, limits in ((-1.0, (41.4e9, 0.6, 0.5e-3 / 1.2)), (1.0, (1035e9, 27 / 28, 0.6e-3))):
+        corner = coordinates(TRUTH) + sign * identification_today.SPREAD
+        pairs = zip(PARAMETERS.values(), corner, strict=True)
+        found = [float(parameter.scale.value(u)) for parameter, u in pairs]
+        assert found == pytest.approx(limits, rel=0.02)
+
+
+def test_scipy_with_differences_finds_what_made_the_data():
+    times, truth = np.arange(1, 151) * 1e-4, coordinates(TRUTH)
+    values, scales = probes(list(TRUTH.values()), times), identification_today.SCALES
+    eccentricities = np.hypot(values[0::2], values[1::2])
+    assert 0.49e-3 < eccentricities.max() < 0.51e-3
+    start = truth + np.array([0.05, -0.05, 0.005])
+    found = fit(times, values, 5e-6, list(scales.values()), start, [0.0125, times[-1]], 1e-6)
+    np.testing.assert_allclose(found.coordinates, truth, rtol=1e-4)
+    assert found.runs > 8
+
+
+@pytest.mark.slow
+def test_scipy_with_differences_ends_where_identify_does():
+    data = identification_today.problem(0.03)
+    start = identification_today.starts(0.02, 1)[0]
+    ours, theirs = data.identified(start, False), data.by_differences(start, False, 1e-6)
+    apart = np.abs(ours.coordinates - theirs.coordinates) / data.bounds
+    assert apart.max() < 0.1
+    assert ours.runs < theirs.runs
+
+
+@pytest.mark.slow
+def test_quick_recovery_prints_a_row(capsys):
+    recovery.main(["--quick"])
+    cells = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].split("|")]
+    assert cells[1] == "probes, truth, at once" and cells[2:4] == ["2", "0"]
