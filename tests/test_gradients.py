@@ -282,3 +282,20 @@ def test_friction_at_zero_slip_has_the_slope_of_either_side(law, slope):
 
     np.testing.assert_allclose(jax.jvp(force, (0.0,), (1.0,))[1], -3.0 * slope, rtol=1e-12)
     np.testing.assert_allclose(jax.grad(force)(0.0), -3.0 * slope, rtol=1e-12)
+
+
+def test_reverse_derivative_of_a_flight_is_the_closed_form():
+    """z = z0 + v t - g t^2/2, along the whole scene at once."""
+    scene = cj.Scene({"ball": cj.Body(2.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, -9.81))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0), velocity=(0.0, 0.0, 3.0))})
+
+    def height(scene, state):
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        solution = cj.simulate(scene, state, 2.0, adjoint=adjoint)
+        return solution.final.bodies["ball"].position[2]
+
+    of_scene, of_state = jax.jit(jax.grad(height, argnums=(0, 1)))(scene, state)
+    np.testing.assert_allclose(of_scene.gravity, (0.0, 0.0, 2.0), atol=1e-9)
+    np.testing.assert_allclose(of_scene.bodies["ball"].mass, 0.0, atol=1e-9)
+    np.testing.assert_allclose(of_state.bodies["ball"].position, (0.0, 0.0, 1.0), atol=1e-9)
+    np.testing.assert_allclose(of_state.bodies["ball"].velocity, (0.0, 0.0, 2.0), atol=1e-9)
