@@ -1,10 +1,10 @@
 """Parameters of the double pendulum recovered from many draws of a sensor's noise.
 
 ``python -m studies.recovery [--draws 50] [--quick]``: the problem and the starts of
-`studies.identification`, each draw fitted anew from the far start in the way that works for its
-sensor. If the estimates are as good as the data allow, they scatter as the Cramér-Rao bound says,
-their mean is off by no more than its own error, and 95 of 100 intervals hold the truth. ``--quick``
-fits two draws of the probes to 0.03 s from the truth.
+`studies.identification`, each draw fitted anew from the far starts, in the ways of that study (the
+camera from the truth as well). If the estimates are as good as the data allow, they scatter as the
+Cramér-Rao bound says, their mean is off by no more than its own error, and 95 of 100 intervals hold
+the truth. ``--quick`` fits two draws of the probes to 0.03 s from the truth.
 """
 
 import argparse
