@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -91,6 +92,10 @@ class ParametrisedScene(AbstractFamily):
     changes: tuple[Change, ...] = eqx.field(static=True)
     scales: tuple[AbstractScale, ...] = eqx.field(static=True)
     patterns: tuple[Any, ...] = eqx.field(static=True)
+
+    def at(self, values: Any) -> "ParametrisedScene":
+        """The family, looked at elsewhere."""
+        return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     def made(self, values: Any) -> tuple[Scene, State]:
         """Scene and state, in packed form, at the parameters' coordinates."""

@@ -6,11 +6,11 @@ import diffrax
 
 from .bodies import State
 from .coordinates import AbstractCoordinates
-from .dynamics import AbstractStabilisation, Baumgarte, Formulation
+from .dynamics import AbstractStabilisation
 from .joint_coordinates import JointCoordinates
 from .records import require_dense
 from .scene import Scene
-from .simulate import check_precision, check_structure, check_values, make_method
+from .simulate import check_precision, check_structure, check_values, make_formulation, make_method
 from .steps import Method
 
 LANDING_TOLERANCE = 1e-13
@@ -49,8 +49,7 @@ class Integration:
         check_values(scene, state, self.rtol, self.atol, None, self.landing_tolerance)
         coordinates = JointCoordinates() if self.coordinates is None else self.coordinates
         redundant = check_structure(scene, state, start_time, coordinates)
-        stabilisation = Baumgarte() if self.stabilisation is None else self.stabilisation
-        formulation = Formulation(coordinates, stabilisation, redundant=bool(redundant))
+        formulation = make_formulation(coordinates, self.stabilisation, bool(redundant))
         method = make_method(
             self.solver, None, formulation, self.landing_tolerance, self.rtol, self.atol
         )

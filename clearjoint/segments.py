@@ -15,7 +15,7 @@ from .dense_output import look_inside
 from .loops import PLAIN, AbstractLoops
 from .scene import Scene
 from .several import by_name, gathered
-from .stepping import attempt, running, start
+from .stepping import not_tried, running, start
 from .steps import Attempt, Method, Step, Variables
 from .vectors import Scalar, Structured, unpack
 
@@ -112,9 +112,7 @@ def begin(
     step = start(method, scene, t0, t_end, first_step, y, memory)
     last = record = None
     if saves:
-        shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end))
-        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-        last = eqx.tree_at(lambda a: a.step, zeros, step)
+        last = not_tried(method, scene, step, t_end)
     if record_rows is not None:
         row = _row(method, scene, step)
         record = Rows.like(row, record_rows).with_row(row, 1)

@@ -29,7 +29,7 @@ from .results import RESULTS
 from .scene import Scene
 from .simulate import check_times
 from .solution import SimulationError
-from .stepping import attempt, running
+from .stepping import attempt, not_tried, running
 from .steps import Attempt, Method, Step, Variables
 from .tangents import look_at_tangents, start_with_tangents
 from .vectors import Scalar
@@ -55,20 +55,6 @@ class Sampled(eqx.Module):
     accepted: Any
 
 
-def sampled(
-    method: Method,
-    family: AbstractFamily,
-    outputs: Mapping[str, Quantity],
-    times: Any,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
-    max_steps: Any,
-) -> Sampled:
-    """Integrate state and derivatives, and look at quantities at rising times. Traceable."""
-    return followed(method, family, outputs, times, t0, t_end, first_step, max_steps)[0]
-
-
 def followed(
     method: Method,
     family: AbstractFamily,
@@ -79,12 +65,11 @@ def followed(
     first_step: Any,
     max_steps: Any,
 ) -> tuple[Sampled, Step, Step]:
-    """`sampled`, with the first and the last step."""
+    """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
+    the first and the last step. Traceable."""
     scene = family.scene(family.values)
     first = start_with_tangents(method, family, t0, t_end, first_step)
-    shapes = jax.eval_shape(lambda: attempt(method, scene, first, t_end, family))
-    zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
-    last: Attempt = eqx.tree_at(lambda a: a.step, zeros, first)
+    last = not_tried(method, scene, first, t_end, family)
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
         tried = attempt(method, scene, now[0], t_end, family)
@@ -124,7 +109,10 @@ def _looked_at(
     return values, derivatives
 
 
-sampled_compiled = eqx.filter_jit(sampled)
+@eqx.filter_jit
+def sampled_compiled(*arguments: Any) -> Sampled:
+    """What was seen of `followed`."""
+    return followed(*arguments)[0]
 
 
 @dataclass(frozen=True)

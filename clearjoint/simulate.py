@@ -113,12 +113,7 @@ def simulate(
         names = check_structure(scene, state, start_time, coordinates)
     if redundant is None:
         redundant = bool(names)
-    formulation = Formulation(
-        coordinates,
-        stabilisation=Baumgarte() if stabilisation is None else stabilisation,
-        redundant=redundant,
-        ledger=ledger,
-    )
+    formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
@@ -169,6 +164,17 @@ def _is_traced(tree: Any) -> bool:
 
 def _array(value: Any) -> Any:
     return None if value is None else jnp.asarray(value, dtype=float)
+
+
+def make_formulation(
+    coordinates: AbstractCoordinates,
+    stabilisation: AbstractStabilisation | None,
+    redundant: bool,
+    ledger: bool = False,
+) -> Formulation:
+    """The formulation for the arguments of `simulate`."""
+    stabilisation = Baumgarte() if stabilisation is None else stabilisation
+    return Formulation(coordinates, stabilisation, redundant, ledger)
 
 
 def make_method(

@@ -14,15 +14,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .dense_output import projected
-from .dynamics import Memory, Projection, state_rates
+from .dynamics import Memory, state_rates
 from .explicit import UnrolledExplicit
 from .family import AbstractFamily
 from .impacts import (
     Reach,
     Reaches,
     begins,
-    closed,
     has_memory,
     initial_memory,
     reaches,
@@ -31,31 +29,14 @@ from .impacts import (
 )
 from .results import RESULTS
 from .scene import Scene
-from .several import total
 from .step_length import end_of_step, magnitudes, resumed
 from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables, choose
+from .trial import Trial, graded_step, may_jump, term_of, tried
 from .vectors import Scalar
 
-REJECTED_ERROR = 1e100
 TANGENT_TOLERANCE = 10.0
 """Tolerances of the tangents in those of the state: at rtol 1e-9 derivatives along the double
 pendulum's first eleven contacts are then right to 6e-7, at 1e-11 to 2e-8."""
-
-
-def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """The rates of the variables, as diffrax takes them; the arguments are scene and memory.
-
-    Of a `step` that lands, those of its open and closed contacts.
-    """
-    lands = step is not None and method.landing is not None
-    modes = closed(step.reaches) if step is not None and lands else None
-
-    def field(t: Scalar, y: Variables, args: Any) -> Variables:
-        scene, memory = args
-        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t, modes))
-        return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
-
-    return diffrax.ODETerm(field)
 
 
 def start(
@@ -112,25 +93,6 @@ def _ledger(
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
-class Taken(eqx.Module):
-    """What a solver's step gives, or its derivatives along p parameters."""
-
-    y: Variables
-    error: Variables
-    information: Any
-    solver_state: Any
-
-
-class Trial(eqx.Module):
-    """A step as the solver took it, before it is accepted or not."""
-
-    t1: Scalar
-    taken: Taken
-    tangents: Taken | None
-    finite: Scalar
-    solver_result: Any
-
-
 def attempt(
     method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
 ) -> Attempt:
@@ -138,7 +100,7 @@ def attempt(
 
     If the step has tangents, `family` is that of the scene, and says along what they are.
     """
-    trial = _tried(method, scene, step, end_of_step(method, step, t_end), family)
+    trial = tried(method, scene, step, end_of_step(method, step, t_end), family)
     t1, y1 = trial.t1, trial.taken.y
     keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
@@ -175,7 +137,7 @@ def attempt(
         entering,
         choose(keep, trial.taken.solver_state, step.solver_state),
         controller_state,
-        jnp.where(keep, jumped | _may_jump(method, scene), step.jumped),
+        jnp.where(keep, jumped | may_jump(method, scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -187,60 +149,9 @@ def attempt(
         step.t,
         step.memory,
         trial.taken.information,
-        _graded(method, step),
+        graded_step(method, step),
         inside,
     )
-
-
-def _graded(method: Method, step: Step) -> Scalar | None:
-    """Whether the step is one that begins a contact; ``None`` where there are none to begin at."""
-    if method.landing is None or not step.reaches:
-        return None
-    return step.enters if isinstance(method.solver, UnrolledExplicit) else None
-
-
-def _tried(
-    method: Method, scene: Scene, step: Step, t1: Scalar, family: AbstractFamily | None
-) -> Trial:
-    """The solver's step, projected if steps are. What is not finite stays where it was."""
-    made_jump = step.jumped if _may_jump(method, scene) else False
-    graded = _graded(method, step)
-    options = {} if graded is None else {"graded": graded}
-
-    def taken(scene: Scene, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
-        y1, error, information, solver_state, result = method.solver.step(
-            term_of(method, step),
-            step.t,
-            t1,
-            y,
-            (scene, memory),
-            solver_state,
-            made_jump,
-            **options,
-        )
-        if isinstance(method.formulation.stabilisation, Projection):
-            y1 = projected(scene, method.formulation, y1, t1)
-        assert isinstance(error, Variables)
-        return Taken(y1, error, information, solver_state), result
-
-    start = step.y, step.memory, step.solver_state
-    if family is None:
-        found, result = taken(scene, *start)
-        finite, tangents = _all_finite((found.y, found.error)), None
-    else:
-        assert step.tangents is not None
-        along = step.tangents.y, step.tangents.memory, step.tangents.solver_state
-        found, result, tangents = family.pushed(taken, start, along)
-        finite = _all_finite((found.y, found.error))
-        finite = finite & jnp.all(_all_finite((tangents.y, tangents.error)))
-        tangents = _unless(finite, tangents, step.tangents.y)
-    return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
-
-
-def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:
-    """What was taken if it is finite; else the given variables, with an error beyond all bounds."""
-    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), taken.error)
-    return Taken(choose(finite, taken.y, y), error, taken.information, taken.solver_state)
 
 
 def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any, ...]:
@@ -278,14 +189,6 @@ def _tangents_after(
         memory_after, (trial.taken.y, step.memory), (taken.y, along.memory)
     )
     return Tangents(taken.y, memory_tangents, taken.solver_state)
-
-
-def _may_jump(method: Method, scene: Scene) -> bool:
-    """Whether a new memory may leave the last stage stale.
-
-    Landing sets the memory where the force is still zero, so that it leaves it right.
-    """
-    return method.landing is None and has_memory(scene)
 
 
 def _memory_after(
@@ -342,14 +245,13 @@ def _result(
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 
 
-def _all_finite(tree: Any) -> Scalar:
-    """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
-    one shape are added element by element before the elements are."""
-    sums: dict[Any, Scalar] = {}
-    for leaf in jax.tree.leaves(tree):
-        shape = jnp.shape(leaf)
-        sums[shape] = sums.get(shape, 0.0) + leaf * 0.0
-    return sum(map(total, sums.values())) == 0.0
+def not_tried(
+    method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
+) -> Attempt:
+    """A step before the first attempt, in the form of one."""
+    shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end, family))
+    zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    return eqx.tree_at(lambda a: a.step, zeros, step)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:

@@ -15,8 +15,9 @@ from .dense_output import dense_time
 from .dynamics import Memory
 from .family import AbstractFamily
 from .scene import Scene
-from .stepping import start, term_of
+from .stepping import start
 from .steps import Attempt, Method, Step, Tangents, Variables, choose
+from .trial import term_of
 from .vectors import Scalar
 
 

@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+from .tables import aligned
+
 
 def report(fit: Any) -> str:
     """Estimates, goodness of fit, series, correlations, warnings of a `Fit`, as aligned tables."""
@@ -13,17 +15,6 @@ def report(fit: Any) -> str:
         parts.append(_searches(fit))
     parts.append("\n".join(f"Warning: {warning}" for warning in fit.warnings))
     return "\n\n".join(part for part in parts if part)
-
-
-def table(rows: list[list[str]]) -> str:
-    """Rows of equal length in columns: the first to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
 
 
 def _head(fit: Any) -> str:
@@ -41,7 +32,7 @@ def _estimates(fit: Any) -> str:
         digits = _digits(value, errors[name])
         shown = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
         rows.append([name, shown[0], f"{errors[name]:.2g}", *shown[1:], fit.units[name]])
-    return table(rows)
+    return "\n".join(aligned(rows))
 
 
 def _digits(value: float, error: float) -> int:
@@ -65,14 +56,14 @@ def _series(fit: Any) -> str:
     for name, row in fit.residuals.items():
         cells = [f"{rms[name]:.3f}", f"{white[name]:.2g}", f"{normal[name]:.2g}"]
         rows.append([name, str(len(row)), *cells])
-    return table(rows)
+    return "\n".join(aligned(rows))
 
 
 def _correlation(fit: Any) -> str:
     rows = [["correlation", *fit.parameters]]
     for name, row in zip(fit.parameters, fit.correlation, strict=True):
         rows.append([name, *(f"{number:.4f}" for number in row)])
-    return table(rows)
+    return "\n".join(aligned(rows))
 
 
 def _searches(fit: Any) -> str:
@@ -81,4 +72,4 @@ def _searches(fit: Any) -> str:
         chosen = " *" if search is fit.best else ""
         chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
         rows.append([f"{number}{chosen}", chi_squared, runs, search.ending.value])
-    return table(rows)
+    return "\n".join(aligned(rows))

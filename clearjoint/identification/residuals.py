@@ -52,10 +52,9 @@ class Experiment(eqx.Module):
 
     def run(self, coordinates: Any, end_time: Any) -> Sampled:
         """The run at coordinates (p,), as far as a time, s."""
-        family = eqx.tree_at(lambda f: f.values, self.family, jnp.asarray(coordinates, float))
         return sampled_compiled(
             self.method,
-            family,
+            self.family.at(coordinates),
             self.outputs,
             self.times,
             self.start_time,

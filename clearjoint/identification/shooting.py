@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import jax
@@ -153,19 +153,21 @@ class Shooting:
         """Number of unknowns of a window's start."""
         if k == 0:
             return 0
-        variables, memory = self._nominal[k - 1]
-        return 2 * self._speeds(variables) + len(jax.tree.leaves(memory))
+        _, memory = self._nominal[k - 1]
+        return 2 * self._speeds + len(jax.tree.leaves(memory))
 
-    def _speeds(self, variables: Any) -> int:
+    @cached_property
+    def _speeds(self) -> int:
+        """Number of speeds of the system."""
         coordinates = self.method.formulation.coordinates
-        scene = self.base.scene(np.zeros(self.parameters))
+        scene, (variables, _) = self.base.scene(np.zeros(self.parameters)), self._nominal[0]
         return len(coordinates.mechanics(scene, variables).projected({}))
 
     def _shot(self, k: int, values: np.ndarray) -> Shot:
         piece = self.pieces[k]
         family: AbstractFamily
         if k == 0:
-            family = _looking_at(self.base, values)
+            family = self.base.at(values)
         else:
             variables, memory = self._nominal[k - 1]
             family = FreeStart(
@@ -184,8 +186,8 @@ class Shooting:
     def strides(self) -> np.ndarray:
         """The farthest that one iteration changes each unknown."""
         parts = [np.array([scale.stride for scale in self.scales])]
-        for variables, memory in self._nominal:
-            count = self._speeds(variables)
+        count = self._speeds
+        for _, memory in self._nominal:
             entries = len(jax.tree.leaves(memory))
             parts += [np.full(c, s) for c, s in zip((count, count, entries), STRIDES, strict=True)]
         return np.concatenate(parts)
@@ -240,9 +242,7 @@ class Shooting:
 
     def _weights(self, found: Shot) -> np.ndarray:
         """One, or for what changes when the start is kicked, the part that a velocity counts."""
-        entries = len(jax.tree.leaves(found.reached[1]))
-        speeds = (found.start_along.shape[1] - self.parameters - entries) // 2
-        kicks = found.start_along[:, self.parameters + speeds :]
+        kicks = found.start_along[:, self.parameters + self._speeds :]
         return np.where(np.abs(kicks).max(axis=1) > 0.0, 1.0 / RATE, 1.0)
 
     def condensed(self, best: AllEvaluated) -> Evaluated:
@@ -276,7 +276,3 @@ def _say_nothing(iteration: Iteration) -> None:
 def _norms(jacobian: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(jacobian, axis=0)
     return np.where(norms > 0.0, norms, 1.0)
-
-
-def _looking_at(base: Any, values: np.ndarray) -> Any:
-    return type(base)(jnp.asarray(values), base.base, base.changes, base.scales, base.patterns)

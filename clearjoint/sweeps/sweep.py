@@ -14,7 +14,7 @@ import xarray as xr
 
 from ..bodies import State
 from ..coordinates import AbstractCoordinates
-from ..dynamics import AbstractStabilisation, Baumgarte, Formulation
+from ..dynamics import AbstractStabilisation
 from ..fields import require
 from ..joint_coordinates import JointCoordinates
 from ..lanes import Plan
@@ -23,7 +23,7 @@ from ..records import require_dense
 from ..reductions import AbstractReduction
 from ..results import result_numbers
 from ..scene import Scene
-from ..simulate import check_precision, check_values, make_method
+from ..simulate import check_precision, check_values, make_formulation, make_method
 from ..steps import Method
 from ..structure import constraint_report
 from ..vectors import structured
@@ -123,12 +123,7 @@ def sweep(
     check_values(scene, state, rtol, atol, first_step, landing_tolerance)
     coordinates = JointCoordinates() if coordinates is None else coordinates
     report = constraint_report(*lanes.first(), start_time, coordinates)
-    formulation = Formulation(
-        coordinates,
-        stabilisation=Baumgarte() if stabilisation is None else stabilisation,
-        redundant=bool(report.redundant),
-        ledger=ledger,
-    )
+    formulation = make_formulation(coordinates, stabilisation, bool(report.redundant), ledger)
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     common = _common(lanes, method, outputs, start_time, max_steps)
     tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
