@@ -93,6 +93,19 @@ def _ledger(
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
+class Verdict(eqx.Module):
+    """Whether a trial is kept, and the step to take next; fields as those of `Step`."""
+
+    keep: Scalar
+    t_next: Scalar
+    intended: Scalar
+    enters: Scalar
+    entering: Scalar
+    jumped: Scalar
+    controller_state: Any
+    controller_result: Any
+
+
 def attempt(
     method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
 ) -> Attempt:
@@ -102,18 +115,10 @@ def attempt(
     """
     trial = tried(method, scene, step, end_of_step(method, step, t_end), family)
     t1, y1 = trial.t1, trial.taken.y
-    keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
-    intended = t_next - jnp.where(keep, t1, step.t)
-    enters, entering = step.enters, step.entering
-    if method.landing is not None and after:
-        passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
-        lands = keep & passes
-        controller_state = choose(lands, step.controller_state, controller_state)
-        keep = keep & ~passes
-        intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
-        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
-    result = _result(step, keep, trial, t_next, t_end, controller_result)
+    verdict = _decided(method, scene, step, trial, after)
+    keep = verdict.keep
+    result = _result(step, trial, verdict, t_end)
     seconds = choose(
         keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
     )
@@ -127,17 +132,17 @@ def attempt(
         inside = TangentsInside(step.tangents.memory, trial.tangents.information)
     advanced = Step(
         jnp.where(keep, t1, step.t),
-        t_next,
+        verdict.t_next,
         choose(keep, y1, step.y),
         choose(keep, memory, step.memory),
         choose(keep, after, step.reaches),
         seconds,
-        intended,
-        enters,
-        entering,
+        verdict.intended,
+        verdict.enters,
+        verdict.entering,
         choose(keep, trial.taken.solver_state, step.solver_state),
-        controller_state,
-        jnp.where(keep, jumped | may_jump(method, scene), step.jumped),
+        verdict.controller_state,
+        jnp.where(keep, verdict.jumped | may_jump(method, scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -151,6 +156,24 @@ def attempt(
         trial.taken.information,
         graded_step(method, step),
         inside,
+    )
+
+
+def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reaches) -> Verdict:
+    """What the controller says, unless the step must land on an event that it passes."""
+    t1 = trial.t1
+    keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
+    intended = t_next - jnp.where(keep, t1, step.t)
+    enters, entering = step.enters, step.entering
+    if method.landing is not None and after:
+        passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
+        lands = keep & passes
+        controller_state = choose(lands, step.controller_state, controller_state)
+        keep = keep & ~passes
+        intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
+        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
+    return Verdict(
+        keep, t_next, intended, enters, entering, jumped, controller_state, controller_result
     )
 
 
@@ -232,11 +255,10 @@ def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t
     return second_rates(scene, method.formulation, y1.motion, rates.motion)
 
 
-def _result(
-    step: Step, keep: Scalar, trial: Trial, t_next: Scalar, t_end: Scalar, controller_result: Any
-) -> RESULTS:
+def _result(step: Step, trial: Trial, verdict: Verdict, t_end: Scalar) -> RESULTS:
+    keep, controller_result = verdict.keep, verdict.controller_result
     now = jnp.where(keep, trial.t1, step.t)
-    stuck = (t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
+    stuck = (verdict.t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
     gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )

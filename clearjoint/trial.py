@@ -94,8 +94,7 @@ def tried(
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.memory, step.tangents.solver_state
         found, result, tangents = family.pushed(taken, start, along)
-        finite = _all_finite((found.y, found.error))
-        finite = finite & jnp.all(_all_finite((tangents.y, tangents.error)))
+        finite = _all_finite((found.y, found.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
 
