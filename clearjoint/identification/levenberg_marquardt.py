@@ -67,7 +67,7 @@ class Ending(Enum):
 class Iteration:
     """One evaluation: its number, whether it was taken, chi squared, the coordinates (p,), the
     Gauss-Newton step from the best so far in standard deviations, and the trust in the model (one
-    over the damping)."""
+    over the damping; for whole steps, the part that is taken)."""
 
     number: int
     accepted: bool
@@ -137,13 +137,12 @@ def _begun(solver: Any, y: Any, at: Any) -> Any:
 
 
 @eqx.filter_jit
-def _advance(y: Any, arrays: Any, at: Any, strides: Any, tolerance: Any, trust: Any) -> Any:
+def _advance(y: Any, arrays: Any, at: Any, strides: Any, tolerance: Any) -> Any:
     """One step: the best so far, the state's arrays, whether to end, the decrement."""
     solver = _LevenbergMarquardt(_Strides(optx.DampedNewtonDescent(), strides), tolerance)
     begun = _begun(solver, y, at)
-    if arrays is None:
-        state = eqx.tree_at(lambda s: s.search_state.step_size, begun, trust)
-    else:
+    state = begun
+    if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(begun, eqx.is_array, True))
     y, state, _ = solver.step(_line, y, at, {}, state, frozenset())
     done, _ = solver.terminate(_line, y, at, {}, state, frozenset())
@@ -158,22 +157,15 @@ def search(
     tolerance: float,
     max_iterations: int,
     tell: Callable[[Iteration], None],
-    trust: float = 1.0,
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
     """Search the least squares from a start (p,), and tell every iteration.
-
-    `trust` in the model at first: one over the damping.
 
     **Returns:** the best evaluation, all iterations, and how it ended.
     """
     best = now = evaluate(start)
-    scales = _scales(now.jacobian)
+    scales = scales_of(now.jacobian)
     y, arrays, iterations = jnp.asarray(start * scales), None, []
-    limits = (
-        jnp.asarray(strides * scales),
-        jnp.asarray(tolerance, float),
-        jnp.asarray(trust, float),
-    )
+    limits = jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
     while True:
         at = jnp.asarray(now.coordinates * scales), *_compressed(now, scales)
         y, arrays, done, found = _advance(y, arrays, at, *limits)
@@ -197,7 +189,7 @@ def search(
         now = evaluate(np.asarray(arrays.y_eval) / scales)
 
 
-def _scales(jacobian: np.ndarray) -> np.ndarray:
+def scales_of(jacobian: np.ndarray) -> np.ndarray:
     """Norms of the columns; of one that is zero, that of the largest."""
     norms = np.linalg.norm(jacobian, axis=0)
     largest = norms.max() if norms.max() > 0.0 else 1.0

@@ -5,15 +5,20 @@ tell of, and least squares lead astray. So the record is cut into windows, each 
 followed, with starts of their own that are estimated too. H. G. Bock, *Recent advances in parameter
 identification techniques for ODE* (1983).
 
-The parameters of the guess should come from a fit of the record's beginning. With these the
-windows' starts are found one after the other, each near where the window before leads, so that all
-follow the data; and boundaries are moved into flight, since a start that may or may not touch makes
-the misfit jump. Then everything is fitted together, and what a window leads to and where the next
-one starts are tied ever more closely.
+The motion grows window by window. The first one is fitted by itself, like a short record. Each
+further one begins where the one before leads, so that there is no gap at first, and its own samples
+say little new: a few iterations bring all windows together to the data again, while their ends stay
+tied as closely as in the end. What one is tempted to do instead, to let all windows follow the data
+by themselves and to tie them afterwards, ends where neighbours have met different impacts. A window
+that can't be reached in one go is reached in halves. Windows meet in flight: a start that may or
+may not touch makes the misfit jump.
+
+Ties weigh a thousand times as much as samples, so steps are whole ones of Gauss and Newton
+(`gauss_newton`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -24,17 +29,17 @@ from ..integration import Integration
 from ..measurements import Measurements
 from ..scene import Scene
 from .fit import Fit, Search, Window
-from .identify import Tell, shown
-from .levenberg_marquardt import search
-from .shooting import BEFORE_LAST, Shooting
+from .identify import Tell, TellOf, shown
+from .gauss_newton import search
+from .shooting import AllEvaluated, Shooting
 from .starts import Guess, start_coordinates
 
-TRUST = 1e4
-"""In the model at first: gaps outweigh the data by far, and damping of what they weigh would hold
-the rest."""
-TIGHTENING = 12
-"""Iterations, at most, before gaps are counted more strictly: while they are wide, the data hardly
-see some combinations, along which a search would creep."""
+BEFORE_LAST = 0.1
+"""Tolerance, in standard deviations, of what is not fitted for the last time."""
+FAR = 1.0
+"""Gauss-Newton step, in standard deviations, with which a further window had better not begin."""
+HALVINGS = 2
+"""How often the way to the end of a window is halved if the search for it ends so far off."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +85,11 @@ def identify_by_shots(
       `max_iterations`, `tolerance`, `progress`: as in `identify`. An iteration runs all windows.
     - `boundaries`: rising times, s, inside the record, at which windows meet: shorter ones than the
       convergence horizon (see `horizon`), longer ones than it takes to see the state. Each is moved
-      to the sample in the later half of its window at which all contacts are farthest open.
-    - `continuity`: gap in m that counts as one standard deviation of a measurement in the end; in
-      velocities, a hundred times as much in m/s. At first it is the size of the gaps that are left
-      when every window follows the data by itself.
+      to the sample in the later half of its window at which all contacts are farthest open. The
+      first window is fitted as a record by itself: from a guess far off fit it by `identify`, with
+      `grow`, and pass what it finds as the guess.
+    - `continuity`: gap in m that counts as one standard deviation of a measurement; in velocities,
+      a hundred times as much in m/s. Integrate more closely than that.
 
     **Returns:** a `ShootingFit`; its covariance is that of the parameters, all starts estimated.
 
@@ -91,27 +97,53 @@ def identify_by_shots(
     """
     problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
-    at = problem.followed(row)
-    windows, best = [], None
+    at = problem.begin(row)
     with shown(progress, parameters, 1) as tell:
-        for size in problem.sizes(at, continuity):
-            last = size == continuity
-            best, iterations, ending = search(
-                partial(problem.evaluate, size=size),
-                at,
-                np.full(len(at), np.inf),
-                tolerance if last else BEFORE_LAST,
-                max_iterations if last else min(TIGHTENING, max_iterations),
-                lambda one: tell(problem.samples, problem.of_parameters(one)),
-                TRUST,
-            )
-            at = best.coordinates
-            windows.append(Window(float(problem.pieces[-1].end), iterations, ending))
-    assert best is not None
+        seek = _Seek(problem, continuity, tolerance, max_iterations, tell)
+        best = seek.reach(at, problem.ends[0])
+        for end in problem.ends[1:]:
+            problem.add(best)
+            best = seek.reach(best.coordinates, end)
     found = problem.condensed(best)
-    whole = Search(row, tuple(windows), found)
+    whole = Search(row, tuple(seek.windows), found)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
     made = problem.base.made(found.coordinates)
     fit = Fit(*made, dict(parameters), units, measurements, (whole,), whole)
     starts = [piece.start for piece in problem.pieces[1:]]
     return ShootingFit(fit, np.array(starts), best.gaps)
+
+
+@dataclass
+class _Seek:
+    """The searches, one after the other."""
+
+    problem: Shooting
+    continuity: float
+    tolerance: float
+    max_iterations: int
+    tell: TellOf
+    windows: list[Window] = field(default_factory=list)
+
+    def reach(self, at: np.ndarray, end: float, halvings: int = HALVINGS) -> AllEvaluated:
+        """The best with the last window up to an end, s, from unknowns `at`."""
+        _, reached = self.problem.reached
+        best = self._searched(at, end)
+        if self.windows[-1].iterations[-1].decrement < FAR or halvings == 0:
+            return best
+        for until in (0.5 * (reached + end), end):
+            best = self.reach(at, until, halvings - 1)
+            at = best.coordinates
+        return best
+
+    def _searched(self, at: np.ndarray, end: float) -> AllEvaluated:
+        problem = self.problem
+        problem.extend(end)
+        best, iterations, ending = search(
+            partial(problem.evaluate, size=self.continuity),
+            at,
+            self.tolerance if end == problem.ends[-1] else max(BEFORE_LAST, self.tolerance),
+            self.max_iterations,
+            lambda one: self.tell(problem.count, problem.of_parameters(one)),
+        )
+        self.windows.append(Window(float(end), iterations, ending))
+        return best

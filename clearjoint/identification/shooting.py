@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 from typing import Any
 
 import jax
@@ -19,24 +18,13 @@ from ..reductions import Quantity
 from ..results import RESULTS
 from ..scene import Scene
 from ..steps import Method
-from .levenberg_marquardt import SINGULAR, Iteration, search
+from .levenberg_marquardt import SINGULAR, Iteration
 from .record import Piece, Record
 from .residuals import Evaluated
 from .shooting_window import FreeStart, Shot, shot
 
 RATE = 100.0
 """1/s: gaps in velocities that count as much, over those in positions."""
-STRIDES = (1e-3, 1.0, 1.0)
-"""The farthest that one iteration moves a window's start: m and rad, m/s and rad/s, and logarithms
-of entry speeds."""
-TIGHTER = 10.0**0.5
-"""By how much less a gap between windows may be, from one round of the search to the next."""
-BEFORE_LAST = 0.1
-"""Tolerance, in standard deviations, of what is not fitted for the last time."""
-FOLLOWING = 20
-"""Iterations, at most, that bring a window's start to the data."""
-
-
 @dataclass(frozen=True)
 class AllEvaluated:
     """Residuals and Jacobian of data and gaps, at the coordinates of all unknowns."""
@@ -78,48 +66,51 @@ class Shooting:
         self._record = Record(measurements, boundaries, start_time)
         self.pieces: list[Piece] = []
         self.parameters = len(parameters)
-        self.samples = self._record.data.count
         self._nominal: list[tuple[Any, Any]] = []
+        self._speeds = self._free = 0
 
-    def sizes(self, at: np.ndarray, smallest: float) -> list[float]:
-        """Gaps that count as one standard deviation, m: from those there are to the smallest."""
-        found = self.evaluate(at, 1.0)
-        weighted = found.gaps * [self._weights(after) for after in found.shots[1:]]
-        size, sizes = float(np.sqrt(np.mean(weighted**2))), []
-        while size > smallest:
-            sizes.append(size)
-            size /= TIGHTER
-        return [*sizes, smallest]
+    @property
+    def ends(self) -> np.ndarray:
+        """Times, s, that the last window reaches for, one after the other."""
+        return self._record.cuts[1:]
 
-    def followed(self, row: np.ndarray) -> np.ndarray:
-        """All unknowns where each window, at the parameters of a guess (p,), follows the data from
-        about where the one before leads."""
-        cuts = self._record.cuts
-        self._nominal, self.pieces = [], [self._record.piece(cuts[0], cuts[1])]
-        unknowns, found = [row], self._alone(0, row)
-        for k, end in enumerate(cuts[2:], 1):
-            boundary = self._in_flight(k - 1, found.shots[0])
-            self.pieces[-1] = self._record.piece(self.pieces[-1].start, boundary)
-            own = unknowns[-1] if k > 1 else np.zeros(0)
-            before = self._alone(k - 1, np.concatenate([row, own])).shots[0]
-            self._nominal.append(before.reached)
-            self.pieces.append(self._record.piece(boundary, end))
-            free = self._free(k)
-            strides = self.strides()[-free:]
-            found, _, _ = search(
-                partial(self._held, k, row, strides),
-                np.zeros(free),
-                strides,
-                BEFORE_LAST,
-                FOLLOWING,
-                _say_nothing,
-            )
-            unknowns.append(found.coordinates)
-        return np.concatenate(unknowns)
+    @property
+    def reached(self) -> tuple[float, float]:
+        """Where the last window begins and, so far, ends, s."""
+        return self.pieces[-1].start, self.pieces[-1].end
 
-    def _in_flight(self, k: int, found: Shot) -> float:
-        """The sample in the later half of a window at which all contacts are farthest open."""
-        piece = self.pieces[k]
+    @property
+    def count(self) -> int:
+        """Number of samples in all windows."""
+        return sum(piece.data.count for piece in self.pieces)
+
+    def begin(self, row: np.ndarray) -> np.ndarray:
+        """All unknowns, those of the parameters (p,) given: the first window is there."""
+        start, end = self._record.cuts[:2]
+        self._nominal, self.pieces = [], [self._record.piece(start, end)]
+        variables, memory = jax.device_get(self._shot(0, row)).reached
+        mechanics = self.method.formulation.coordinates.mechanics(self.base.scene(row), variables)
+        self._speeds = len(mechanics.projected({}))
+        self._free = 2 * self._speeds + len(jax.tree.leaves(memory))
+        return np.concatenate([row, np.zeros(self._free * (len(self.ends) - 1))])
+
+    def extend(self, end: float) -> None:
+        """The last window reaches for a later end, s."""
+        self.pieces[-1] = self._record.piece(self.pieces[-1].start, end)
+
+    def add(self, best: AllEvaluated) -> None:
+        """A further window, as yet without samples, that begins in flight where the one before
+        leads."""
+        boundary, k = self._in_flight(best.shots[-1]), len(self.pieces) - 1
+        self.extend(boundary)
+        led = jax.device_get(self._shot(k, best.coordinates[self._places()[k]]))
+        self._nominal.append(led.reached)
+        self.pieces.append(self._record.piece(boundary, boundary))
+
+    def _in_flight(self, found: Shot) -> float:
+        """The sample in the later half of the last window at which all contacts are farthest
+        open."""
+        piece = self.pieces[-1]
         if not self.watched:
             return piece.end
         deepest = np.max([found.sampled.values[name] for name in self.watched], axis=0)
@@ -128,40 +119,9 @@ class Shooting:
         fine = later & found.sampled.reached
         return float(times[np.argmin(np.where(fine, deepest, np.inf))]) if fine.any() else piece.end
 
-    def _alone(self, k: int, values: np.ndarray) -> AllEvaluated:
-        """One window's data, at all of its unknowns."""
-        found = jax.device_get(self._shot(k, values))
-        residuals, jacobian = self._of_data(k, found, np.arange(len(values)), len(values))
-        return AllEvaluated(values, residuals, jacobian, np.zeros((0, 0)), [found])
-
-    def _held(self, k: int, row: np.ndarray, sizes: np.ndarray, at: np.ndarray) -> AllEvaluated:
-        """One window's data at its start's unknowns, which are held near zero to within `sizes`."""
-        found = self._alone(k, np.concatenate([row, at]))
-        return AllEvaluated(
-            at,
-            np.concatenate([found.residuals, at / sizes]),
-            np.concatenate([found.jacobian[:, self.parameters :], np.diag(1.0 / sizes)]),
-            found.gaps,
-            found.shots,
-        )
-
     def of_parameters(self, one: Iteration) -> Iteration:
         """The iteration without the starts' unknowns."""
         return replace(one, coordinates=one.coordinates[: self.parameters])
-
-    def _free(self, k: int) -> int:
-        """Number of unknowns of a window's start."""
-        if k == 0:
-            return 0
-        _, memory = self._nominal[k - 1]
-        return 2 * self._speeds + len(jax.tree.leaves(memory))
-
-    @cached_property
-    def _speeds(self) -> int:
-        """Number of speeds of the system."""
-        coordinates = self.method.formulation.coordinates
-        scene, (variables, _) = self.base.scene(np.zeros(self.parameters)), self._nominal[0]
-        return len(coordinates.mechanics(scene, variables).projected({}))
 
     def _shot(self, k: int, values: np.ndarray) -> Shot:
         piece = self.pieces[k]
@@ -183,15 +143,6 @@ class Shooting:
         outputs = self.outputs | self.watched
         return shot(self.method, family, outputs, piece.times, *numbers, limit)
 
-    def strides(self) -> np.ndarray:
-        """The farthest that one iteration changes each unknown."""
-        parts = [np.array([scale.stride for scale in self.scales])]
-        count = self._speeds
-        for _, memory in self._nominal:
-            entries = len(jax.tree.leaves(memory))
-            parts += [np.full(c, s) for c, s in zip((count, count, entries), STRIDES, strict=True)]
-        return np.concatenate(parts)
-
     def evaluate(self, at: np.ndarray, size: float) -> AllEvaluated:
         """Run all windows; gaps of `size` m count as one standard deviation."""
         shots, places = [], self._places()
@@ -209,13 +160,9 @@ class Shooting:
 
     def _places(self) -> list[np.ndarray]:
         """Which unknowns are each window's."""
-        own, first = np.arange(self.parameters), self.parameters
-        places = [own]
-        for k in range(1, len(self.pieces)):
-            count = self._free(k)
-            places.append(np.concatenate([own, np.arange(first, first + count)]))
-            first += count
-        return places
+        own, count = np.arange(self.parameters), self._free
+        firsts = self.parameters + count * np.arange(len(self.pieces) - 1)
+        return [own, *(np.concatenate([own, first + np.arange(count)]) for first in firsts)]
 
     def _of_data(
         self, k: int, found: Shot, place: np.ndarray, unknowns: int
@@ -267,10 +214,6 @@ class Shooting:
             float(best.shots[-1].sampled.time),
             sum(int(found.sampled.attempts) for found in best.shots),
         )
-
-
-def _say_nothing(iteration: Iteration) -> None:
-    del iteration
 
 
 def _norms(jacobian: np.ndarray) -> np.ndarray:
