@@ -98,6 +98,7 @@ FLOORS = (
         "sweeps.sweep",
         "identification.residuals",
         "identification.levenberg_marquardt",
+        "identification.gauss_newton",
         "identification.starts",
         "identification.statistics",
         "identification.tables",

@@ -1,15 +1,28 @@
 """Multiple shooting: pieces that become one motion, and the same estimates as a single run."""
 
+import dataclasses
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.identification import gauss_newton, multiple_shooting
+from studies.identification import TRUTH, ideal
+from studies.shooting import by_shots
 
 Q = cj.quantities
 STIFFNESS, START, END = 50.0, 0.3, 3.0
 TIMES = np.linspace(0.05, END, 60)
 CUTS = [0.7, 1.4, 2.2]
 PARAMETERS = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+
+
+@dataclass(frozen=True)
+class Found:
+    coordinates: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
 
 
 def _oscillator(stiffness=STIFFNESS):
@@ -39,7 +52,7 @@ def test_pieces_become_one_motion(fits):
     assert pieces.fit.ending is cj.Ending.CONVERGED
     np.testing.assert_array_equal(pieces.boundaries, CUTS)
     assert pieces.gaps.shape == (3, 13)
-    assert np.abs(pieces.gaps).max() < 1e-8
+    assert np.abs(pieces.gaps).max() < 1e-10
     assert "4 windows, gaps between them at most" in str(pieces)
 
 
@@ -68,3 +81,68 @@ def test_a_guess_far_off_is_led_back_where_a_single_run_goes_astray(factor):
 def test_boundaries_that_cut_nothing_are_refused(boundaries):
     with pytest.raises(ValueError, match="`boundaries` must be rising times between"):
         cj.identify_by_shots(*_oscillator(), _measured(), PARAMETERS, boundaries)
+
+
+def test_a_window_out_of_reach_is_reached_in_halves(monkeypatch):
+    arguments = *_oscillator(), _measured(), PARAMETERS, [0.7, 2.2]
+    ends = []
+    real = multiple_shooting.search
+
+    def first_fails(evaluate, at, tolerance, most, tell):
+        found, iterations, ending = real(evaluate, at, tolerance, most, tell)
+        far = len(ends) == 1
+        ends.append(iterations[-1])
+        last = dataclasses.replace(iterations[-1], decrement=2.0) if far else iterations[-1]
+        return found, (*iterations[:-1], last), ending
+
+    monkeypatch.setattr(multiple_shooting, "search", first_fails)
+    pieces = cj.identify_by_shots(*arguments, progress=False)
+    reached = [window.end_time for window in pieces.fit.best.windows]
+    assert reached == pytest.approx([0.7, 2.2, 1.45, 2.2, 3.0])
+    assert pieces.fit.ending is cj.Ending.CONVERGED
+
+
+def _valley(at):
+    """Rosenbrock's, a thousand times as steep: (1, 1) at the end of a curved valley."""
+    x, y = at
+    residuals = np.array([1e4 * (y - x * x), 1.0 - x])
+    return Found(np.array(at), residuals, np.array([[-2e4 * x, 1e4], [-1.0, 0.0]]))
+
+
+def test_whole_steps_leave_a_steep_valley_and_come_back():
+    """By hand: the first step goes to x = 1 and leaves the valley, the second goes back to it."""
+    found, iterations, ending = gauss_newton.search(
+        _valley, np.array([-1.2, 1.44]), 1e-6, 20, lambda one: None
+    )
+    assert ending is cj.Ending.CONVERGED
+    np.testing.assert_allclose(found.coordinates, 1.0, rtol=1e-12)
+    assert [one.accepted for one in iterations] == [True, False, True]
+
+
+def test_a_search_returns_to_the_best_where_steps_lead_nowhere():
+    """The root of |x|: a whole step leads to its mirror image, a quarter of it half the way."""
+
+    def root(at):
+        value = 1e3 * np.sqrt(np.abs(at))
+        return Found(np.array(at), value, np.diag(0.5 * value / at))
+
+    found, iterations, ending = gauss_newton.search(
+        root, np.array([1.0]), 1e-3, 300, lambda one: None
+    )
+    assert ending is cj.Ending.CONVERGED
+    assert found.coordinates[0] == pytest.approx(0.0, abs=1e-8)
+    assert iterations[1].coordinates[0] == pytest.approx(-1.0)
+    assert not iterations[1].accepted
+
+
+@pytest.mark.slow
+def test_the_pendulum_over_five_horizons():
+    """Probes over 0.185 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
+    clean, _ = ideal("probes", 0.185)
+    attempt, pieces = by_shots(clean.with_noise(np.random.default_rng(0)), 0.185)
+    assert np.abs(pieces.gaps).max() < 1e-8
+    assert 0.95 < pieces.fit.chi_squared / pieces.fit.samples < 1.05
+    for name, value in TRUTH.items():
+        error = attempt.fit.standard_errors[name]
+        assert abs(attempt.fit.estimates[name] - value) < 4.0 * error
+    assert attempt.fit.standard_errors["young"] < 2e-3 * TRUTH["young"]

@@ -29,8 +29,8 @@ from ..integration import Integration
 from ..measurements import Measurements
 from ..scene import Scene
 from .fit import Fit, Search, Window
-from .identify import Tell, TellOf, shown
 from .gauss_newton import search
+from .identify import Tell, TellOf, shown
 from .shooting import AllEvaluated, Shooting
 from .starts import Guess, start_coordinates
 

@@ -25,6 +25,8 @@ from .shooting_window import FreeStart, Shot, shot
 
 RATE = 100.0
 """1/s: gaps in velocities that count as much, over those in positions."""
+
+
 @dataclass(frozen=True)
 class AllEvaluated:
     """Residuals and Jacobian of data and gaps, at the coordinates of all unknowns."""

@@ -1,0 +1,141 @@
+"""The double pendulum identified from a record five times as long as a single run can use.
+
+    python -m studies.shooting [--draws 3] [--quick] [--output results/shooting]
+
+Proximity probes (5 µm, 10 kHz) over 0.185 s, the guess of `studies.identification` that is stiff
+and wide: a single run at once, a single run over growing windows, and multiple shooting, from a
+fit to the first 60 ms, in windows of 8 ms. The figure follows the first draw: what the estimates
+are off while the record grows. ``--quick`` ends at 0.08 s and leaves out the single runs.
+"""
+
+import argparse
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import clearjoint as cj
+
+from .horizon import said
+from .identification import PARAMETERS, STARTS, TRUTH, WINDOWS, ideal
+from .output import Output
+
+BEGINNING, WIDTH, END = 0.06, 8e-3, 0.185
+"""The first window, the others, and the record, s."""
+CLOSE = cj.Integration(rtol=1e-10, max_steps=20_000)
+"""Closer than the ties between windows; a run with absurd parameters is given up."""
+GUESS = STARTS["stiff, wide"]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A fit in one way, and how long it took, s."""
+
+    way: str
+    fit: cj.Fit
+    seconds: float
+
+    def row(self) -> str:
+        """A line of the table."""
+        off = self.fit.estimates, self.fit.standard_errors
+        errors = [f"{off[0][n] / TRUTH[n] - 1:+.1e} ({off[1][n] / TRUTH[n]:.0e})" for n in TRUTH]
+        a_sample = self.fit.chi_squared / self.fit.samples
+        runs = f"{self.fit.best.evaluations}"
+        cells = [self.way, f"{a_sample:.4g}", *errors, runs, f"{self.seconds:.0f}"]
+        return f"| {' | '.join(cells)} |"
+
+
+def single(data: cj.Measurements, limits: cj.Horizon | None, grow: list[float]) -> Attempt:
+    """A fit by a single run."""
+    begun = time.perf_counter()
+    fit = cj.identify(
+        *cj.double_pendulum(),
+        data,
+        PARAMETERS,
+        guess=GUESS,
+        grow=grow,
+        horizon=limits,
+        integration=CLOSE,
+        progress=False,
+    )
+    way = "single run, growing windows" if grow else "single run, at once"
+    return Attempt(way, fit, time.perf_counter() - begun)
+
+
+def by_shots(data: cj.Measurements, end: float) -> tuple[Attempt, cj.ShootingFit]:
+    """A fit by windows, from one of the record's beginning."""
+    begun = time.perf_counter()
+    parts = {name: series.between(0.0, BEGINNING) for name, series in data.series.items()}
+    beginning = cj.Measurements({name: part for name, part in parts.items() if part is not None})
+    first = single(beginning, None, [t for t in WINDOWS if t < BEGINNING]).fit
+    found = cj.identify_by_shots(
+        *cj.double_pendulum(),
+        data,
+        PARAMETERS,
+        np.arange(BEGINNING, end - 0.25 * WIDTH, WIDTH).tolist(),
+        guess=first.estimates,
+        integration=CLOSE,
+        progress=False,
+    )
+    return Attempt("multiple shooting", found.fit, time.perf_counter() - begun), found
+
+
+def figure(found: cj.ShootingFit, limit: float) -> Figure:
+    """What the estimates are off, by the end of the record, and the gaps that are left."""
+    drawn = Figure(figsize=(9.5, 3.8), layout="constrained")
+    left, right = drawn.subplots(1, 2)
+    windows = found.fit.best.windows
+    ends = [1e3 * window.end_time for window in windows]
+    for name, parameter in PARAMETERS.items():
+        taken = [[i for i in window.iterations if i.accepted][-1] for window in windows]
+        column = list(PARAMETERS).index(name)
+        values = [float(parameter.scale.value(one.coordinates[column])) for one in taken]
+        left.semilogy(ends, np.abs(np.array(values) / TRUTH[name] - 1), "o-", ms=3, label=name)
+    for k, style in ((1, ":"), (5, "--")):
+        label = "horizon" if k == 1 else "five horizons"
+        left.axvline(1e3 * k * limit, color="0.4", ls=style, label=label)
+    left.set(xlabel="end of the record, ms", ylabel="relative error of the estimate, 1")
+    left.legend(fontsize=8)
+    right.semilogy(1e3 * found.boundaries, np.abs(found.gaps).max(axis=1), "o", ms=4)
+    right.set(xlabel="boundary between windows, ms", ylabel="largest gap, m or m/s")
+    return drawn
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print the table and draw the figure."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="0.08 s, and no single runs")
+    parser.add_argument("--draws", type=int, default=3)
+    parser.add_argument("--output", type=Path, default=Path("results/shooting"))
+    options = parser.parse_args(arguments)
+    output = Output(options.output, options.quick)
+    output.folder.mkdir(parents=True, exist_ok=True)
+    end = 0.08 if options.quick else END
+    limits = said(0.05 if options.quick else 0.2)
+    limit = min(guess.since for guess in limits.guesses)
+    clean, _ = ideal("probes", end)
+    print(f"{end} s, {end / limit:.2g} times the horizon of the worst guess")
+    heads = ["way", "chi2/N", *(f"{n}: error (standard error)" for n in TRUTH), "runs", "s"]
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|", flush=True)
+    for draw in range(1 if options.quick else options.draws):
+        data = clean.with_noise(np.random.default_rng(draw))
+        if draw == 0 and not options.quick:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                print(single(data, limits, []).row(), flush=True)
+            print(*(f"(warned: {one.message})" for one in caught), sep="\n")
+            grow = [*WINDOWS, *np.arange(0.1, END, 0.01)]
+            print(single(data, None, grow).row(), flush=True)
+        attempt, found = by_shots(data, end)
+        print(attempt.row(), flush=True)
+        print(f"  {found.fit.ending.value}; largest gap {np.abs(found.gaps).max():.1e}", flush=True)
+        if draw == 0:
+            output.save(figure(found, limit), "shooting")
+
+
+if __name__ == "__main__":
+    cj.configure()
+    main()
