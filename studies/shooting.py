@@ -2,7 +2,7 @@
 
     python -m studies.shooting [--draws 3] [--quick] [--output results/shooting]
 
-Proximity probes (5 µm, 10 kHz) over 0.185 s, the guess of `studies.identification` that is stiff
+Proximity probes (5 µm, 10 kHz) over 0.187 s, the guess of `studies.identification` that is stiff
 and wide: a single run at once, a single run over growing windows, and multiple shooting, from a
 fit to the first 60 ms, in windows of 8 ms. The figure follows the first draw: what the estimates
 are off while the record grows. ``--quick`` ends at 0.08 s and leaves out the single runs.
@@ -23,7 +23,7 @@ from .horizon import said
 from .identification import PARAMETERS, STARTS, TRUTH, WINDOWS, ideal
 from .output import Output
 
-BEGINNING, WIDTH, END = 0.06, 8e-3, 0.185
+BEGINNING, WIDTH, END = 0.06, 8e-3, 0.187
 """The first window, the others, and the record, s."""
 CLOSE = cj.Integration(rtol=1e-10, max_steps=20_000)
 """Closer than the ties between windows; a run with absurd parameters is given up."""

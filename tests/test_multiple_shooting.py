@@ -9,7 +9,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.identification import gauss_newton, multiple_shooting
 from studies.identification import TRUTH, ideal
-from studies.shooting import by_shots
+from studies.shooting import END, by_shots
 
 Q = cj.quantities
 STIFFNESS, START, END = 50.0, 0.3, 3.0
@@ -137,9 +137,9 @@ def test_a_search_returns_to_the_best_where_steps_lead_nowhere():
 
 @pytest.mark.slow
 def test_the_pendulum_over_five_horizons():
-    """Probes over 0.185 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
-    clean, _ = ideal("probes", 0.185)
-    attempt, pieces = by_shots(clean.with_noise(np.random.default_rng(0)), 0.185)
+    """Probes over 0.187 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
+    clean, _ = ideal("probes", END)
+    attempt, pieces = by_shots(clean.with_noise(np.random.default_rng(0)), END)
     assert np.abs(pieces.gaps).max() < 1e-8
     assert 0.95 < pieces.fit.chi_squared / pieces.fit.samples < 1.05
     for name, value in TRUTH.items():
