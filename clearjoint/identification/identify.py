@@ -19,6 +19,8 @@ from .fit import Fit, Search, Window
 from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
 from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
+from .screening import Screened, Screening, screen
+from .side_by_side import SideBySide
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
@@ -27,6 +29,8 @@ TellOf = Callable[[int, Iteration], None]
 
 WINDOW_TOLERANCE = 0.1
 """Tolerance of windows that others follow."""
+LOOSER = 1000.0
+"""Tolerance of the integration of runs that only screen, over that of the fit."""
 
 
 def identify(
@@ -37,7 +41,7 @@ def identify(
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
-    starts: Starts | None = None,
+    starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
     integration: Integration | None = None,
     max_iterations: int = 100,
@@ -54,8 +58,9 @@ def identify(
     - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
     - `guess`: values to start from, by name; those of the scene for others. A list of them is as
       many starts.
-    - `starts`: further starts drawn around the first guess; see `Starts`. The best end wins, and
-      `Fit.searches` has all.
+    - `starts`: further starts drawn around the first guess; see `Starts`. Or a `Screening` that
+      finds them by many runs without derivatives, for guesses so far off that no start leads
+      anywhere. The best end wins, and `Fit.searches` has all.
     - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
       where the one before ended. After some impacts small errors of parameters have grown so far
       that a start farther off finds no way down. In these windows a stride of each scale holds
@@ -96,7 +101,7 @@ def identify_many(
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
-    starts: Starts | None = None,
+    starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
     integration: Integration | None = None,
     max_iterations: int = 100,
@@ -113,7 +118,14 @@ def identify_many(
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
     runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
-    rows = start_coordinates(scene, state, parameters, guess, starts)
+    drawn = starts if isinstance(starts, Starts) else None
+    rows = start_coordinates(scene, state, parameters, guess, drawn)
+    screens = None
+    if isinstance(starts, Screening):
+        require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
+        coarse = _coarse(integration)
+        sides = experiment(scene, state, parameters, outputs, times, start_time, coarse)
+        screens = partial(_screened, starts, sides, rows[0], tuple(parameters), progress is True)
     strides = np.array([parameter.scale.stride for parameter in parameters.values()])
     ends = [*grow, float(times[-1])]
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
@@ -122,13 +134,14 @@ def identify_many(
     with shown(progress, parameters, len(measurements) * len(rows)) as tell:
         for one in measurements:
             data = samples(one, len(runs.times))
+            screened = None if screens is None else screens(data)
             found = [
                 _searched(runs, data, row, ends, strides, tolerance, max_iterations, tell)
-                for row in rows
+                for row in (rows if screened is None else screened.starts)
             ]
             best = min(found, key=lambda search: search.best.chi_squared)
             made = runs.family.made(best.best.coordinates)
-            fits.append(Fit(*made, dict(parameters), units, one, tuple(found), best))
+            fits.append(Fit(*made, dict(parameters), units, one, tuple(found), best, screened))
     return fits
 
 
@@ -162,6 +175,24 @@ def _searched(
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
+
+
+def _screened(
+    screening: Screening,
+    runs: Experiment,
+    centre: np.ndarray,
+    names: tuple[str, ...],
+    progress: bool,
+    data: Samples,
+) -> Screened:
+    """Screened for a set of measurements."""
+    return screen(screening, SideBySide(runs, data), centre, names, progress)
+
+
+def _coarse(integration: Integration | None) -> Integration:
+    """The integration of runs that only screen."""
+    integration = Integration() if integration is None else integration
+    return replace(integration, rtol=LOOSER * integration.rtol)
 
 
 def _held(

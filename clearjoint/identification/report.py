@@ -72,4 +72,8 @@ def _searches(fit: Any) -> str:
         chosen = " *" if search is fit.best else ""
         chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
         rows.append([f"{number}{chosen}", chi_squared, runs, search.ending.value])
-    return "\n".join(aligned(rows))
+    table = "\n".join(aligned(rows))
+    if fit.screened is None:
+        return table
+    rounds = len(fit.screened.times)
+    return f"from screening by {fit.screened.runs} runs in {rounds} rounds:\n{table}"
