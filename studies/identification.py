@@ -140,9 +140,10 @@ def study(sensor: str, hows: Sequence[str], end_time: float, folder: Path) -> No
             fits.append(found)
             values = ", ".join(f"{name} {value:.5g}" for name, value in found.estimates.items())
             fit_of = found.chi_squared / found.samples
+            runs = f"{attempt.runs:5d} + {attempt.screening:4d} runs"
             print(
                 f"{label:14s}{how:20s}{found.ending.name:11s}chi2/N {fit_of:8.4f}  "
-                f"{attempt.runs:5d} + {attempt.screening:4d} runs {attempt.seconds:6.1f} s  {values}",
+                f"{runs} {attempt.seconds:6.1f} s  {values}",
                 flush=True,
             )
     best = min(fits, key=lambda found: found.chi_squared)
