@@ -21,6 +21,8 @@ from ..vectors import structured
 from .residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"
+TOGETHER = 64
+"""Runs whose samples are compared with the data at once."""
 
 
 @dataclass(frozen=True)
@@ -53,16 +55,28 @@ class SideBySide:
         their samples.
         """
         curves = np.zeros((len(coordinates), count + 1))
+        waiting: dict[int, np.ndarray] = {}
+
+        def take() -> None:
+            lanes = list(waiting)
+            rows = np.stack([waiting.pop(lane) for lane in lanes])
+            filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            found = np.asarray(_cumulated(self.data, filled, smoothing))
+            curves[lanes, 1:] = found[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
             rows, reached = ended.logs[LOG]
             predicted = np.stack([rows[name] for name in self.runs.names])
             predicted[:, reached:] = np.nan
-            curves[ended.lane, 1:] = _cumulated(self.data, predicted, smoothing)[:count]
+            waiting[ended.lane] = predicted
+            if len(waiting) == TOGETHER:
+                take()
 
         devices = jax.devices()
         batch = Batch(self._common, self._tasks(coordinates, count), devices, extent(devices))
         batch.run(range(len(coordinates)), on_ended)
+        if waiting:
+            take()
         return curves
 
     def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
@@ -98,9 +112,9 @@ def _made(runs: Experiment, varied: Any, coordinates: np.ndarray) -> tuple[Any, 
 
 @eqx.filter_jit
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Chi squared (T,) up to each time, of residuals or of their means."""
-    residuals = jnp.clip(data.residuals(predicted), -UNREACHED, UNREACHED)
+    """Chi squared (n, T) up to each time of predictions (n, S, T), by residuals or their means."""
+    residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:
-        sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (smoothing, 0))), axis=1)
-        residuals = (sums[:, smoothing:] - sums[:, :-smoothing]) / smoothing
-    return jnp.cumsum((residuals**2).sum(axis=0))
+        sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)
+        residuals = (sums[..., smoothing:] - sums[..., :-smoothing]) / smoothing
+    return jnp.cumsum((residuals**2).sum(axis=1), axis=1)
