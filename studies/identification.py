@@ -120,8 +120,7 @@ def fit(data: cj.Measurements, guess: dict[str, float], how: str, end_time: floa
         )
     )
     runs = sum(search.evaluations for one in fits for search in one.searches)
-    screened = fits[-1].screened
-    screening = 0 if screened is None else screened.runs
+    screening = sum(one.runs for one in fits[-1].screened)
     return Attempt(fits[-1], runs, time.perf_counter() - begun, screening)
 
 

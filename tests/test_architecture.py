@@ -114,6 +114,7 @@ FLOORS = (
         "identification.ways",
         "identification.shots",
         "identification.horizon",
+        "identification.passes",
         "identification.identify",
         "identification.record",
         "identification.shooting_window",

@@ -74,7 +74,7 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
     low, high = screened.intervals["stiffness"]
     assert low < STIFFNESS < high and high - low < 0.01 * STIFFNESS
     assert screened.warnings == []
-    found = screened.screened
+    (found,) = screened.screened
     assert found.complete and found.times[-1] == TIMES[-1]
     assert found.points.shape == (10, 1) and len(found.times) < 15
     assert found.runs >= 4 * 40 + (len(found.times) - 1) * (40 + 10)
@@ -86,7 +86,18 @@ def test_a_screening_that_does_not_come_to_the_end_says_so(data):
     few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
     (warning,) = [text for text in few.warnings if text.startswith("Screening came to")]
     assert warning.endswith("s only: allow more rounds.")
-    assert not few.screened.complete and len(few.screened.times) == 2
+    (found,) = few.screened
+    assert not found.complete and len(found.times) == 2
+
+
+def test_what_noise_does_not_explain_is_screened_anew(data):
+    understated = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, data["x"].values, NOISE / 2)})
+    starts = cj.Screening(40, spread=1.5, keep=10, finish=1, smoothing=1, passes=2)
+    fit = fitted(understated, starts=starts)
+    first, second = fit.screened
+    assert len(fit.searches) == 2 and first.starts != second.starts
+    assert fit.estimates["stiffness"] == pytest.approx(STIFFNESS, rel=0.01)
+    assert "noise is understated" in fit.warnings[-1]
 
 
 @pytest.mark.parametrize(

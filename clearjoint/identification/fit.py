@@ -18,8 +18,6 @@ from .report import report
 from .residuals import Evaluated
 from .screening import Screened
 
-UNLIKELY = 1e-3
-"""Probability of chi squared below which a fit says that noise or model are wrong."""
 AT_BOUND = 1e-3
 """Distance from a bound, as a part of what is between the bounds, that counts as at it."""
 
@@ -59,7 +57,7 @@ class Fit:
 
     `scene` and `state` have the estimates in their places. `parameters` and `units` are by name, in
     the order of all arrays; `searches` has every start, of which `best` led farthest down;
-    `screened` is what a `Screening` left.
+    `screened` is what each pass of a `Screening` left.
     """
 
     scene: Scene
@@ -69,7 +67,7 @@ class Fit:
     measurements: Measurements
     searches: tuple[Search, ...]
     best: Search
-    screened: Screened | None = None
+    screened: tuple[Screened, ...] = ()
 
     @property
     def ending(self) -> Ending:
@@ -189,8 +187,8 @@ class Fit:
         found = []
         if self.ending is not Ending.CONVERGED:
             found.append(f"Not converged: {self.ending.value}.")
-        if self.screened is not None and not self.screened.complete:
-            end = self.screened.times[-1]
+        if self.screened and not self.screened[-1].complete:
+            end = self.screened[-1].times[-1]
             found.append(f"Screening came to {end:.4g} s only: allow more rounds.")
         return found
 
@@ -241,12 +239,12 @@ class Fit:
         if self.freedom < 1:
             return []
         scatter = math.sqrt(self.chi_squared / self.freedom)
-        if self.p_value < UNLIKELY:
+        if self.p_value < statistics.UNLIKELY:
             return [
                 f"Residuals are {scatter:.3g} times the stated noise: the noise is understated, or "
                 "the model lacks something."
             ]
-        if self.p_value > 1.0 - UNLIKELY:
+        if self.p_value > 1.0 - statistics.UNLIKELY:
             return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
         return []
 

@@ -18,9 +18,9 @@ from ..scene import Scene
 from .fit import Fit, Search, Window
 from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
+from .passes import Passes, coarser, lowest
 from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
-from .screening import Screened, Screening, screen
-from .side_by_side import SideBySide
+from .screening import Screened, Screening
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
@@ -29,8 +29,6 @@ TellOf = Callable[[int, Iteration], None]
 
 WINDOW_TOLERANCE = 0.1
 """Tolerance of windows that others follow."""
-LOOSER = 1000.0
-"""Tolerance of the integration of runs that only screen, over that of the fit."""
 
 
 def identify(
@@ -123,9 +121,9 @@ def identify_many(
     screens = None
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
-        coarse = _coarse(integration)
+        coarse = coarser(integration)
         sides = experiment(scene, state, parameters, outputs, times, start_time, coarse)
-        screens = partial(_screened, starts, sides, rows[0], tuple(parameters), progress is True)
+        screens = Passes(starts, sides, rows[0], tuple(parameters), progress is True)
     strides = np.array([parameter.scale.stride for parameter in parameters.values()])
     ends = [*grow, float(times[-1])]
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
@@ -134,26 +132,29 @@ def identify_many(
     with shown(progress, parameters, len(measurements) * len(rows)) as tell:
         for one in measurements:
             data = samples(one, len(runs.times))
-            screened = None if screens is None else screens(data)
-            found = [
-                _searched(runs, data, row, ends, strides, tolerance, max_iterations, tell)
-                for row in (rows if screened is None else screened.starts)
-            ]
-            best = min(found, key=lambda search: search.best.chi_squared)
+            searched = partial(
+                _searched, runs, data, ends, strides, tolerance, max_iterations, tell
+            )
+            screened: tuple[Screened, ...] = ()
+            if screens is None:
+                found = tuple(map(searched, rows))
+            else:
+                found, screened = screens.searches(data, searched)
+            best = lowest(found)
             made = runs.family.made(best.best.coordinates)
-            fits.append(Fit(*made, dict(parameters), units, one, tuple(found), best, screened))
+            fits.append(Fit(*made, dict(parameters), units, one, found, best, screened))
     return fits
 
 
 def _searched(
     runs: Experiment,
     data: Samples,
-    start: np.ndarray,
     ends: Sequence[float],
     strides: np.ndarray,
     tolerance: float,
     max_iterations: int,
     tell: TellOf,
+    start: np.ndarray,
 ) -> Search:
     """The windows fitted one after the other."""
     windows, at = [], start
@@ -175,24 +176,6 @@ def _searched(
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
-
-
-def _screened(
-    screening: Screening,
-    runs: Experiment,
-    centre: np.ndarray,
-    names: tuple[str, ...],
-    progress: bool,
-    data: Samples,
-) -> Screened:
-    """Screened for a set of measurements."""
-    return screen(screening, SideBySide(runs, data), centre, names, progress)
-
-
-def _coarse(integration: Integration | None) -> Integration:
-    """The integration of runs that only screen."""
-    integration = Integration() if integration is None else integration
-    return replace(integration, rtol=LOOSER * integration.rtol)
 
 
 def _held(

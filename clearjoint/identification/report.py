@@ -73,7 +73,8 @@ def _searches(fit: Any) -> str:
         chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
         rows.append([f"{number}{chosen}", chi_squared, runs, search.ending.value])
     table = "\n".join(aligned(rows))
-    if fit.screened is None:
+    if not fit.screened:
         return table
-    rounds = len(fit.screened.times)
-    return f"from screening by {fit.screened.runs} runs in {rounds} rounds:\n{table}"
+    runs = sum(one.runs for one in fit.screened)
+    rounds = sum(len(one.times) for one in fit.screened)
+    return f"from screening by {runs} runs in {rounds} rounds:\n{table}"

@@ -52,6 +52,8 @@ class Screening:
     - `smoothing`: number of times over which residuals are averaged, so that predicted and
       measured peaks that just miss each other are told from those that are far apart.
     - `rounds`: at most.
+    - `passes`: at most. Another one, with other random numbers, follows while the best search ends
+      at a chi squared that noise does not explain.
     - `seed`: of the generator.
     """
 
@@ -61,10 +63,11 @@ class Screening:
     finish: int = 4
     rounds: int = 60
     smoothing: int = 10
+    passes: int = 3
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("number", "finish", "rounds", "smoothing"):
+        for name in ("number", "finish", "rounds", "smoothing", "passes"):
             value = getattr(self, name)
             require(value > 0, name, value, "positive", "leave it at its default")
         fits = self.finish <= self.keep and FEW < self.keep <= FIRST * self.number
@@ -96,12 +99,13 @@ def screen(
     lanes: SideBySide,
     centre: np.ndarray,
     names: Sequence[str],
+    number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around a guess (p,)."""
+    """Screen the box around a guess (p,); `number` is that of the pass."""
     spread = half_widths(screening.spread, names)
     excess = float(stats.chi2.ppf(LEVEL, len(centre)))
-    generator = np.random.default_rng(screening.seed)
+    generator = np.random.default_rng(screening.seed + number)
     points = centre + spread * evenly(FIRST * screening.number, len(centre), generator)
     ahead = max(lanes.count // EIGHTH, 1)
     times, runs = [], 0
