@@ -3,8 +3,8 @@
 ``python -m studies.identification [--quick]``: c = 0.5 mm, e = 0.9, steel, 0.1 s at 10 kHz, seen by
 proximity probes at both bases (5 µm), accelerometers at both arms' centres (5 m/s^2) or a camera
 (positions of both centres, 75 µm). Young's modulus starts a factor 5 off, restitution at 0.6, the
-clearance 20 % off. A table says how each search ended, beside the Cramér-Rao bounds; figures of the
-fits go to `results/identification`. ``--quick`` fits the probes to 0.03 s.
+clearance 20 % off. A table says how each search ended, and after how many runs with and without
+derivatives, beside the Cramér-Rao bounds; figures of the fits go to `results/identification`. ``--quick`` fits the probes to 0.03 s.
 """
 
 import argparse

@@ -56,9 +56,10 @@ def identify(
     - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
     - `guess`: values to start from, by name; those of the scene for others. A list of them is as
       many starts.
-    - `starts`: further starts drawn around the first guess; see `Starts`. Or a `Screening` that
-      finds them by many runs without derivatives, for guesses so far off that no start leads
-      anywhere. The best end wins, and `Fit.searches` has all.
+    - `starts`: further starts drawn around the first guess; see `Starts`. Or a `Screening` round
+      the only guess, which finds starts by many runs without derivatives where no slope leads to
+      the truth. The best end wins, `Fit.searches` has all, and `Fit.rivals` are minima that the
+      data do not tell from it.
     - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
       where the one before ended. After some impacts small errors of parameters have grown so far
       that a start farther off finds no way down. In these windows a stride of each scale holds
