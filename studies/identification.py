@@ -4,7 +4,8 @@
 proximity probes at both bases (5 µm), accelerometers at both arms' centres (5 m/s^2) or a camera
 (positions of both centres, 75 µm). Young's modulus starts a factor 5 off, restitution at 0.6, the
 clearance 20 % off. A table says how each search ended, and after how many runs with and without
-derivatives, beside the Cramér-Rao bounds; figures of the fits go to `results/identification`. ``--quick`` fits the probes to 0.03 s.
+derivatives, beside the Cramér-Rao bounds; figures of the fits go to `results/identification`.
+``--quick`` fits the probes to 0.03 s.
 """
 
 import argparse

@@ -8,7 +8,7 @@ import pytest
 
 from studies import identification_today, recovery
 from studies.baselines.scipy_fit import fit, probes
-from studies.identification import PARAMETERS, TRUTH
+from studies.identification import PARAMETERS, STARTS, TRUTH, ideal
 from studies.recovery import Recovery, coordinates
 
 
@@ -78,3 +78,12 @@ def test_quick_recovery_prints_a_row(capsys):
     recovery.main(["--quick"])
     cells = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].split("|")]
     assert cells[1] == "probes, truth, at once" and cells[2:4] == ["2", "0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", STARTS)
+def test_accelerometers_come_home_from_far_starts(start):
+    clean, bounds = ideal("accelerometers", 0.1)
+    found = recovery.recovery(clean, bounds, STARTS[start], "screened", 1, 0.1)
+    assert not found.astray.any()
+    assert found.attempts[0].found.warnings == []
