@@ -9,6 +9,7 @@ It shrinks level sets like nested sampling (J. Skilling, *Nested sampling for ge
 computation*, 2006), of a misfit that grows with the record.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -70,6 +71,10 @@ class Screening:
         for name in ("number", "finish", "rounds", "smoothing", "passes"):
             value = getattr(self, name)
             require(value > 0, name, value, "positive", "leave it at its default")
+        sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
+        wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
+        remedy = "pass how far the guess may be off, and leave out what is not in doubt"
+        require(wide, "spread", self.spread, "finite and positive", remedy)
         fits = self.finish <= self.keep and FEW < self.keep <= FIRST * self.number
         expected = f"above {FEW}, at least finish = {self.finish}, at most {FIRST} times number"
         require(fits, "keep", self.keep, expected, "keep about a fifth of number")
