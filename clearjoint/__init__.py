@@ -40,6 +40,8 @@ from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
 from .identification.multiple_shooting import ShootingFit as ShootingFit
 from .identification.multiple_shooting import identify_by_shots as identify_by_shots
+from .identification.screening import Screened as Screened
+from .identification.screening import Screening as Screening
 from .identification.sensors import Sensor as Sensor
 from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts

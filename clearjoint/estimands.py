@@ -104,6 +104,17 @@ class ParametrisedScene(AbstractFamily):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
+    def varied(self) -> Any:
+        """Which leaves of the scene depend on the parameters: booleans in its place."""
+        found: list[bool] = []
+
+        def made(values: Any) -> Any:
+            found[:] = [isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self.made(values)[0])]
+            return values
+
+        jax.eval_shape(made, np.zeros(len(self.changes)))
+        return jax.tree.unflatten(jax.tree.structure(self.base[0]), found)
+
     def scene(self, values: Any) -> Scene:
         """The scene, in scalar form."""
         return unpack(Structured(self.made(values)[0], self.patterns))
@@ -120,21 +131,8 @@ def parametrised(
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
-    varied = _varied(family, scene)
-    patterns = structured(scene, varied).patterns
+    patterns = structured(scene, family.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)
-
-
-def _varied(family: ParametrisedScene, scene: Scene) -> Any:
-    """Which leaves of the scene depend on the parameters."""
-    found: list[bool] = []
-
-    def made(values: Any) -> Any:
-        found[:] = [isinstance(leaf, Tracer) for leaf in jax.tree.leaves(family.made(values)[0])]
-        return values
-
-    jax.eval_shape(made, np.zeros(len(family.changes)))
-    return jax.tree.unflatten(jax.tree.structure(scene), found)
 
 
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:

@@ -1,5 +1,6 @@
 """What a fit says of its estimates, on a straight line fitted by hand."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -99,6 +100,44 @@ def test_warnings_of_bounds_blindness_and_no_convergence():
     assert "hardly see the combination +0.5 offset +1 slope" in warning
     stalled = line(ending=cj.Ending.STALLED)
     assert stalled.warnings[0].startswith("Not converged: no step improves the fit")
+
+
+def with_minima(*moves):
+    """A fit of a line with further minima, each a move of the estimates and a chi squared above."""
+    fit = line()
+    found = [
+        dataclasses.replace(
+            fit.best,
+            best=dataclasses.replace(
+                fit.best.best,
+                coordinates=fit.coordinates + move,
+                residuals=np.sqrt([fit.chi_squared + excess]),
+            ),
+        )
+        for move, excess in moves
+    ]
+    return dataclasses.replace(fit, searches=(fit.best, *found)), fit
+
+
+def test_minima_that_the_data_allow_widen_intervals_and_are_told():
+    """Closed form: where chi squared of either is at most 1.959964^2 above the best."""
+    both, fit = with_minima(([0.0, 0.1], 1.5), ([0.0, 0.11], 1.6), ([0.2, 0.0], 9.0))
+    deviation = fit.standard_errors["slope"]
+    low, high = both.intervals["slope"]
+    first = 2.1 + math.sqrt(1.959964**2 - 1.5) * deviation
+    second = 2.11 + math.sqrt(1.959964**2 - 1.6) * deviation
+    assert low == pytest.approx(fit.intervals["slope"][0], abs=1e-9)
+    assert high == pytest.approx(max(first, second), abs=1e-6)
+    (rival,) = both.rivals
+    assert rival == pytest.approx({"offset": 1.0, "slope": 2.1})
+    (warning,) = both.warnings
+    assert warning.startswith("Another minimum is only 1.5 higher in chi squared, at offset 1, slo")
+
+
+def test_the_same_minimum_twice_is_no_rival():
+    twice, fit = with_minima(([1e-9, 0.0], 1e-6))
+    assert twice.rivals == [] and twice.warnings == []
+    assert twice.intervals["slope"] == pytest.approx(fit.intervals["slope"], rel=1e-6)
 
 
 def test_the_least_seen_direction():

@@ -8,18 +8,18 @@ import pytest
 
 from studies import identification_today, recovery
 from studies.baselines.scipy_fit import fit, probes
-from studies.identification import PARAMETERS, TRUTH
+from studies.identification import PARAMETERS, STARTS, TRUTH, ideal
 from studies.recovery import Recovery, coordinates
 
 
-def attempt(offset: float, half: float, warnings: list[str]) -> Any:
+def attempt(offset: float, half: float, warnings: list[str], chi_squared: float = 0.0) -> Any:
     """A fit whose intervals lie around the truth, off and wide by parts of it."""
     intervals = {
         name: (value * (1 + offset - half), value * (1 + offset + half))
         for name, value in TRUTH.items()
     }
-    found = SimpleNamespace(intervals=intervals, warnings=warnings)
-    return SimpleNamespace(found=found, runs=3, seconds=0.5)
+    found = SimpleNamespace(intervals=intervals, warnings=warnings, chi_squared=chi_squared)
+    return SimpleNamespace(found=found, runs=3, seconds=0.5, screening=7)
 
 
 def test_statistics_of_fits_leave_out_those_that_went_astray():
@@ -33,6 +33,15 @@ def test_statistics_of_fits_leave_out_those_that_went_astray():
     np.testing.assert_allclose(found.coverage, 1.0 / 3.0)
     cells = recovery.row("label", found).split(" | ")
     assert cells[1:4] == ["4", "1", "1"] and cells[4] == "2.00, 2.00, 1.00"
+
+
+def test_lower_minima_are_counted_draw_by_draw():
+    near = Recovery(tuple(attempt(0.0, 0.1, [], 9.0) for _ in range(4)), np.zeros((4, 3)))
+    found = tuple(attempt(0.0, 0.1, [], value) for value in (9.0, 8.0, 5.5))
+    errors = np.array([[9.0, 0.0, 0.0], [0.0, -2.0, 1.0], [0.0, 1.0, -3.0]])
+    text = recovery.lower(Recovery(found, errors), near)
+    assert text.endswith("in 2 of 3 draws, by 1 to 3.5, 2.5 bounds off (median; at most 3.0)")
+    assert recovery.lower(near, near).endswith("in 0 of 4 draws")
 
 
 def test_starts_cover_what_the_issue_asks():
@@ -69,3 +78,12 @@ def test_quick_recovery_prints_a_row(capsys):
     recovery.main(["--quick"])
     cells = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].split("|")]
     assert cells[1] == "probes, truth, at once" and cells[2:4] == ["2", "0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", STARTS)
+def test_accelerometers_come_home_from_far_starts(start):
+    clean, bounds = ideal("accelerometers", 0.1)
+    found = recovery.recovery(clean, bounds, STARTS[start], "screened", 1, 0.1)
+    assert not found.astray.any()
+    assert found.attempts[0].found.warnings == []

@@ -6,21 +6,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
 from ..bodies import State
 from ..estimands import Parameter
 from ..measurements import Measurements
 from ..scales import Bounded
 from ..scene import Scene
-from . import statistics
+from . import rivals, statistics
 from .levenberg_marquardt import Ending, Iteration
 from .report import report
 from .residuals import Evaluated
+from .screening import Screened
 
-CONFIDENCE = 0.95
-UNLIKELY = 1e-3
-"""Probability of chi squared below which a fit says that noise or model are wrong."""
 AT_BOUND = 1e-3
 """Distance from a bound, as a part of what is between the bounds, that counts as at it."""
 
@@ -59,7 +56,8 @@ class Fit:
     """Estimates, how sure they are, and what they leave unexplained.
 
     `scene` and `state` have the estimates in their places. `parameters` and `units` are by name, in
-    the order of all arrays; `searches` has every start, of which `best` led farthest down.
+    the order of all arrays; `searches` has every start, of which `best` led farthest down;
+    `screened` is what each pass of a `Screening` left.
     """
 
     scene: Scene
@@ -69,6 +67,7 @@ class Fit:
     measurements: Measurements
     searches: tuple[Search, ...]
     best: Search
+    screened: tuple[Screened, ...] = ()
 
     @property
     def ending(self) -> Ending:
@@ -110,10 +109,17 @@ class Fit:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % confidence interval of each value, through the scale: inside the bounds."""
-        half = stats.norm.ppf(0.5 + 0.5 * CONFIDENCE) * np.sqrt(np.diag(self.covariance))
-        low, high = self._valued(self.coordinates - half), self._valued(self.coordinates + half)
+        """95 % confidence interval of each value, through the scale: inside the bounds. It holds
+        those of other minima that searches ended in, as far as chi squared allows them."""
+        low, high = map(self._valued, rivals.intervals(self.best.best, self._other_minima))
         return {name: (low[name], high[name]) for name in self.parameters}
+
+    @property
+    def rivals(self) -> list[dict[str, float]]:
+        """Values of the parameters at other minima, outside the best one's own intervals, that the
+        data do not tell from it; the lowest first."""
+        found = rivals.rivals(self.best.best, self._other_minima)
+        return [self._valued(one.coordinates) for one in found]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
@@ -166,15 +172,42 @@ class Fit:
     @property
     def warnings(self) -> list[str]:
         """What to mind before the estimates are used."""
-        return [*self._of_search(), *self._at_bounds(), *self._unseen(), *self._of_noise()]
+        return [
+            *self._of_search(),
+            *self._of_rivals(),
+            *self._at_bounds(),
+            *self._unseen(),
+            *self._of_noise(),
+        ]
 
     def __str__(self) -> str:
         return report(self)
 
     def _of_search(self) -> Sequence[str]:
-        if self.ending is Ending.CONVERGED:
-            return []
-        return [f"Not converged: {self.ending.value}."]
+        found = []
+        if self.ending is not Ending.CONVERGED:
+            found.append(f"Not converged: {self.ending.value}.")
+        if self.screened and not self.screened[-1].complete:
+            end = self.screened[-1].times[-1]
+            found.append(f"Screening came to {end:.4g} s only: allow more rounds.")
+        return found
+
+    def _of_rivals(self) -> Sequence[str]:
+        found = []
+        for rival in rivals.rivals(self.best.best, self._other_minima):
+            excess = rival.chi_squared - self.chi_squared
+            values = self._valued(rival.coordinates).items()
+            found.append(
+                f"Another minimum is only {excess:.2g} higher in chi squared, at "
+                + ", ".join(f"{name} {value:.5g}" for name, value in values)
+                + ": the data do not tell which is right."
+            )
+        return found
+
+    @property
+    def _other_minima(self) -> list[Evaluated]:
+        found = [s for s in self.searches if s is not self.best and s.ending is Ending.CONVERGED]
+        return [search.best for search in found]
 
     def _at_bounds(self) -> Sequence[str]:
         found = []
@@ -206,12 +239,12 @@ class Fit:
         if self.freedom < 1:
             return []
         scatter = math.sqrt(self.chi_squared / self.freedom)
-        if self.p_value < UNLIKELY:
+        if self.p_value < statistics.UNLIKELY:
             return [
                 f"Residuals are {scatter:.3g} times the stated noise: the noise is understated, or "
                 "the model lacks something."
             ]
-        if self.p_value > 1.0 - UNLIKELY:
+        if self.p_value > 1.0 - statistics.UNLIKELY:
             return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
         return []
 

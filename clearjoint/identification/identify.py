@@ -18,7 +18,9 @@ from ..scene import Scene
 from .fit import Fit, Search, Window
 from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
+from .passes import Passes, coarser, lowest
 from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
+from .screening import Screened, Screening
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
@@ -37,7 +39,7 @@ def identify(
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
-    starts: Starts | None = None,
+    starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
     integration: Integration | None = None,
     max_iterations: int = 100,
@@ -54,8 +56,10 @@ def identify(
     - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
     - `guess`: values to start from, by name; those of the scene for others. A list of them is as
       many starts.
-    - `starts`: further starts drawn around the first guess; see `Starts`. The best end wins, and
-      `Fit.searches` has all.
+    - `starts`: further starts drawn around the first guess; see `Starts`. Or a `Screening` round
+      the only guess, which finds starts by many runs without derivatives where no slope leads to
+      the truth. The best end wins, `Fit.searches` has all, and `Fit.rivals` are minima that the
+      data do not tell from it.
     - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
       where the one before ended. After some impacts small errors of parameters have grown so far
       that a start farther off finds no way down. In these windows a stride of each scale holds
@@ -96,7 +100,7 @@ def identify_many(
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
-    starts: Starts | None = None,
+    starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
     integration: Integration | None = None,
     max_iterations: int = 100,
@@ -113,7 +117,14 @@ def identify_many(
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
     runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
-    rows = start_coordinates(scene, state, parameters, guess, starts)
+    drawn = starts if isinstance(starts, Starts) else None
+    rows = start_coordinates(scene, state, parameters, guess, drawn)
+    screens = None
+    if isinstance(starts, Screening):
+        require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
+        coarse = coarser(integration)
+        sides = experiment(scene, state, parameters, outputs, times, start_time, coarse)
+        screens = Passes(starts, sides, rows[0], tuple(parameters), progress is True)
     strides = np.array([parameter.scale.stride for parameter in parameters.values()])
     ends = [*grow, float(times[-1])]
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
@@ -122,25 +133,29 @@ def identify_many(
     with shown(progress, parameters, len(measurements) * len(rows)) as tell:
         for one in measurements:
             data = samples(one, len(runs.times))
-            found = [
-                _searched(runs, data, row, ends, strides, tolerance, max_iterations, tell)
-                for row in rows
-            ]
-            best = min(found, key=lambda search: search.best.chi_squared)
+            searched = partial(
+                _searched, runs, data, ends, strides, tolerance, max_iterations, tell
+            )
+            screened: tuple[Screened, ...] = ()
+            if screens is None:
+                found = tuple(map(searched, rows))
+            else:
+                found, screened = screens.searches(data, searched)
+            best = lowest(found)
             made = runs.family.made(best.best.coordinates)
-            fits.append(Fit(*made, dict(parameters), units, one, tuple(found), best))
+            fits.append(Fit(*made, dict(parameters), units, one, found, best, screened))
     return fits
 
 
 def _searched(
     runs: Experiment,
     data: Samples,
-    start: np.ndarray,
     ends: Sequence[float],
     strides: np.ndarray,
     tolerance: float,
     max_iterations: int,
     tell: TellOf,
+    start: np.ndarray,
 ) -> Search:
     """The windows fitted one after the other."""
     windows, at = [], start

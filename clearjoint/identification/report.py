@@ -72,4 +72,9 @@ def _searches(fit: Any) -> str:
         chosen = " *" if search is fit.best else ""
         chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
         rows.append([f"{number}{chosen}", chi_squared, runs, search.ending.value])
-    return "\n".join(aligned(rows))
+    table = "\n".join(aligned(rows))
+    if not fit.screened:
+        return table
+    runs = sum(one.runs for one in fit.screened)
+    rounds = sum(len(one.times) for one in fit.screened)
+    return f"from screening by {runs} runs in {rounds} rounds:\n{table}"

@@ -35,13 +35,20 @@ class Starts:
 
     def around(self, first: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Coordinates (number, p) of the starts around those of the first (p,)."""
-        spread = self.spread
-        if isinstance(spread, Mapping):
-            _require_known("spread", spread, names)
-            spread = np.array([spread.get(name, 0.0) for name in names])
         drawn = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         drawn[0] = 0.0
-        return first + np.asarray(spread) * drawn
+        return first + half_widths(self.spread, names) * drawn
+
+
+def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+    """A spread (p,), one number or one by parameter, zero for those left out.
+
+    **Raises:** `ValueError` for an unknown parameter.
+    """
+    if not isinstance(spread, Mapping):
+        return np.full(len(names), float(spread))
+    _require_known("spread", spread, names)
+    return np.array([float(spread.get(name, 0.0)) for name in names])
 
 
 def start_coordinates(

@@ -9,6 +9,8 @@ from scipy import stats
 SINGULAR = 1e-12
 """Singular value over the largest, of columns of unit length, below which a direction is not seen:
 its variance is reported as if it had this one."""
+UNLIKELY = 1e-3
+"""Probability of chi squared below which noise or model are wrong, or the fit is."""
 LAGS = 10
 """Lags of the test of whiteness."""
 
