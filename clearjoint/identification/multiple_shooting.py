@@ -38,7 +38,7 @@ BEFORE_LAST = 0.1
 """Tolerance, in standard deviations, of what is not fitted for the last time."""
 FAR = 1.0
 """Gauss-Newton step, in standard deviations, with which a further window had better not begin."""
-HALVINGS = 2
+HALVINGS = 1
 """How often the way to the end of a window is halved if the search for it ends so far off."""
 
 
