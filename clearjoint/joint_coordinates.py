@@ -88,9 +88,7 @@ class JointCoordinates(AbstractCoordinates):
 
     def settled(self, scene: Scene, variables: Variables) -> Variables:
         """Those of each body."""
-        return {
-            branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)
-        }
+        return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
 
 
 def _branches(scene: Scene) -> list[AbstractBranch]:

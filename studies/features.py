@@ -4,15 +4,14 @@
 
 A ladder of scenes, each with one feature more: equations (and arithmetic operations) of the traced
 right-hand side and of an attempted step, and their times in native loops, medians over rounds in
-which all take turns. Each rung's program is traced a second time with the code of all features above
-it missing (any call of it raises), and must be the same word by word.
+which all take turns. Each rung's program is traced a second time with the code of all features
+above it missing (any call of it raises), and must be the same word by word.
 
 Then planar scenes: the spatial program beside planar ones of the same motion, law and solver
 (`studies/required/planar.py`), in single runs and with 64 lanes side by side.
 """
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -24,7 +23,7 @@ from clearjoint.plot.style import BLUE, VERMILLION, dress
 from studies.benchmarks.report import markdown
 from studies.output import save_picture
 from studies.required.ladder import LADDER, unchanged
-from studies.required.planar import planar_pendulum, slider_crank_by_hand, with_one_base
+from studies.required.planar import planar_programs
 from studies.required.program import Program
 
 TURNS, ROUNDS, LANES = 100_000, 9, 64
@@ -74,24 +73,70 @@ def ladder(quick: bool) -> tuple[Table, list[str], np.ndarray]:
 
 def planar(rounds: int = ROUNDS) -> Table:
     """The table of planar programs beside the spatial ones, and the gains."""
+    parts = ("rates", "solver's step", "step")
     rows: Table = [
         (
             "scene", "program", "numbers integrated", "operations: rates, step",
-            *(f"{part}, µs" for part in ("rates", "solver's step", "step")),
-            *(f"{part} of {LANES} lanes, µs" for part in ("rates", "solver's step", "step")),
+            *(f"{part}, µs" for part in parts), *(f"{part} of a lane, µs" for part in parts),
             "gain a step", "gain a lane-step",
         )
     ]  # fmt: skip
-    for scene, programs in _planar_programs().items():
-        alone = times(programs, 1, TURNS, rounds, True)
-        together = times(programs, LANES, TURNS, rounds, True)
-        first = next(iter(programs))
+    for scene, programs in planar_programs().items():
+        alone, together = (times(programs, lanes, TURNS, rounds, True) for lanes in (1, LANES))
+        spatial = next(iter(programs))
         for name, program in programs.items():
-            gains = alone[first][2] / alone[name][2], together[first][2] / together[name][2]
-            operations = _planar_operations(name, program)
+            gains = (found[spatial][-1] / found[name][-1] for found in (alone, together))
             rows.append((
-                scene, name, f"{program.variables}", "{}, {}".format(*operations),
+                scene, name, f"{program.variables}", "{}, {}".format(*program.operations()),
                 *(f"{value:.2g}" for value in (*alone[name], *together[name])),
-                *(f"{gain:.2g}" for gain in gains),
+                *(f"{gain:.2f}" for gain in gains),
             ))  # fmt: skip
     return rows
+
+
+def figure(names: list[str], numbers: np.ndarray) -> Figure:
+    """Operations and times of right-hand side and step, rung by rung; see `ladder`."""
+    drawn = Figure(figsize=(9.0, 3.8), layout="constrained")
+    left, right = drawn.subplots(1, 2, sharey=True)
+    places = np.arange(len(names))
+    titles = ("arithmetic operations", "time, µs")
+    for axes, title, pair in zip(
+        (left, right), titles, (numbers[:, :2], numbers[:, 2:]), strict=True
+    ):
+        for shift, values, colour, label in (
+            (-0.2, pair[:, 0], BLUE, "right-hand side"),
+            (0.2, pair[:, 1], VERMILLION, "attempted step"),
+        ):
+            bars = axes.barh(places + shift, values, 0.38, color=colour, label=label)
+            axes.bar_label(
+                bars,
+                [f"{value:.2g}" if value < 10 else f"{value:.0f}" for value in values],
+                padding=3,
+                fontsize=8,
+            )
+        dress(axes, title, "")
+        axes.set_xscale("log")
+        axes.set_xlim(0.5 * pair.min(), 3.0 * pair.max())
+    left.set_yticks(places, names)
+    left.invert_yaxis()
+    drawn.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return drawn
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, and print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="the first two rungs, few turns")
+    parser.add_argument("--output", type=Path, default=Path("results/features"))
+    options = parser.parse_args(arguments)
+    cj.configure()
+    rows, names, numbers = ladder(options.quick)
+    print(markdown(rows), flush=True)
+    if not options.quick:
+        print("\n" + markdown(planar()))
+    options.output.mkdir(parents=True, exist_ok=True)
+    save_picture(figure(names, numbers), options.output / "features.png", 110)
+
+
+if __name__ == "__main__":
+    main()

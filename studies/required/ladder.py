@@ -1,4 +1,4 @@
-"""A ladder of scenes, each with one feature more than the one below, and the code of each feature."""
+"""A ladder of scenes, each with one feature more than the one below, and each feature's code."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -115,4 +115,3 @@ def unchanged(place: int) -> bool:
             return rung.make().text() == text
         except AssertionError:
             return False
-

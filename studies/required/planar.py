@@ -7,6 +7,7 @@ slider-crank's equations of motion written out by hand. None is needed to run a 
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
@@ -25,6 +26,7 @@ from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH, STEEL
 from clearjoint.rotations import within_two_turns
 from clearjoint.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector
 from studies.benchmarks import step_profile
+from studies.required.program import Program
 
 
 class Plane(AbstractFreedom):
@@ -112,7 +114,7 @@ class Doubled(AbstractStiffness):
 
 
 class OneBase(AbstractContactJoint):
-    """A clearance joint of a planar motion, whose bases do the same: one with twice the stiffness."""
+    """A clearance joint of a planar motion, where both bases do the same: one, twice as stiff."""
 
     joint: cj.ClearanceJoint
 
@@ -165,7 +167,7 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
             bearing_radius=10e-3,
             clearance=0.5e-3,
             journal_length=20e-3,
-            law=cj.LankaraniNikravesh(0.9, STEEL),
+            law=cj.LankaraniNikravesh(restitution=0.9, stiffness=STEEL),
         ),
         "elbow": cj.RevoluteJoint("arm 2", "arm 3", (half, 0.0, 0.0), point, axis, axis),
     }
@@ -187,9 +189,10 @@ def slider_crank_rates(
     t: Scalar,
     closed: Any = None,
 ) -> tuple[Any, dict[str, Scalar]]:
-    """The slider-crank's equations of motion by hand, as `dynamics.state_rates` has them in general.
+    """The slider-crank's equations of motion by hand; `dynamics.state_rates` in general.
 
-    Angles of crank and rod (relative), and the slider's distance; both bases pressed alike.
+    Angles of crank and rod (relative), and the slider's distance; both bases are pressed alike, at
+    the force of base V.
     """
     crank, rod, slider = (variables[name] for name in ("crank", "rod", "slider"))
     (turn,), (bend,), (slide,) = crank.speeds, rod.speeds, slider.speeds
@@ -201,7 +204,8 @@ def slider_crank_rates(
     y = r * sin_crank + length * sin_rod
     x_rate = -r * sin_crank * turn - length * sin_rod * swing - slide
     y_rate = r * cos_crank * turn + length * cos_rod * swing
-    pin: Any = scene.joints["slider pin"]
+    joint = scene.joints["slider pin"]
+    pin: Any = joint.joint if isinstance(joint, OneBase) else joint
     distance = jnp.sqrt(jnp.maximum(x * x + y * y, 1e-300))
     n_x, n_y = x / distance, y / distance
     gap = Gap(
@@ -226,6 +230,25 @@ def slider_crank_rates(
         "rod": JointState(bend, (swing_rate - turn_rate,)),
         "slider": JointState(slide, (force * n_x / scene.bodies["slider"].mass,)),
     }, {}
+
+
+def planar_programs() -> dict[str, dict[str, Program]]:
+    """Programs by scene and name, the spatial one first."""
+    (free, start), (held, _) = planar_pendulum(False), planar_pendulum(True)
+    crank, turning = cj.slider_crank()
+    single = Program.of(with_one_base(crank), turning)
+    return {
+        "double pendulum": {
+            "spatial": Program.of(free, start),
+            "held in the plane": Program.of(held, start),
+            "held in the plane, one base": Program.of(with_one_base(held), start),
+        },
+        "slider-crank": {
+            "spatial": Program.of(crank, turning),
+            "one base": single,
+            "by hand, one base": replace(single, inside=slider_crank_by_hand),
+        },
+    }
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,13 +37,17 @@ SPREAD = 1e-9
 
 @dataclass(frozen=True)
 class Program:
-    """A scene at its start, ready to step at rtol 1e-6; `family` says along what derivatives are
-    integrated with it, if any are."""
+    """A scene at its start, ready to step at rtol 1e-6.
+
+    `family` says along what derivatives are integrated with it, if any are; `inside` makes the
+    context in which the program is traced.
+    """
 
     method: Method
     form: Structured
     step: Step
     family: AbstractFamily | None
+    inside: Callable[[], AbstractContextManager[None]] = nullcontext
 
     @staticmethod
     def of(
@@ -85,7 +90,8 @@ class Program:
     def _jaxprs(self) -> list[Any]:
         """Of a right-hand side and an attempted step."""
         parts = (self._rates, self._attempt)
-        return [jax.make_jaxpr(part)(self.step, self.form) for part in parts]
+        with self.inside():
+            return [jax.make_jaxpr(part)(self.step, self.form) for part in parts]
 
     def text(self) -> str:
         """Both, as JAX prints them, less addresses in memory."""
@@ -109,8 +115,10 @@ class Program:
         return sum(int(jnp.size(leaf)) for leaf in leaves)
 
     def loops(self, lanes: int, turns: int, solver: bool = False) -> list[Callable[[], float]]:
-        """Functions that time a right-hand side, the solver's step (if asked for) and an attempt, in
-        µs a lane, in native loops of so many turns. The first call compiles."""
+        """Functions that time a right-hand side, the solver's step (if asked for) and an attempt.
+
+        In µs a lane, in native loops of so many turns. The first call compiles.
+        """
         steps = self.step
         if lanes > 1:
             steps = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), self.step)
@@ -125,7 +133,8 @@ class Program:
                 def one(step: Step) -> Any:
                     return jax.tree.leaves(part(step, form, count))
 
-                return one(steps) if lanes == 1 else jax.vmap(one)(steps)
+                with self.inside():
+                    return one(steps) if lanes == 1 else jax.vmap(one)(steps)
 
             count = jnp.asarray(turns // lanes)
             return lambda: microseconds(turns // lanes * lanes, loop, steps, self.form, count)
