@@ -10,7 +10,7 @@ from clearjoint.dynamics import Formulation, state_rates
 from clearjoint.vectors import pack, structured, unpack
 from studies import features
 from studies.required.ladder import LADDER, unchanged, without
-from studies.required.planar import planar_pendulum, slider_crank_rates
+from studies.required.planar import planar_pendulum, slider_crank_rates, without_motor
 
 FORMULATION = Formulation()
 FAST = 3
@@ -35,9 +35,12 @@ def test_program_needs_the_code_of_its_own_feature(place):
         LADDER[place].make().text()
 
 
-def test_slider_crank_by_hand_has_the_general_rates():
+@pytest.mark.parametrize(
+    "changed", [lambda scene: scene, without_motor], ids=["driven", "coasting"]
+)
+def test_slider_crank_by_hand_has_the_general_rates(changed):
     scene, state = cj.slider_crank()
-    scene = unpack(structured(scene))
+    scene = unpack(structured(changed(scene)))
     start = FORMULATION.coordinates.encode(scene, unpack(state.bodies))
     memory = {"slider pin": {base: jnp.asarray(0.1) for base in "VW"}}
 

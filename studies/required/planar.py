@@ -26,6 +26,7 @@ from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH, STEEL
 from clearjoint.rotations import within_two_turns
 from clearjoint.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector
 from studies.benchmarks import step_profile
+from studies.required import program
 from studies.required.program import Program
 
 
@@ -216,15 +217,23 @@ def slider_crank_rates(
         force = jnp.where(closed["slider pin"]["V"], force, 0.0)
     mass, centre = scene.bodies["rod"].mass, 0.5 * length
     coupling = mass * r * centre
-    motor: Any = scene.joints["motor"]
-    error = crank.position - motor.angle(t)
-    wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
-    turn_rate = formulation.stabilisation.target(wrapped, turn - motor.speed)
     moment = force * length * (n_x * sin_rod - n_y * cos_rod)
+    crank_moment = force * r * (n_x * sin_crank - n_y * cos_crank)
     cos_bend = cos_rod * cos_crank + sin_rod * sin_crank
     sin_bend = sin_rod * cos_crank - cos_rod * sin_crank
-    load = moment - coupling * (cos_bend * turn_rate + sin_bend * turn * turn)
-    swing_rate = load / (scene.bodies["rod"].inertia.z + mass * centre * centre)
+    load = moment - coupling * sin_bend * turn * turn
+    crank_load = crank_moment + coupling * sin_bend * swing * swing
+    inertia = scene.bodies["rod"].inertia.z + mass * centre * centre
+    if "motor" in scene.joints:
+        motor: Any = scene.joints["motor"]
+        error = crank.position - motor.angle(t)
+        wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
+        turn_rate = formulation.stabilisation.target(wrapped, turn - motor.speed)
+    else:
+        body, mixed = scene.bodies["crank"], coupling * cos_bend
+        own = body.inertia.z + body.mass * (0.5 * r) ** 2 + mass * r * r
+        turn_rate = (crank_load * inertia - mixed * load) / (own * inertia - mixed * mixed)
+    swing_rate = (load - coupling * cos_bend * turn_rate) / inertia
     return {
         "crank": JointState(turn, (turn_rate,)),
         "rod": JointState(bend, (swing_rate - turn_rate,)),
@@ -235,26 +244,37 @@ def slider_crank_rates(
 def planar_programs() -> dict[str, dict[str, Program]]:
     """Programs by scene and name, the spatial one first."""
     (free, start), (held, _) = planar_pendulum(False), planar_pendulum(True)
-    crank, turning = cj.slider_crank()
-    single = Program.of(with_one_base(crank), turning)
+    driven, turning = cj.slider_crank()
     return {
         "double pendulum": {
             "spatial": Program.of(free, start),
             "held in the plane": Program.of(held, start),
             "held in the plane, one base": Program.of(with_one_base(held), start),
         },
-        "slider-crank": {
-            "spatial": Program.of(crank, turning),
-            "one base": single,
-            "by hand, one base": replace(single, inside=slider_crank_by_hand),
-        },
+        "slider-crank, driven": _slider_crank_programs(driven, turning),
+        "slider-crank, coasting": _slider_crank_programs(without_motor(driven), turning),
     }
+
+
+def _slider_crank_programs(scene: cj.Scene, state: cj.State) -> dict[str, Program]:
+    single = Program.of(with_one_base(scene), state)
+    return {
+        "spatial": Program.of(scene, state),
+        "one base": single,
+        "by hand, one base": replace(single, inside=slider_crank_by_hand),
+    }
+
+
+def without_motor(scene: cj.Scene) -> cj.Scene:
+    """The scene without its joint "motor"."""
+    joints = {name: joint for name, joint in scene.joints.items() if name != "motor"}
+    return cj.Scene(scene.bodies, joints, scene.forces, scene.gravity)
 
 
 @contextmanager
 def slider_crank_by_hand() -> Iterator[None]:
     """Steps traced inside take their rates from `slider_crank_rates`."""
     with ExitStack() as patches:
-        for module in (trial, stepping, step_profile):
+        for module in (trial, stepping, step_profile, program):
             patches.enter_context(patch.object(module, "state_rates", slider_crank_rates))
         yield

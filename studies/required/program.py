@@ -88,10 +88,14 @@ class Program:
         return attempt(self.method, scene, step, jnp.asarray(END), self.family).step
 
     def _jaxprs(self) -> list[Any]:
-        """Of a right-hand side and an attempted step."""
+        """Of a right-hand side and an attempted step; the scene's own numbers are constants, and
+        what is computed of them alone is no part of it."""
         parts = (self._rates, self._attempt)
         with self.inside():
-            return [jax.make_jaxpr(part)(self.step, self.form) for part in parts]
+            return [
+                jax.make_jaxpr(lambda step, of=part: of(step, self.form))(self.step)
+                for part in parts
+            ]
 
     def text(self) -> str:
         """Both, as JAX prints them, less addresses in memory."""
