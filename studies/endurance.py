@@ -100,10 +100,15 @@ QUICK = (CASES[0], CASES[8])
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run left: `times` s and `memory` bytes sampled, `energy` what mechanical energy and
-    ledger don't account for over the `instants` saved, in parts of the first kinetic energy or of
-    the fall's; `residuals` of the ideal joints over the instants, if there are any; and by how much
-    the `norm` of the Euler parameters ever differs from one."""
+    """What a run left.
+
+    - `time` s, `attempts`, `seconds`: how far it came, in how many steps and how long.
+    - `energy`: (N,) what mechanical energy and ledger don't account for at the `instants` saved, s,
+      and `mechanical` the mechanical energy gained, in parts of the fall's or the top's.
+    - `residuals`: (N,) largest of the ideal joints, if there are any; `norm`: by how much the Euler
+      parameters' ever differs from one.
+    - `times` s, `memory` bytes: samples while it ran.
+    """
 
     case: Case
     time: float
@@ -111,6 +116,7 @@ class Outcome:
     seconds: float
     instants: np.ndarray
     energy: np.ndarray
+    mechanical: np.ndarray
     residuals: np.ndarray | None
     norm: float
     times: np.ndarray
@@ -167,19 +173,20 @@ def run(case: Case, span: float, most_steps: int) -> Outcome:
     seconds = time.perf_counter() - begin
     observed = cj.observe(scene, solution)
     whole = 0.5 * GRAVITY * LENGTH if scene.joints else float(observed.energies["kinetic"][0])
-    energy = observed.ledger_residual() / whole
+    energy, mechanical = observed.ledger_residual() / whole, observed.energies["mechanical"]
     times, memory = np.array(watch.samples).T
     residuals = np.max([*observed.drift.values()], axis=0) if observed.drift else None
     norms = np.linalg.norm(solution.states.bodies["rod"].orientation, axis=-1)
     return Outcome(
         case, float(solution.time), int(solution.attempts), seconds, solution.times, energy,
-        residuals, float(np.abs(norms - 1.0).max()), times - begin, memory,
+        (mechanical - mechanical[0]) / whole, residuals, float(np.abs(norms - 1.0).max()),
+        times - begin, memory,
     )  # fmt: skip
 
 
 COLUMNS = (
     "run", "rtol", "simulated, h", "steps", "s", "µs a step", "residuals", "norm - 1",
-    "energy unaccounted for", "memory, MB", "its growth, MB",
+    "mechanical energy", "unaccounted for", "memory, MB", "its growth, MB",
 )  # fmt: skip
 
 
@@ -198,6 +205,7 @@ def row(outcome: Outcome) -> tuple[str, ...]:
         f"{1e6 * outcome.seconds / outcome.attempts:.2g}",
         residuals,
         f"{outcome.norm:.0e}",
+        f"{outcome.mechanical[-1]:.1e}",
         f"{outcome.energy[-1]:.1e}",
         f"{outcome.memory.max() / MEGABYTE:.0f}",
         f"{outcome.growth / MEGABYTE:.1f}",

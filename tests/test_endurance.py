@@ -104,7 +104,7 @@ def test_study_runs(capsys, tmp_path):
     ideal, top = rows[2:]
     assert ideal[1].strip() == "ideal" and top[1].strip() == "free top"
     assert all(float(part) < 1e-14 for part in ideal[7].split(","))
-    assert float(top[8]) < 1e-3
+    assert float(top[8]) < 1e-3 and abs(float(ideal[9])) < 1e-2
     assert (tmp_path / "endurance.png").stat().st_size > 5000
 
 

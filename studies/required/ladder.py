@@ -81,7 +81,7 @@ LADDER = (
     Rung("+ end play", _double(friction=FRICTION, axial=SHOULDERS), ((axial.EndPlay, "gap"),)),
     Rung("+ energy ledger", lambda: _rough(ledger=True), ((dynamics, "ledger_powers"),)),
     Rung(
-        "+ one sensitivity",
+        "+ one sensitivity, no ledger",
         lambda: _rough(ledger=False, parameters={"clearance": CLEARANCE}),
         ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
     ),
