@@ -10,6 +10,7 @@ from .coordinates import (
     Wrenches,
     anchors,
     free_motion,
+    settled_body,
 )
 from .joints.base import Row
 from .rotations import euler_parameter_rates, rotation_matrix, turned
@@ -64,6 +65,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
         """The equations of motion of the bodies (eq. 29)."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
+
+    def settled(self, scene: Scene, variables: Bodies) -> Bodies:
+        """Euler parameters of unit norm."""
+        del scene
+        return {name: settled_body(body) for name, body in variables.items()}
 
 
 class AbsoluteMechanics(AbstractMechanics):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .bodies import BodyState, Motion
-from .coordinates import Speeds, free_motion
+from .coordinates import Speeds, free_motion, settled_body
 from .joints.freedoms import AbstractFreedom, JointState, Relative, Twist
 from .links import Link, free_link, jointed_link
 from .rotations import (
@@ -59,6 +59,10 @@ class AbstractBranch(abc.ABC):
     @abc.abstractmethod
     def kicked(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
         """The variables after changes of the speeds."""
+
+    @abc.abstractmethod
+    def settled(self, state: Any) -> Any:
+        """The same variables in numbers that don't drift in many steps."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
@@ -125,6 +129,10 @@ class FreeBranch(AbstractBranch):
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
 
+    def settled(self, state: BodyState) -> BodyState:
+        """Euler parameters of unit norm."""
+        return settled_body(state)
+
     def falls(self) -> bool:
         """They are."""
         return True
@@ -182,6 +190,10 @@ class JointedBranch(AbstractBranch):
         """The speeds changed."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
+
+    def settled(self, state: JointState) -> JointState:
+        """As the freedom says."""
+        return JointState(self.freedom.settled(state.position), state.speeds)
 
     def falls(self) -> bool:
         """They are not."""

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from .bodies import GROUND, Anchor, BodyState, Motion, Wrench
 from .joints.base import Row
 from .linear import LARGEST_UNROLLED, AbstractSolver, inner
-from .rotations import rotation_matrix
+from .rotations import kept_unit, rotation_matrix
 from .scene import Scene
 from .vectors import Scalar, Vector, add, is_zero, multiply
 
@@ -101,6 +101,11 @@ class AbstractCoordinates(eqx.Module):
     def mechanics(self, scene: Scene, variables: Any) -> AbstractMechanics:
         """The equations of motion."""
 
+    @abc.abstractmethod
+    def settled(self, scene: Scene, variables: Any) -> Any:
+        """The same motion in numbers that don't drift in many steps, for the end of each: Euler
+        parameters of unit norm, angles within two turns. Exactly as they are if they are that."""
+
 
 def response(
     mechanics: AbstractMechanics,
@@ -183,6 +188,11 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
         if anchor is not None and anchor[0] not in found:
             found[anchor[0]] = anchor[1:]
     return found
+
+
+def settled_body(body: BodyState) -> BodyState:
+    """The state with Euler parameters of unit norm."""
+    return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:

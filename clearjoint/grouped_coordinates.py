@@ -62,6 +62,11 @@ class GroupedCoordinates(AbstractCoordinates):
         """The equations of motion of both parts."""
         return GroupedMechanics(self.rest, scene, variables)
 
+    def settled(self, scene: Scene, variables: Variables) -> Variables:
+        """Those of both parts."""
+        groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
+        return self.rest.settled(_rest(scene), variables[0]), groups
+
 
 class GroupedMechanics(AbstractMechanics):
     """The rest and the groups side by side; the speeds of the rest come first."""

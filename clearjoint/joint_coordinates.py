@@ -86,6 +86,10 @@ class JointCoordinates(AbstractCoordinates):
         """The equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
+    def settled(self, scene: Scene, variables: Variables) -> Variables:
+        """Those of each body."""
+        return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
+
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
     return [branch for tree in forest(scene) for branch in tree]

@@ -80,9 +80,8 @@ def _carried(
     displacement = freedom.displacement(state.position)
     arm = rotation @ (displacement - freedom.point_child)
     sliding = (spin * 2.0).cross(slide) + rotation @ own.slide
-    joint = point + rotation @ displacement
     columns = tuple(
-        _at_origin(Twist(rotation @ column.turn, rotation @ column.slide), joint)
+        _at_origin(Twist(rotation @ column.turn, rotation @ column.slide), point)
         for column in freedom.columns(state.position)
     )
     return Link(

@@ -1,5 +1,7 @@
 """Euler parameters, rotation matrices and frames about an axis."""
 
+import math
+
 import jax.numpy as jnp
 
 from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
@@ -63,6 +65,33 @@ def normalised(p: EulerParameters) -> EulerParameters:
     """Euler parameters scaled to unit norm."""
     scale = 1.0 / square_root(squared_norm(p))
     return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
+
+
+NORM_DRIFT = 1e-6
+"""Of the squared norm of Euler parameters, up to which `kept_unit` leaves them alone."""
+
+
+def kept_unit(p: EulerParameters) -> EulerParameters:
+    """Euler parameters brought back to unit norm if they have drifted from it, for the end of each
+    step; exactly as they are if not.
+
+    The rotation does not depend on the norm. But each step changes it a little, always one way, and
+    in millions of steps it grows or shrinks without bound, while the error of a step is judged
+    against it: at rtol 1e-4 a spinning top's is 1.6 after 24 h, and at 1e-3 1e40.
+    """
+    squared = squared_norm(p)
+    drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
+    scale = jnp.where(drifted, 2.0 / (1.0 + squared), 1.0)
+    return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
+
+
+def within_two_turns(angle: Scalar) -> Scalar:
+    """The angle, rad, less whole double turns, within (-2 pi, 2 pi); exactly as it is if it is.
+
+    A double turn gives back the Euler parameters with their sign. An angle that grew with every
+    revolution would lose its digits, and errors would be judged against it.
+    """
+    return angle - 4.0 * math.pi * jnp.round(angle / (4.0 * math.pi))
 
 
 def unit(vector: Vector) -> Vector:

@@ -151,7 +151,11 @@ class _Waiting:
             return
         left = len(self._times) - self.count
         reached = int(np.asarray(saved.reached)[:left].sum())
-        self._pieces.append(jax.tree.map(lambda leaf: np.asarray(leaf)[:reached], saved.states))
+        if reached or not self._pieces:
+            # Copies: a slice would keep all rows of its segment, reached or not.
+            self._pieces.append(
+                jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)
+            )
         self.count += reached
 
     def done(self) -> bool:

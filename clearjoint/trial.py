@@ -65,7 +65,8 @@ def graded_step(method: Method, step: Step) -> Scalar | None:
 def tried(
     method: Method, scene: Scene, step: Step, t1: Scalar, family: AbstractFamily | None
 ) -> Trial:
-    """The solver's step, projected if steps are. What is not finite stays where it was."""
+    """The solver's step, projected if steps are, and settled. What is not finite stays where it
+    was."""
     made_jump = step.jumped if may_jump(method, scene) else False
     graded = graded_step(method, step)
     options = {} if graded is None else {"graded": graded}
@@ -83,6 +84,7 @@ def tried(
         )
         if isinstance(method.formulation.stabilisation, Projection):
             y1 = projected(scene, method.formulation, y1, t1)
+        y1, solver_state = _settled(method, scene, y1, solver_state)
         assert isinstance(error, Variables)
         return Taken(y1, error, information, solver_state), result
 
@@ -97,6 +99,24 @@ def tried(
         finite = _all_finite((found.y, found.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
+
+
+def _settled(
+    method: Method, scene: Scene, y: Variables, solver_state: Any
+) -> tuple[Variables, Any]:
+    """The variables in numbers that don't drift in many steps, and what the solver keeps of their
+    rates to match."""
+
+    def settled(motion: Any) -> Any:
+        return method.formulation.coordinates.settled(scene, motion)
+
+    def matched(node: Any) -> Any:
+        if not isinstance(node, Variables):
+            return node
+        return Variables(jax.jvp(settled, (y.motion,), (node.motion,))[1], node.work)
+
+    kept = jax.tree.map(matched, solver_state, is_leaf=lambda node: isinstance(node, Variables))
+    return Variables(settled(y.motion), y.work), kept
 
 
 def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:

@@ -16,8 +16,10 @@ from ..rotations import (
     composed,
     conjugate,
     euler_parameter_rates,
+    kept_unit,
     rotation_matrix,
     turned,
+    within_two_turns,
 )
 from ..vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector, add
 
@@ -87,6 +89,10 @@ class AbstractFreedom(eqx.Module):
     @abc.abstractmethod
     def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
         """The position after a small motion along the columns."""
+
+    def settled(self, position: Any) -> Any:
+        """The same position in numbers that don't drift in many steps; the default, as it is."""
+        return position
 
     def rotation(self, position: Any) -> Matrix:
         """The matrix that turns the child's components into the parent's."""
@@ -191,6 +197,10 @@ class Hinge(AbstractFreedom):
         """The angle changed."""
         return add(position, changes[0])
 
+    def settled(self, position: Any) -> Any:
+        """The angle within two turns, as `encode` gives it."""
+        return within_two_turns(position)
+
 
 class Ball(AbstractFreedom):
     """Turning freely: relative Euler parameters, and relative spin in the child's axes."""
@@ -219,6 +229,10 @@ class Ball(AbstractFreedom):
     def moved(self, position: EulerParameters, changes: tuple[Scalar, ...]) -> EulerParameters:
         """Turned."""
         return turned(position, Vector(*changes))
+
+    def settled(self, position: EulerParameters) -> EulerParameters:
+        """Of unit norm."""
+        return kept_unit(position)
 
 
 class Slider(AbstractFreedom):

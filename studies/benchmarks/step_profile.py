@@ -55,21 +55,21 @@ def of_run(solver: diffrax.AbstractERK, repeats: int) -> list[Record]:
         return loop(method, unpack(scene), _step_at(method, unpack(scene), reached), turns)
 
     turns, attempts = jnp.asarray(TURNS), run(SPAN)
-    loops = [partial(repeat, loop) for loop in (_right_hand_sides, _steps, _controlled_steps)]
+    loops = [partial(repeat, loop) for loop in (right_hand_sides, solver_steps, controlled_steps)]
     for loop in loops:
         loop(turns)
     assert isinstance(solver.tableau, diffrax.ButcherTableau)
     stages, found = solver.tableau.num_stages - 1, []
     for _ in range(repeats):
-        times = [_microseconds(TURNS, loop, turns) for loop in loops]
+        times = [microseconds(TURNS, loop, turns) for loop in loops]
         found.append({
             "solver": type(solver).__name__,
             "right-hand side, µs": times[0],
             "as many as an attempt takes, µs": stages * times[0],
             "solver's step, µs": times[1],
             "with controller, µs": times[2],
-            "attempt in a run, µs": _microseconds(attempts, run, SPAN),
-            "call without steps, ms": 1e-3 * _microseconds(1, run, 1e-4),
+            "attempt in a run, µs": microseconds(attempts, run, SPAN),
+            "call without steps, ms": 1e-3 * microseconds(1, run, 1e-4),
         })  # fmt: skip
     return found
 
@@ -93,7 +93,7 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
     def of_step(loop: Callable[..., Any], common: Common, seat: Seat, turns: Any) -> Any:
         return loop(method, common.scene(seat.task), seat.lane.step, turns)
 
-    parts = [_right_hand_sides, _steps, _controlled_steps, _attempts]
+    parts = [right_hand_sides, solver_steps, controlled_steps, tried_steps]
     loops = [*(partial(of_step, part) for part in parts), _turns]
 
     def on(count: int) -> list[Callable[..., Any]]:
@@ -108,7 +108,7 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
     for _ in range(repeats):
         for count, group in calls.items():
             turns = jnp.asarray(TURNS // count)
-            times = [_microseconds(TURNS // count * count, call, turns) for call in group]
+            times = [microseconds(TURNS // count * count, call, turns) for call in group]
             found.append({
                 "places": count,
                 "right-hand side, µs": times[0],
@@ -121,7 +121,7 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
     return found
 
 
-def _microseconds(turns: int, call: Callable[..., Any], *arguments: Any) -> float:
+def microseconds(turns: int, call: Callable[..., Any], *arguments: Any) -> float:
     """Time of a call for each of the turns it makes."""
     begin = time.perf_counter()
     jax.block_until_ready(call(*arguments))
@@ -147,7 +147,7 @@ def _term(method: Method, scene: Any, step: Step) -> diffrax.ODETerm:
     return diffrax.ODETerm(rates)
 
 
-def _repeat(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
+def repeated(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
     """As many turns in a native loop; `turn` takes and returns the values."""
 
     def go(now: Any) -> Any:
@@ -156,27 +156,30 @@ def _repeat(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
     return jax.lax.while_loop(lambda now: now[0] < turns, go, (jnp.zeros((), int), *values))
 
 
-def _right_hand_sides(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+def right_hand_sides(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+    """Right-hand sides, each a little further on."""
     term = _term(method, scene, step)
 
     def turn(y: Any) -> tuple[Any]:
         rates = term.vf(step.t, y, None)
         return (jax.tree.map(lambda value, rate: value + SMALL * rate, y, rates),)
 
-    return _repeat(turn, turns, step.y)
+    return repeated(turn, turns, step.y)
 
 
-def _steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+def solver_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+    """The solver's steps alone."""
     term, t0, t1 = _term(method, scene, step), step.t, step.t + SMALL
 
     def turn(y: Any, state: Any, total: Any) -> tuple[Any, ...]:
         after, error, _, state, _ = method.solver.step(term, t0, t1, y, None, state, False)
         return after, state, sum(jax.tree.leaves(error), total)
 
-    return _repeat(turn, turns, step.y, step.solver_state, jnp.zeros_like(step.t))
+    return repeated(turn, turns, step.y, step.solver_state, jnp.zeros_like(step.t))
 
 
-def _controlled_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+def controlled_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+    """The solver's steps, and the controller's judgement."""
     term, t0, t1 = _term(method, scene, step), step.t, step.t + SMALL
     controller: Any = method.controller.wrap(1)
     order = method.solver.error_order(term)
@@ -189,11 +192,12 @@ def _controlled_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any
         return after, state, past, total + t_next
 
     values = step.y, step.solver_state, step.controller_state, jnp.zeros_like(step.t)
-    return _repeat(turn, turns, *values)
+    return repeated(turn, turns, *values)
 
 
-def _attempts(method: Method, scene: Any, step: Step, turns: Any) -> Any:
-    return _repeat(lambda step: (attempt(method, scene, step, jnp.inf).step,), turns, step)
+def tried_steps(method: Method, scene: Any, step: Step, turns: Any) -> Any:
+    """Attempted steps, as a run makes them."""
+    return repeated(lambda step: (attempt(method, scene, step, jnp.inf).step,), turns, step)
 
 
 def _turns(common: Common, seat: Seat, turns: Any) -> Any:
@@ -203,4 +207,4 @@ def _turns(common: Common, seat: Seat, turns: Any) -> Any:
     def go(lane: Lane) -> tuple[Lane]:
         return (turn(common.plan, scene, lane, orders),)
 
-    return _repeat(go, turns, seat.lane)
+    return repeated(go, turns, seat.lane)
