@@ -14,17 +14,11 @@ from typing import Any
 
 import diffrax
 
-look: Mapping[str, Any] = MappingProxyType(
-    {"solver": diffrax.Tsit5(), "rtol": 1e-4, "landing_tolerance": 1e-12}
-)
+look: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Tsit5(), "rtol": 1e-4})
 """For a look."""
 
-study: Mapping[str, Any] = MappingProxyType(
-    {"solver": diffrax.Dopri8(), "rtol": 1e-6, "landing_tolerance": 1e-12}
-)
+study: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Dopri8(), "rtol": 1e-6})
 """For a study."""
 
-reference: Mapping[str, Any] = MappingProxyType(
-    {"solver": diffrax.Dopri8(), "rtol": 1e-10, "landing_tolerance": 1e-13}
-)
+reference: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Dopri8(), "rtol": 1e-10})
 """For a reference."""

@@ -1,6 +1,6 @@
 """What accuracy costs: work-precision diagrams, and what they say of solvers, tolerances and laws.
 
-python -m studies.speed_accuracy [diagrams | variants | statistics | all] [--quick]
+python -m studies.speed_accuracy [diagrams | presets | variants | statistics | gradients | all] [--quick]
 """
 
 import argparse
@@ -12,6 +12,8 @@ from studies.benchmarks.report import markdown
 from studies.output import Output
 from studies.work_precision import figures, settings
 from studies.work_precision.front import front, standings
+from studies.work_precision.gradients import gradients
+from studies.work_precision.preset_table import presets
 from studies.work_precision.runs import FULL, QUICK, Point, Spans, measured
 from studies.work_precision.statistics import statistics
 from studies.work_precision.variants import memories, precisions, smoothings, stabilisations
@@ -63,13 +65,13 @@ def diagrams(output: Output, spans: Spans) -> list[str]:
     grid = settings.quick_grid() if output.quick else settings.grid()
     points = [measured(setting, spans) for setting in grid]
     named = () if output.quick else PRESETS
-    presets = [measured(settings.preset(name), spans) for name in named]
+    circled = [measured(settings.preset(name), spans) for name in named]
     axes = (
         (f"right-hand sides to {spans.short:g} s", "largest error of a position, m", trajectory),
         (f"seconds for {spans.long:g} s", "energy not accounted for / exchanged", energy),
     )
-    output.save(figures.diagrams(points, presets, axes), "work_precision")
-    lines = [markdown(point_rows([*points, *presets]))]
+    output.save(figures.diagrams(points, circled, axes), "work_precision")
+    lines = [markdown(point_rows([*points, *circled]))]
     named_measures = (
         ("Error of positions by right-hand sides", trajectory),
         ("Ledger by right-hand sides", evaluations),
@@ -138,7 +140,13 @@ def variants(output: Output, spans: Spans) -> list[str]:
     return [*lines, f"\nPrecision\n\n{markdown([head, *cells])}"]
 
 
-PARTS = {"diagrams": diagrams, "variants": variants, "statistics": statistics}
+PARTS = {
+    "diagrams": diagrams,
+    "presets": presets,
+    "variants": variants,
+    "statistics": statistics,
+    "gradients": gradients,
+}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -13,6 +13,8 @@ from clearjoint.contact import Gap
 from clearjoint.mechanisms import STEEL
 from studies.work_precision.steppers import SemiImplicitEuler
 
+LANDING = 1e-12
+"""m; the default of `simulate`."""
 VARIABLES = 15
 """Of the double pendulum in joint coordinates: 13 of the free arm, angle and rate of the hinge. A
 Jacobian by forward differentiation costs about as many right-hand sides."""
@@ -54,7 +56,7 @@ def an_attempt(arguments: Mapping[str, Any]) -> float | None:
         return None
     tableau = solver.tableau
     assert isinstance(tableau, diffrax.ButcherTableau)
-    anew = arguments["landing_tolerance"] is None
+    anew = arguments.get("landing_tolerance", LANDING) is None
     return float(tableau.num_stages - tableau.fsal + anew)
 
 

@@ -7,10 +7,9 @@ from typing import Any
 import diffrax
 
 import clearjoint as cj
+from studies.work_precision.evaluations import LANDING
 from studies.work_precision.steppers import RungeKutta4, SemiImplicitEuler
 
-LANDING = 1e-12
-"""m; the default of `simulate`."""
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 IMPLICIT_TOLERANCES = TOLERANCES[:3]
 IMPLICIT_STEPS = 60_000

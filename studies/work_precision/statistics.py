@@ -4,46 +4,32 @@ rounding; and what a lane of such a sweep costs."""
 import time
 from typing import Any
 
-import diffrax
 import numpy as np
 
 import clearjoint as cj
 from studies.benchmarks.report import markdown
 from studies.output import Output
+from studies.work_precision.preset_table import named
 from studies.work_precision.runs import CLEARANCE, NUDGE, Spans
 
 LANES = 256
 NAMES = ("impacts", "peak", "dissipated")
 
 
-def settings() -> dict[str, dict[str, Any]]:
-    """The presets, the default, and what is cruder than all of them."""
-    return {
-        "Bosh3, rtol 1e-3": {"solver": diffrax.Bosh3(), "rtol": 1e-3},
-        "Tsit5, rtol 1e-3": {"rtol": 1e-3},
-        "look": dict(cj.presets.look),
-        "default": {},
-        "default, not landing": {"landing_tolerance": None},
-        "study": dict(cj.presets.study),
-        "reference": dict(cj.presets.reference),
-    }
-
-
 def statistics(output: Output, spans: Spans) -> list[str]:
     """Means with standard errors over the lanes, in Markdown."""
     del output
     rows: list[tuple[str, ...]] = [
-        ("setting", "impacts", "largest force, kN", "dissipated, J", "ms a lane", "first call, s")
+        ("setting", "impacts", "largest force, kN", "dissipated, J", "ms a lane")
     ]
-    for name, arguments in settings().items():
-        begun = time.perf_counter()
-        _lanes(spans.long, arguments, 8)
-        first = time.perf_counter() - begun
-        begun = time.perf_counter()
+    cases = {**named(), "default, not landing": {"landing_tolerance": None}}
+    for name, arguments in cases.items():
+        _lanes(spans.long, arguments, LANES)
+        begun = time.process_time()
         found = _lanes(spans.long, arguments, LANES)
-        seconds = time.perf_counter() - begun
+        seconds = time.process_time() - begun
         cells = (_mean(found[key].values * (1e-3 if key == "peak" else 1.0)) for key in NAMES)
-        rows.append((name, *cells, f"{1e3 * seconds / LANES:.1f}", f"{first:.1f}"))
+        rows.append((name, *cells, f"{1e3 * seconds / LANES:.1f}"))
     return [f"\nStatistics of {spans.long:g} s, {LANES} lanes\n\n{markdown(rows)}"]
 
 
