@@ -1,10 +1,14 @@
 """What accuracy costs: work-precision diagrams, and what they say of solvers, tolerances and laws.
 
-python -m studies.speed_accuracy [diagrams | presets | variants | statistics | gradients | all] [--quick]
+    python -m studies.speed_accuracy [PART] [--quick]
+
+Parts, all of them unless one is named: `diagrams` (solvers, tolerances, landing), `presets` (forces
+and first calls), `variants` (stabilisation, memory, smoothing, precision), `statistics` (of long
+runs) and `gradients`.
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import clearjoint as cj
@@ -16,7 +20,14 @@ from studies.work_precision.gradients import gradients
 from studies.work_precision.preset_table import presets
 from studies.work_precision.runs import FULL, QUICK, Point, Spans, measured
 from studies.work_precision.statistics import statistics
-from studies.work_precision.variants import memories, precisions, smoothings, stabilisations
+from studies.work_precision.variants import (
+    Rounded,
+    Row,
+    memories,
+    precisions,
+    smoothings,
+    stabilisations,
+)
 
 PRESETS = ("look", "study", "reference")
 
@@ -97,39 +108,46 @@ ROW_COLUMNS = (
 )  # fmt: skip
 
 
-def variants(output: Output, spans: Spans) -> list[str]:
+def variants(output: Output, spans: Spans) -> Iterator[str]:
     """Stabilisations, laws, smoothing widths and precisions, with a figure."""
-    stable, laws, smooth = stabilisations(spans), memories(spans), smoothings(spans)
+    stable = stabilisations(spans)
+    yield f"\nStabilisation, absolute coordinates\n\n{row_table(stable)}"
+    yield f"\nMemory\n\n{row_table(memories(spans))}"
+    smooth = smoothings(spans)
+    for lands, rows in smooth.items():
+        yield f"\nSmoothing width in m, landing: {lands}\n\n{row_table(rows)}"
     precise = precisions(spans)
+    yield f"\nPrecision\n\n{precision_table(precise)}"
     output.save(figures.variants(smooth, precise, stable), "variants")
-    tables = {
-        "Stabilisation, absolute coordinates": stable,
-        "Memory": laws,
-        "Smoothing width in m, landing": smooth[True],
-        "Smoothing width in m, not landing": smooth[False],
-    }
-    lines = []
-    for title, rows in tables.items():
-        cells = [
-            (
-                row.name,
-                f"{row.error:.1e}",
-                f"{row.peak:.2f}",
-                f"{row.dissipated:.3f}",
-                f"{row.drift:.0e}",
-                f"{row.residual:.0e}",
-                f"{row.attempts:.0f}",
-                f"{1e3 * row.seconds:.0f}",
-            )
-            for row in rows
-        ]
-        lines.append(f"\n{title}\n\n{markdown([ROW_COLUMNS, *cells])}")
-    head = ("precision", "rtol", "error, m", "ledger", "attempts", "ms")
+
+
+def row_table(rows: Sequence[Row]) -> str:
+    """Variants beside each other."""
+    cells = [
+        (
+            row.name,
+            f"{row.error:.1e}",
+            f"{row.peak:.2f}",
+            f"{row.dissipated:.3f}",
+            f"{row.drift:.0e}",
+            f"{row.residual:.0e}",
+            f"{row.attempts:.0f}",
+            f"{1e3 * row.seconds:.0f}",
+        )
+        for row in rows
+    ]
+    return markdown([ROW_COLUMNS, *cells])
+
+
+def precision_table(precise: Mapping[str, Sequence[Rounded]]) -> str:
+    """Precisions beside each other."""
+    head = ("precision", "rtol", "error, m", "result", "ledger", "attempts", "ms")
     cells = [
         (
             name,
             f"{row.rtol:.0e}",
             f"{row.error:.1e}",
+            row.result,
             f"{row.residual:.0e}",
             f"{row.attempts:.0f}",
             f"{1e3 * row.seconds:.0f}",
@@ -137,7 +155,7 @@ def variants(output: Output, spans: Spans) -> list[str]:
         for name, rows in precise.items()
         for row in rows
     ]
-    return [*lines, f"\nPrecision\n\n{markdown([head, *cells])}"]
+    return markdown([head, *cells])
 
 
 PARTS = {
@@ -154,17 +172,18 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("part", nargs="?", choices=[*PARTS, "all"], default="all")
     parser.add_argument(
-        "--quick", action="store_true", help="two families, a short run; diagrams only"
+        "--quick", action="store_true", help="short runs; diagrams of one solver only"
     )
     parser.add_argument("--output", type=Path, default=Path("results/speed_accuracy"))
     chosen = parser.parse_args(arguments)
-    cj.configure(devices=1)
+    cj.configure()
     output = Output(chosen.output / "quick" if chosen.quick else chosen.output, chosen.quick)
     output.folder.mkdir(parents=True, exist_ok=True)
     spans = QUICK if chosen.quick else FULL
     whole = ["diagrams"] if chosen.quick else list(PARTS)
     for name in whole if chosen.part == "all" else [chosen.part]:
-        print("\n".join(PARTS[name](output, spans)))
+        for lines in PARTS[name](output, spans):
+            print(lines, flush=True)
     print(f"Figures: {output.folder}")
 
 

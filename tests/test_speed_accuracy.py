@@ -95,3 +95,11 @@ def test_quick_study_prints_its_tables_and_draws(capsys, tmp_path):
     assert (np.diff(errors) < 0.0).all() and (np.diff(work) > 0.0).all()
     assert errors[-1] < 1e-7
     assert (tmp_path / "quick" / "work_precision.png").stat().st_size > 3000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["presets", "variants", "statistics", "gradients"])
+def test_other_parts_run(part, capsys, tmp_path):
+    speed_accuracy.main([part, "--quick", "--output", str(tmp_path)])
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert len(rows) > 4 and not any("nan" in row for row in rows)

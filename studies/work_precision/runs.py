@@ -40,7 +40,7 @@ class Spans:
     draws: int = 3
 
 
-QUICK = Spans(0.02, 0.05, 1)
+QUICK = Spans(0.012, 0.05, 1)
 FULL = Spans()
 
 

@@ -4,6 +4,7 @@ rounding; and what a lane of such a sweep costs."""
 import time
 from typing import Any
 
+import jax
 import numpy as np
 
 import clearjoint as cj
@@ -47,6 +48,7 @@ def _lanes(end: float, arguments: dict[str, Any], lanes: int) -> Any:
             "dissipated": cj.DissipatedEnergy(),
         },
         ledger=True,
+        devices=jax.devices()[:1],
         progress=False,
         **arguments,
     )

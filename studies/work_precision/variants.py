@@ -15,6 +15,7 @@ import numpy as np
 import clearjoint as cj
 from clearjoint.contact import AbstractStiffness, Gap
 from clearjoint.mechanisms import STEEL
+from clearjoint.results import result_number, result_numbers
 from clearjoint.runtime import xla_flags
 from studies.benchmarks.fresh_process import in_process
 from studies.work_precision.runs import (
@@ -73,8 +74,8 @@ class MemorylessDamping(cj.AbstractContactLaw):
 
 @dataclass(frozen=True)
 class Row:
-    """A variant measured: fields as those of a `runs.Point`, and the `peak` force, N, in the first
-    half of the short run; energy `dissipated`, J, and `drift` of the hinge, m, in the long one."""
+    """A variant measured: fields as those of a `runs.Point`, and the largest `peak` force, N,
+    of the short run; energy `dissipated`, J, and `drift` of the hinge, m, in the long one."""
 
     name: str
     error: float
@@ -97,7 +98,7 @@ def measured(
     goal = truth(spans.short, restitution)
     short = run(*make(CLEARANCE), goal.times, arguments, record_impacts=True)
     assert short.impacts is not None
-    early = short.impacts.peak_force[short.impacts.onset < 0.5 * spans.short]
+    peak = float(short.impacts.peak_force.max())
     times = np.linspace(0.0, spans.long, SAVED)
     draws = []
     for draw in range(spans.draws):
@@ -109,7 +110,7 @@ def measured(
         run(scene, state, times, arguments)
         draws.append((dissipated, drift, lost, *cost(scene, state, times, arguments)))
     medians = (float(median(column)) for column in zip(*draws, strict=True))
-    return Row(name, goal.error(short), float(early.max()), *medians)
+    return Row(name, goal.error(short), peak, *medians)
 
 
 def with_law(law: cj.AbstractContactLaw) -> Make:
@@ -163,10 +164,11 @@ IN_PRECISION = (
 
 @dataclass(frozen=True)
 class Rounded:
-    """A run in one of the precisions; fields as those of a `runs.Point`."""
+    """A run in one of the precisions: how it ended, and fields as those of a `runs.Point`."""
 
     rtol: float
     error: float
+    result: str
     residual: float
     attempts: float
     seconds: float
@@ -180,10 +182,17 @@ def precisions(spans: Spans) -> dict[str, list[Rounded]]:
         lengths = (str(spans.short), str(spans.long))
         _, rows = in_process(IN_PRECISION, *lengths, **variables)
         found[name] = [
-            Rounded(rtol, float(np.abs(np.array(places) - goal.centres).max()), *others)
+            Rounded(rtol, _error(np.array(places), goal.centres), *others)
             for rtol, places, *others in rows
         ]
     return found
+
+
+def _error(places: np.ndarray, expected: np.ndarray) -> float:
+    """NaN for a run that did not get to the end."""
+    if places.shape != expected.shape:
+        return float("nan")
+    return float(np.abs(places - expected).max())
 
 
 def in_this_precision(short: float, long: float) -> None:
@@ -197,5 +206,11 @@ def in_this_precision(short: float, long: float) -> None:
         residual = ledger_residual(scene, run(scene, state, times, arguments, ledger=True))
         run(scene, state, times, arguments)
         costs = cost(scene, state, times, arguments)
-        rows.append((rtol, centres(solution).tolist(), residual, *costs))
+        rows.append((rtol, centres(solution).tolist(), name_of(solution), residual, *costs))
     print(json.dumps(rows))
+
+
+def name_of(solution: cj.Solution) -> str:
+    """The name of its result code."""
+    number = int(result_number(solution.result))
+    return next(name for name, code in result_numbers().items() if code == number)
