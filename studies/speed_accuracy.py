@@ -29,7 +29,7 @@ from studies.work_precision.variants import (
     stabilisations,
 )
 
-PRESETS = ("look", "study", "reference")
+CIRCLED = ("look", "default", "study", "reference")
 
 
 def trajectory(point: Point) -> tuple[float, float]:
@@ -75,7 +75,7 @@ def diagrams(output: Output, spans: Spans) -> list[str]:
     """The diagram, the table behind it, its front, and who is dominated."""
     grid = settings.quick_grid() if output.quick else settings.grid()
     points = [measured(setting, spans) for setting in grid]
-    named = () if output.quick else PRESETS
+    named = () if output.quick else CIRCLED
     circled = [measured(settings.preset(name), spans) for name in named]
     axes = (
         (f"right-hand sides to {spans.short:g} s", "largest error of a position, m", trajectory),

@@ -72,8 +72,10 @@ def fixed(solver: diffrax.AbstractSolver, step: float) -> Setting:
 
 
 def preset(name: str) -> Setting:
-    """One of clearjoint's presets."""
-    return Setting(name, True, "preset", MappingProxyType(dict(getattr(cj.presets, name))))
+    """One of clearjoint's presets, or the default of `simulate`."""
+    default = {"solver": diffrax.Tsit5(), "rtol": 1e-6}
+    arguments = default if name == "default" else dict(getattr(cj.presets, name))
+    return Setting(name, True, "preset", MappingProxyType(arguments))
 
 
 def grid() -> list[Setting]:
