@@ -1,5 +1,6 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance."""
 
+from . import presets as presets
 from . import quantities as quantities
 from .absolute import AbsoluteCoordinates as AbsoluteCoordinates
 from .assembly import assemble as assemble

@@ -66,6 +66,7 @@ FLOORS = (
         "impact_table",
         "solution",
         "solvers",
+        "presets",
         "running",
         "instant",
         "reductions",

@@ -86,6 +86,19 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
     assert by_tolerance > 0.8
 
 
+@pytest.mark.parametrize(
+    ("preset", "error"),
+    [("look", 2e-7), ("study", 8e-12), ("reference", 1e-13)],
+)
+def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
+    """Eleven contacts lie before 0.1 s. What `clearjoint.presets` says, with room of two."""
+    reference = Case(5e-4, 0.9, 0.1).trajectory(reference_folder)
+    scene, state = cj.double_pendulum()
+    arguments = dict(getattr(cj.presets, preset), record_impacts=preset == "reference")
+    solution = cj.simulate(scene, state, 0.1, save_at=np.minimum(reference["t"], 0.1), **arguments)
+    assert error / 100 < _position_errors(solution, reference).max() < error
+
+
 @pytest.mark.slow
 def test_landing_buys_accuracy_across_impacts(reference_folder):
     """The same tolerance without landing is worse by orders of magnitude."""

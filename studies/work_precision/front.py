@@ -1,0 +1,63 @@
+"""The Pareto front: settings that no other beats in both cost and error."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+Item = TypeVar("Item")
+Measure = Callable[[Item], tuple[float, float]]
+"""Cost and error of an item."""
+NEAR = 1.25
+"""A family that comes within this factor of the front's cost is not called dominated: costs vary as
+much from draw to draw."""
+
+
+def finite(items: Sequence[Item], measure: Measure) -> list[Item]:
+    """The items whose cost and error are known and positive."""
+    return [item for item in items if all(0.0 < value < np.inf for value in measure(item))]
+
+
+def front(items: Sequence[Item], measure: Measure) -> list[Item]:
+    """The items that no other beats, from cheap to exact."""
+    kept: list[Item] = []
+    for item in sorted(finite(items, measure), key=measure):
+        if not kept or measure(item)[1] < measure(kept[-1])[1]:
+            kept.append(item)
+    return kept
+
+
+def excess(item: Item, items: Sequence[Item], measure: Measure) -> float:
+    """Cost over that of the cheapest of the items with at most this error."""
+    cost, error = measure(item)
+    return cost / min(c for c, e in map(measure, finite(items, measure)) if e <= error)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a family stands: its least and its median excess over the front; the nearest item."""
+
+    family: str
+    least: float
+    middle: float
+    nearest: str
+
+    @property
+    def dominated(self) -> bool:
+        """Whether something cheaper is at least as exact, wherever one looks in the family."""
+        return self.least > NEAR
+
+
+def standings(
+    items: Sequence[Item], measure: Measure, family: Callable[[Item], str]
+) -> list[Standing]:
+    """Each family, the best first; families without a finite item are left out."""
+    shown = finite(items, measure)
+    found = []
+    for name in dict.fromkeys(map(family, shown)):
+        ratios = {str(item): excess(item, shown, measure) for item in shown if family(item) == name}
+        nearest = min(ratios, key=lambda label: ratios[label])
+        middle = float(np.median(list(ratios.values())))
+        found.append(Standing(name, ratios[nearest], middle, nearest))
+    return sorted(found, key=lambda standing: (standing.least, standing.middle))

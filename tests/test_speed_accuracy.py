@@ -1,0 +1,105 @@
+"""The study of speed against accuracy: its steppers, its count of right-hand sides, its Pareto
+front, and a quick run."""
+
+import diffrax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from studies import speed_accuracy
+from studies.work_precision import evaluations, settings
+from studies.work_precision.front import excess, front, standings
+from studies.work_precision.steppers import RungeKutta4, SemiImplicitEuler
+
+FREQUENCY, STEP, COUNT = 3.0, 0.05, 40
+"""rad/s, s and steps of an oscillator."""
+ROTATION = FREQUENCY * STEP * np.array([[0.0, 1.0], [-1.0, 0.0]])
+PER_STEP = {
+    # The exponential's series up to the fourth term.
+    RungeKutta4(): sum(
+        np.linalg.matrix_power(ROTATION, k) / factor for k, factor in enumerate((1, 1, 2, 6, 24))
+    ),
+    # Speed first: v + h a(x), then x + h v at the new speed.
+    SemiImplicitEuler(): np.array(
+        [[1.0 - (FREQUENCY * STEP) ** 2, FREQUENCY * STEP], [-FREQUENCY * STEP, 1.0]]
+    ),
+}
+
+
+@pytest.mark.parametrize("solver", PER_STEP, ids=lambda solver: type(solver).__name__)
+def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
+    """Of position and speed over frequency."""
+    body = cj.Body(2.0, (0.1, 0.1, 0.1))
+    spring = cj.SpringDamper("ground", "body", (0, 0, 0), (0, 0, 0), 2.0 * FREQUENCY**2)
+    scene = cj.Scene({"body": body}, {}, {"spring": spring})
+    solution = cj.simulate(
+        scene,
+        cj.State({"body": cj.body_state((0.1, 0.0, 0.0))}),
+        COUNT * STEP,
+        solver=solver,
+        controller=diffrax.ConstantStepSize(),
+        first_step=STEP,
+        landing_tolerance=None,
+    )
+    end = solution.final.bodies["body"]
+    found = np.array([end.position[0], end.velocity[0] / FREQUENCY])
+    expected = np.linalg.matrix_power(PER_STEP[solver], COUNT) @ np.array([0.1, 0.0])
+    assert int(solution.attempts) == COUNT
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lands", [True, False])
+@pytest.mark.parametrize("solver", settings.EXPLICIT, ids=lambda solver: type(solver).__name__)
+def test_right_hand_sides_are_as_many_as_the_tableau_says(solver, lands):
+    """But for one at the start."""
+    arguments = settings.adaptive(solver, 1e-5, lands).arguments
+    counted = evaluations.counted(0.03, arguments)
+    assert 0.0 < counted - evaluations.an_attempt(arguments) < 0.03
+
+
+def itself(item):
+    return item
+
+
+ITEMS = [(1.0, 1.0), (2.0, 0.1), (2.5, 0.5), (4.0, 0.1), (8.0, 0.01), (9.0, np.nan), (0.5, 0.0)]
+"""Cost and error. The third and fourth are beaten by the second; the last two don't count."""
+
+
+def test_front_holds_what_nothing_beats():
+    assert front(ITEMS, itself) == [(1.0, 1.0), (2.0, 0.1), (8.0, 0.01)]
+
+
+def test_excess_is_the_cost_over_that_of_what_is_as_exact():
+    assert [excess(item, ITEMS, itself) for item in ITEMS[:5]] == [1.0, 1.0, 1.25, 2.0, 1.0]
+
+
+def test_a_family_is_dominated_if_something_cheaper_is_as_exact_wherever_one_looks():
+    family = {1.0: "a", 2.0: "a", 8.0: "a", 2.5: "b", 4.0: "c"}
+    found = {one.family: one for one in standings(ITEMS[:5], itself, lambda item: family[item[0]])}
+    assert list(found) == ["a", "b", "c"]
+    assert [found[name].dominated for name in "abc"] == [False, False, True]
+    assert (found["c"].least, found["c"].nearest) == (2.0, "(4.0, 0.1)")
+
+
+def test_quick_study_prints_its_tables_and_draws(capsys, tmp_path):
+    speed_accuracy.main(["diagrams", "--quick", "--output", str(tmp_path)])
+    printed = capsys.readouterr().out
+    cells = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in printed.splitlines()
+        if "rtol" in line and line.count("|") == 8
+    ]
+    errors, work = (np.array([float(row[k]) for row in cells]) for k in (1, 2))
+    assert len(cells) == 3
+    assert (np.diff(errors) < 0.0).all() and (np.diff(work) > 0.0).all()
+    assert errors[-1] < 1e-7
+    assert (tmp_path / "quick" / "work_precision.png").stat().st_size > 3000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["presets", "variants", "statistics", "gradients"])
+def test_other_parts_run(part, capsys, tmp_path):
+    speed_accuracy.main([part, "--quick", "--output", str(tmp_path)])
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert len(rows) > 4 and not any("nan" in row for row in rows)
