@@ -8,8 +8,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.identification import gauss_newton, multiple_shooting
+from studies import shooting
 from studies.identification import TRUTH, ideal
-from studies.shooting import END, by_shots
 
 Q = cj.quantities
 STIFFNESS, START, END = 50.0, 0.3, 3.0
@@ -138,8 +138,8 @@ def test_a_search_returns_to_the_best_where_steps_lead_nowhere():
 @pytest.mark.slow
 def test_the_pendulum_over_five_horizons():
     """Probes over 0.187 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
-    clean, _ = ideal("probes", END)
-    attempt, pieces = by_shots(clean.with_noise(np.random.default_rng(0)), END)
+    clean, _ = ideal("probes", shooting.END)
+    attempt, pieces = shooting.by_shots(clean.with_noise(np.random.default_rng(0)), shooting.END)
     assert np.abs(pieces.gaps).max() < 1e-8
     assert 0.95 < pieces.fit.chi_squared / pieces.fit.samples < 1.05
     for name, value in TRUTH.items():
