@@ -15,8 +15,9 @@ class RESULTS(eqx.Enumeration):
         "or continue from the state reached."
     )
     step_too_small = (
-        "The step size fell to the resolution of the time. The motion may be singular there, or "
-        "the tolerances tighter than double precision allows."
+        "The step size fell to the resolution of the time. The motion may be singular there, the "
+        "tolerances tighter than double precision allows, or the time so late that short steps are "
+        "lost in it: then continue from the state reached with a `start_time` of zero."
     )
     non_finite = (
         "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."
