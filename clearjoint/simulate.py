@@ -61,7 +61,8 @@ def simulate(
     compiles anew, unless a component of a vector becomes zero or one or ceases to be. Works under
     `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and `jax.vjp`; then it raises
     no error, records neither steps nor impacts, and runs in one piece. Put `jax.jit` around the
-    outermost of them, or each call compiles anew.
+    outermost of them, or each call compiles anew. `clearjoint.presets` names three settings, and
+    what each gives and costs.
 
     These derivatives are those of the computed steps, not of the motion: their error is far above
     that of the states (README, "Gradients"). Take rtol 1e-9 and a landing tolerance of 1e-13.
