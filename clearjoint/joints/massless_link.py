@@ -4,14 +4,15 @@ from typing import Any
 
 import equinox as eqx
 
+from ..bodies import NO_WRENCH, Wrench
 from ..fields import quantity, require, require_axis, require_point, require_positive
-from ..rotations import unit
+from ..rotations import transverse_axes, unit
 from ..vectors import Scalar, Vector
 from .axial import AbstractAxialPolicy, FixedAxially, FreeAxially
 from .base import AbstractConstraint, Motions, Row
 from .clearance import BASES
 from .ideal import require_distinct
-from .primitives import Pose, point_in_plane, rows_from_residual
+from .primitives import point_in_plane
 
 
 class MasslessLink(AbstractConstraint):
@@ -62,22 +63,36 @@ class MasslessLink(AbstractConstraint):
         """Half the difference of the squares of eccentricity and clearance, over the clearance, of
         each base; and the axial constraint of `FixedAxially`."""
         del t
-        names = self.body_names()
-        pair = motions[self.bearing_body], motions[self.journal_body]
-        rows = rows_from_residual(names, BASES, self._residual, *pair)
+        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        places = self.journal_point - half, self.journal_point + half
+        rows = {
+            base: self._distance(motions, place) for base, place in zip(BASES, places, strict=True)
+        }
         if isinstance(self.axial, FixedAxially):
-            ends = self.bearing_point, unit(self.bearing_axis), self.journal_point
-            rows["axial"] = point_in_plane(names, *pair, *ends)
+            rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
         return rows
 
-    def _residual(self, bearing: Pose, journal: Pose) -> list[Scalar]:
-        axis = bearing[1] @ unit(self.bearing_axis)
-        centre = bearing[0] + bearing[1] @ self.bearing_point
-        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+    def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
+        """Where a point of the journal is along a direction from the bearing's centre."""
+        names = self.body_names()
+        pair = motions[names[0]], motions[names[1]]
+        return point_in_plane(names, *pair, self.bearing_point, direction, local)
 
-        def row(local: Vector) -> Scalar:
-            offset = (journal[0] + journal[1] @ local) - centre
-            across = offset - axis * offset.dot(axis)
-            return 0.5 * (across.dot(across) / self.clearance - self.clearance)
-
-        return [row(self.journal_point - half), row(self.journal_point + half)]
+    def _distance(self, motions: Motions, local: Vector) -> Row:
+        """The eccentricity x, y of a base: (x^2 + y^2 - c^2)/(2 c)."""
+        across = [
+            self._height(motions, direction, local)
+            for direction in transverse_axes(unit(self.bearing_axis))
+        ]
+        value, bias = -0.5 * self.clearance, 0.0
+        jacobian = dict.fromkeys(self.body_names(), NO_WRENCH)
+        for row in across:
+            share = row.value / self.clearance
+            rate: Scalar = 0.0
+            for name, wrench in row.jacobian.items():
+                rate = rate + motions[name].power(wrench)
+                scaled = Wrench(wrench.force * share, wrench.moment * share)
+                jacobian[name] = jacobian[name] + scaled
+            value = value + 0.5 * share * row.value
+            bias = bias + rate * rate / self.clearance + share * row.bias
+        return Row(value, jacobian, bias)

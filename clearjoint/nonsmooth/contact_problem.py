@@ -25,20 +25,22 @@ from ..vectors import Scalar, Vector, add, multiply
 from .box_problem import BoxProblem, Impulses, largest
 
 ALTERNATIONS = 100
-RELATIVE_TOLERANCE = 1e-9
-"""Of the alternation between normal and tangential impulses, against the largest velocity."""
+TOLERANCE = 1e-9
+"""Of the alternation between normal and tangential impulses."""
 FAST = 1e3
 """Slip speed, m/s, at which a friction law is asked for its Coulomb coefficient."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact at a configuration: joint and label, its `gap` in m (negative if closed), its
-    normal row, whose rate is the opening velocity, the rows of slip, and Coulomb's coefficient."""
+    """One contact at a configuration: joint and label, its `gap` in m (negative if closed) and the
+    bearing's clearance, its normal row, whose rate is the opening velocity, the rows of slip, and
+    Coulomb's coefficient."""
 
     joint: str
     label: str
     gap: Scalar
+    clearance: Scalar | None
     normal: Row
     slip: tuple[Row, ...]
     coefficient: Scalar
@@ -69,15 +71,15 @@ def _touch(
         return Row(0.0, pairs, 0.0)
 
     normal = row(-contact.normal)
-    gap = -contact.gap.depth
+    size = -contact.gap.depth, contact.gap.clearance
     if contact.slip is None:
-        return Touch(name, label, gap, normal, (), 0.0)
+        return Touch(name, label, *size, normal, (), 0.0)
     along = _slip_direction(contact.slip, contact.normal)
     across = contact.normal.cross(along)
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
-    return Touch(name, label, gap, normal, (row(along), row(across)), coefficient)
+    return Touch(name, label, *size, normal, (row(along), row(across)), coefficient)
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
@@ -147,7 +149,7 @@ class ContactProblem:
         self, closed: Sequence[Scalar], aims: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
         """Impulses of the closed contacts, N s, that make the velocities `aims` (those without
-        impulses, less the least ones allowed) non-negative; and the residual, m/s."""
+        impulses, less the least ones allowed) non-negative; and the relative residual."""
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
         return BoxProblem(normal, [0.0] * self._count, upper).solve(aims)
@@ -155,7 +157,8 @@ class ContactProblem:
     def impulses(
         self, closed: Sequence[Scalar], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Normal and tangential impulses, N s, of the closed contacts; and the residual, m/s.
+        """Normal and tangential impulses, N s, of the closed contacts; and the relative residual:
+        the largest violation over the largest velocity of a closed contact.
 
         **Arguments:** `aims` as above, `slips`: velocities of the rows of slip without impulses.
         """
@@ -165,7 +168,10 @@ class ContactProblem:
         coefficients = [touch.coefficient for touch in self.contacts for _ in touch.slip]
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
         block = [self._matrix[i][count : i + 1] for i in range(count, size)]
-        tolerance = RELATIVE_TOLERANCE * largest([*aims, *slips])
+        seen = [*closed, *(closed[k] for k in owner)]
+        every = zip(seen, [*aims, *slips], strict=True)
+        scale = largest([jnp.where(shut, number, 0.0) for shut, number in every])
+        scale = jnp.where(scale > 0.0, scale, 1.0)
 
         def pushed(rows: range, columns: range, velocities: Any, impulses: Any) -> list[Scalar]:
             return [
@@ -184,10 +190,10 @@ class ContactProblem:
             differences = [a - b for a, b in zip(following, tangential, strict=True)]
             felt = pushed(range(count), range(count, size), [0.0] * count, differences)
             felt = [jnp.where(shut, part, 0.0) for shut, part in zip(closed, felt, strict=True)]
-            return normal, following, largest([left, rest, *felt]), turns + 1
+            return normal, following, largest([left, rest, largest(felt) / scale]), turns + 1
 
         def goes(now: tuple[Impulses, Impulses, Scalar, Scalar]) -> Scalar:
-            return (now[2] > tolerance) & (now[3] < ALTERNATIONS)
+            return (now[2] > TOLERANCE) & (now[3] < ALTERNATIONS)
 
         zero = jnp.zeros(())
         start = [zero] * count, [zero] * (size - count), zero, jnp.zeros((), int)

@@ -29,11 +29,10 @@ from ..joints.freedoms import JointState
 from ..rotations import normalised
 from ..scene import Scene
 from ..vectors import EulerParameters, Scalar, add, multiply
-from .box_problem import largest
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
-"""Residual of a step's contacts, against their largest velocity, beyond which it has failed."""
+"""Relative residual of a step's contacts beyond which it has failed."""
 
 
 class Rigid(eqx.Module):
@@ -60,13 +59,17 @@ class ContactStep(eqx.Module):
 
 
 class Stepped(eqx.Module):
-    """The variables after a step, its contacts, and whether these were solved; the residual is the
-    largest violation of the contacts' laws, m/s."""
+    """The variables after a step, and its contacts.
+
+    `residual` is the largest violation of their laws, over their largest velocity; `solved` whether
+    it is small; `shallow` whether no bearing was penetrated deeper than its clearance.
+    """
 
     variables: Any
     contacts: dict[str, dict[str, ContactStep]]
     residual: Scalar
     solved: Scalar
+    shallow: Scalar
 
 
 def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
@@ -81,36 +84,55 @@ def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
     if not contacts:
         mean = _mean_speeds(middle, free)
         end = _displaced(variables, _smooth_rates(rigid, mean, middle_time), h)
-        return Stepped(_with_speeds(end, free), {}, jnp.zeros(()), jnp.asarray(True))
+        return Stepped(_with_speeds(end, free), {}, jnp.zeros(()), *(jnp.asarray(True),) * 2)
     problem = ContactProblem(scene, formulation, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
     count, closed = len(contacts), [touch.gap <= 0.0 for touch in contacts]
     aims = [
-        velocity + rigid.restitution[touch.joint][touch.label] * jnp.minimum(opening, 0.0)
+        velocity + rigid.restitution[touch.joint][touch.label] * opening
         for velocity, touch, opening in zip(unloaded[:count], contacts, before, strict=False)
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[count:])
     after = problem.changed(unloaded, impulses)
     moved = mechanics.kicked(problem.kick(impulses))
     mean = _mean_speeds(middle, moved)
-    push, pushed_residual = _projection(problem, closed, after, h)
+    sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)][:count]
+    push, pushed_residual = _projection(problem, closed, after, sinks, h)
     mean = rigid.mechanics(mean).kicked(push)
     end = _displaced(variables, _smooth_rates(rigid, mean, middle_time), h)
-    fine = jnp.maximum(residual, pushed_residual) <= SOLVED * largest(unloaded)
+    residual = jnp.maximum(residual, pushed_residual)
     steps = _contact_steps(contacts, impulses, before, after)
-    return Stepped(_with_speeds(end, moved), steps, residual, fine)
+    return Stepped(
+        _with_speeds(end, moved), steps, residual, residual <= SOLVED, _is_shallow(contacts)
+    )
+
+
+def _is_shallow(contacts: list[Touch]) -> Scalar:
+    """Whether no bearing is penetrated deeper than its clearance."""
+    shallow = jnp.asarray(True)
+    for touch in contacts:
+        if touch.clearance is not None:
+            shallow = shallow & (touch.gap > -touch.clearance)
+    return shallow
 
 
 def _projection(
-    problem: ContactProblem, closed: list[Scalar], after: list[Scalar], h: Scalar
+    problem: ContactProblem,
+    closed: list[Scalar],
+    after: list[Scalar],
+    sinks: list[Scalar],
+    h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
     """Speeds that take contacts out of the wall by the end of the step, and the residual; gaps are
-    taken as linear in the displacement."""
+    taken as linear in the displacement. `sinks`: how much velocity towards the wall the forces add
+    in a step; half of it times the step is left, lest rounding opens a contact at rest."""
     stays, ends = [], []
-    for touch, shut, velocity in zip(problem.contacts, closed, after, strict=False):
-        stays.append(shut & (touch.gap + 1.5 * h * velocity < 0.0))
-        ends.append(touch.gap / h + 0.5 * velocity)
+    rows = zip(problem.contacts, closed, after, sinks, strict=False)
+    for touch, shut, velocity, sink in rows:
+        left = touch.gap / h + 0.5 * sink
+        stays.append(shut & (left + 1.5 * velocity < 0.0))
+        ends.append(left + 0.5 * velocity)
     impulses, residual = problem.normal_impulses(stays, ends)
     return problem.kick(impulses), residual
 

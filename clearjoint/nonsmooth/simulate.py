@@ -48,9 +48,9 @@ class NonsmoothSolution(eqx.Module):
       up to each of them, both ``None`` if none were requested. `saved_count` of them were reached;
       the others repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the run.
-    - `residual`: largest violation of the contacts' laws in any step, m/s.
-    - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes a `NonsmoothSolution`
-      too, for all but forces.
+    - `residual`: largest violation of the contacts' laws in any step, over its largest velocity.
+    - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes
+      such a solution too, for all but forces.
     """
 
     time: Any
@@ -102,7 +102,8 @@ def simulate_nonsmooth(
 
     **Raises:** `ValueError` for arguments that no run can use, such as a law that does not report
     the restitution that it delivers; `SimulationError` for a run that fails: the contacts of a step
-    were not solved, or the state is not finite.
+    were not solved, a bearing was penetrated deeper than its clearance, or the state is not
+    finite.
     """
     check_precision(False)
     coordinates = JointCoordinates() if coordinates is None else coordinates
@@ -196,7 +197,7 @@ def _run(
 
         def go(carried: tuple[_Now, Scalar]) -> tuple[_Now, Scalar]:
             now, k = carried
-            return _stepped(rigid, now, start + k * h, start + (k + 1.0) * h), k + 1.0
+            return _stepped(rigid, now, start + k * h, h), k + 1.0
 
         now, _ = jax.lax.while_loop(goes, go, (now, jnp.zeros(())))
         kept = pack(coordinates.decode(scene, now.variables)), now.totals, now.result
@@ -231,20 +232,22 @@ def _begin(rigid: Rigid, variables: Any, t: Any) -> _Now:
     return _Now(t, variables, touching, totals, zero, RESULTS.successful, none)
 
 
-def _stepped(rigid: Rigid, now: _Now, t: Scalar, t_next: Scalar) -> _Now:
+def _stepped(rigid: Rigid, now: _Now, t: Scalar, h: Scalar) -> _Now:
     """The run a step further, or as it was if the step failed."""
-    tried = advanced(rigid, now.variables, t, t_next - t)
+    tried = advanced(rigid, now.variables, t, h)
     sums = [0.0 * leaf for leaf in jax.tree.leaves(tried.variables)]
     finite = sum(sums[1:], sums[0]) == 0.0
     touching = jax.tree.map(lambda one: one.impulse > 0.0, tried.contacts, is_leaf=_is_contact)
     totals = jax.tree.map(_added, now.totals, tried.contacts, now.touching, is_leaf=_is_contact)
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
     result = RESULTS.where(finite & ~tried.solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~tried.shallow, RESULTS.step_too_long, result)
+    good = finite & tried.solved & tried.shallow
     residual = jnp.maximum(now.residual, tried.residual)
-    good = _Now(t_next, tried.variables, touching, totals, residual, result, now.steps + 1)
+    ahead = _Now(t + h, tried.variables, touching, totals, residual, result, now.steps + 1)
     kept = jax.tree.map(
-        lambda new, old: jnp.where(finite & tried.solved, new, old),
-        eqx.tree_at(lambda n: n.result, good, now.result),
+        lambda new, old: jnp.where(good, new, old),
+        eqx.tree_at(lambda n: n.result, ahead, now.result),
         now,
     )
     return eqx.tree_at(lambda n: n.result, kept, result)
