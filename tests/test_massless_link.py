@@ -45,9 +45,7 @@ def test_a_journal_swings_like_a_pendulum_of_the_clearance():
         {"body": cj.Body(1.5, (0.1, 0.1, 0.1))}, {"link": link}, gravity=(GRAVITY, 0, 0)
     )
     place = (LENGTH * np.cos(START), LENGTH * np.sin(START), 0.0)
-    guess = cj.State({"body": cj.body_state(np.array(place) * 1.1)})
-    state = cj.assemble(scene, guess)
-    np.testing.assert_allclose(state.bodies["body"].position, place, rtol=0, atol=1e-12)
+    state = cj.State({"body": cj.body_state(place)})
     time = period(START)
     solution = cj.simulate(scene, state, 2 * time, save_at=[0.5 * time, 2 * time], rtol=1e-10)
     half, whole = solution.states.bodies["body"].position

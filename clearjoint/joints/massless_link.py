@@ -74,8 +74,8 @@ class MasslessLink(AbstractConstraint):
 
     def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
         """Where a point of the journal is along a direction from the bearing's centre."""
-        names = self.body_names()
-        pair = motions[names[0]], motions[names[1]]
+        names = self.bearing_body, self.journal_body
+        pair = motions[self.bearing_body], motions[self.journal_body]
         return point_in_plane(names, *pair, self.bearing_point, direction, local)
 
     def _distance(self, motions: Motions, local: Vector) -> Row:
