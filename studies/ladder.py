@@ -44,6 +44,8 @@ FILE = "double_pendulum_c0.0005_e0.9.csv.gz"
 HORIZON, EARLY = 0.15, 0.05
 """Until which double precision can follow the reference, and some impacts before, s."""
 DURATION, RUNS, APART = 4.0, 8, 1e-9
+FINE = "rigid, h = 2e-5 s"
+"""The model left out there: to see its impacts, each of 200 000 steps would have to be saved."""
 FAST = 0.01
 """Entry speed from which on an impact is counted, m/s."""
 INSTANT, SLOPE, DIFFERENCES = 0.025, -1.552556927e-4, (1e-3, 5e-2)
@@ -112,16 +114,10 @@ def statistics_rows(models: tuple[AbstractModel, ...], duration: float, runs: in
         scene, state = model.scene()
         found = []
         for k in range(runs if isinstance(model, Rigid | Compliant) else 1):
-            solution, shock = model.shocks(scene, lowered(state, k * APART), duration)
-            energies = model.observed(scene, solution).energies["mechanical"]
-            if isinstance(model, Rigid):
-                kept = model.observed(scene, solution).energies
-                energies = kept["kinetic"] + kept["gravity"]
-            fast = shock.speeds[shock.speeds > FAST]
-            force = np.nan if shock.forces is None else shock.forces.max()
-            found.append(
-                (energies[0] - energies[-1], len(fast) / len(BASES), fast.max(initial=0), force)
-            )
+            shocks = model.shocks(scene, lowered(state, k * APART), duration)
+            fast = shocks.speeds[shocks.speeds > FAST]
+            force = np.nan if shocks.forces is None else shocks.forces.max()
+            found.append((shocks.lost, len(fast) / len(BASES), fast.max(initial=0), force))
         lost, impacts, fastest, force = np.array(found).T
         yield (
             model.name,
@@ -256,7 +252,8 @@ def main(arguments: list[str] | None = None) -> None:
     print(markdown(ACCURACY, accuracy_rows(models, truth, DURATION)), end="\n\n")
     print(markdown(SLOPES, slope_rows(models)), end="\n\n")
     if not chosen.quick:
-        print(markdown(STATISTICS, statistics_rows(models, DURATION, RUNS)))
+        kept = tuple(model for model in models if model.name != FINE)
+        print(markdown(STATISTICS, statistics_rows(kept, DURATION, RUNS)))
         output = Output(chosen.output)
         output.folder.mkdir(parents=True, exist_ok=True)
         output.save(figure(truth), "ladder")

@@ -20,9 +20,11 @@ SAVED = 1e-3
 
 
 @dataclass(frozen=True)
-class Shock:
-    """Impacts of a run: entry speeds, m/s, and peak forces, N (``None`` if there are none)."""
+class Shocks:
+    """What a run lost, J, and its impacts: entry speeds, m/s, and peak forces, N (``None`` if there
+    are none)."""
 
+    lost: float
     speeds: np.ndarray
     forces: np.ndarray | None
 
@@ -51,12 +53,8 @@ class AbstractModel(abc.ABC):
         """Steps tried."""
 
     @abc.abstractmethod
-    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
-        """A solution with states every millisecond, and its impacts."""
-
-    def observed(self, scene: cj.Scene, solution: Any) -> cj.Observation:
-        """What its states tell."""
-        return cj.observe(scene, solution)
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """Energy lost and impacts of a run."""
 
     def varied(self, logarithm: Any) -> tuple[cj.Scene, cj.State]:
         """The scene, with the clearance times the exponential of a number."""
@@ -94,7 +92,7 @@ class Ideal(AbstractSmoothModel):
         """Without clearance."""
         return cj.double_pendulum(None)
 
-    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """No impacts; the force is the joint's largest reaction."""
         return _bound(self, scene, state, end)
 
@@ -123,7 +121,7 @@ class Massless(AbstractSmoothModel):
         joints = {SHOULDER: link, "elbow": scene.joints["elbow"]}
         return cj.Scene(scene.bodies, joints, gravity=scene.gravity), lowered(state, clearance)
 
-    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """No impacts; the force is the link's largest reaction."""
         return _bound(self, scene, state, end)
 
@@ -138,11 +136,11 @@ class Compliant(AbstractSmoothModel):
         """With the law."""
         return cj.double_pendulum(CLEARANCE, law=self.law)
 
-    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """The table of impacts."""
         solution = self.run(scene, state, end, grid(end), record_impacts=True)
-        table = solution.impacts
-        return solution, Shock(table.entry_speed, table.peak_force)
+        energy, table = cj.observe(scene, solution).energies["mechanical"], solution.impacts
+        return Shocks(energy[0] - energy[-1], table.entry_speed, table.peak_force)
 
 
 @dataclass(frozen=True)
@@ -163,23 +161,24 @@ class Rigid(AbstractModel):
         """Steps taken."""
         return int(solution.steps)
 
-    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """Steps with an impulse after one without; the speed is that one step before."""
         times = np.linspace(0.0, end, round(end / self.step) + 1)
         solution = self.run(scene, state, end, times)
         observed, speeds = cj.observe(scene, solution), []
+        energy = observed.energies["kinetic"] + observed.energies["gravity"]
         for base in BASES:
             impulses: Any = solution.history[SHOULDER][base].impulse
             pushes = impulses[1:] > impulses[:-1]
             onsets = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
             speeds.append(observed.contacts[SHOULDER][base].penetration_rate[onsets])
-        return solution, Shock(np.concatenate(speeds), None)
+        return Shocks(energy[0] - energy[-1], np.concatenate(speeds), None)
 
 
-def _bound(model: AbstractModel, scene: cj.Scene, state: cj.State, end: float) -> tuple[Any, Shock]:
-    solution = model.run(scene, state, end, grid(end))
-    force = model.observed(scene, solution).reactions[SHOULDER]["arm 2"].force
-    return solution, Shock(np.zeros(0), np.linalg.norm(force, axis=1))
+def _bound(model: AbstractModel, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+    observed = cj.observe(scene, model.run(scene, state, end, grid(end)))
+    energy, force = observed.energies["mechanical"], observed.reactions[SHOULDER]["arm 2"].force
+    return Shocks(energy[0] - energy[-1], np.zeros(0), np.linalg.norm(force, axis=1))
 
 
 def grid(end: float) -> np.ndarray:

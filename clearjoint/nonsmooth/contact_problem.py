@@ -128,12 +128,10 @@ class ContactProblem:
         """Those along all rows, m/s: opening velocities, and then slips."""
         return [row_rate(row, motions) for row in self.rows]
 
-    def changed(self, velocities: Sequence[Scalar], impulses: Sequence[Scalar]) -> list[Scalar]:
+    def changed(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
         """The velocities after impulses."""
-        return [
-            add(velocity, inner([self._entry(i, j) for j in range(len(impulses))], impulses))
-            for i, velocity in enumerate(velocities)
-        ]
+        rows = range(len(self.rows))
+        return self._pushed(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """The change of the speeds by impulses along the first rows."""
@@ -141,6 +139,15 @@ class ContactProblem:
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
         return change
+
+    def _pushed(
+        self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
+    ) -> list[Scalar]:
+        """Velocities of some rows after impulses along others."""
+        return [
+            add(velocity, inner([self._entry(i, j) for j in columns], impulses))
+            for i, velocity in zip(rows, velocities, strict=True)
+        ]
 
     def _entry(self, i: int, j: int) -> Scalar:
         return self._matrix[max(i, j)][min(i, j)]
@@ -165,32 +172,25 @@ class ContactProblem:
         if not slips:
             return self.normal_impulses(closed, aims)
         count, size = self._count, len(self.rows)
-        coefficients = [touch.coefficient for touch in self.contacts for _ in touch.slip]
+        normals, tangents = range(count), range(count, size)
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
-        block = [self._matrix[i][count : i + 1] for i in range(count, size)]
-        seen = [*closed, *(closed[k] for k in owner)]
-        every = zip(seen, [*aims, *slips], strict=True)
-        scale = largest([jnp.where(shut, number, 0.0) for shut, number in every])
+        coefficients = [self.contacts[k].coefficient for k in owner]
+        block = [self._matrix[i][count : i + 1] for i in tangents]
+        live = [*closed, *(closed[k] for k in owner)]
+        scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)
-
-        def pushed(rows: range, columns: range, velocities: Any, impulses: Any) -> list[Scalar]:
-            return [
-                add(velocity, inner([self._entry(i, j) for j in columns], impulses))
-                for i, velocity in zip(rows, velocities, strict=True)
-            ]
 
         def go(now: tuple[Impulses, Impulses, Scalar, Scalar]) -> Any:
             _, tangential, _, turns = now
-            seen = pushed(range(count), range(count, size), aims, tangential)
+            seen = self._pushed(normals, tangents, aims, tangential)
             normal, left = self.normal_impulses(closed, seen)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
-            seen = pushed(range(count, size), range(count), slips, normal)
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
-            following, rest = problem.solve(seen)
+            following, rest = problem.solve(self._pushed(tangents, normals, slips, normal))
             differences = [a - b for a, b in zip(following, tangential, strict=True)]
-            felt = pushed(range(count), range(count, size), [0.0] * count, differences)
-            felt = [jnp.where(shut, part, 0.0) for shut, part in zip(closed, felt, strict=True)]
-            return normal, following, largest([left, rest, largest(felt) / scale]), turns + 1
+            felt = self._pushed(normals, tangents, [0.0] * count, differences)
+            change = _largest_of(closed, felt) / scale
+            return normal, following, largest([left, rest, change]), turns + 1
 
         def goes(now: tuple[Impulses, Impulses, Scalar, Scalar]) -> Scalar:
             return (now[2] > TOLERANCE) & (now[3] < ALTERNATIONS)
@@ -199,3 +199,8 @@ class ContactProblem:
         start = [zero] * count, [zero] * (size - count), zero, jnp.zeros((), int)
         normal, tangential, residual, _ = jax.lax.while_loop(goes, go, go(start))
         return [*normal, *tangential], residual
+
+
+def _largest_of(live: Sequence[Scalar], numbers: Sequence[Scalar]) -> Scalar:
+    """The largest magnitude of the numbers that are live."""
+    return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])

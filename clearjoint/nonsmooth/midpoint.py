@@ -74,38 +74,53 @@ class Stepped(eqx.Module):
 
 def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
     """One step of length h from time t, s."""
-    scene, formulation = rigid.scene, rigid.formulation
+    middle_time = t + 0.5 * h
+    middle, free = _smooth_step(rigid, variables, t, h)
+    mechanics = rigid.mechanics(free)
+    contacts = touches(rigid.scene, mechanics.motions)
+    if not contacts:
+        return Stepped(
+            _arrived(rigid, variables, _mean_speeds(middle, free), free, middle_time, h),
+            {},
+            jnp.zeros(()),
+            *(jnp.asarray(True),) * 2,
+        )
+    problem = ContactProblem(rigid.scene, rigid.formulation, mechanics, contacts, middle_time)
+    before = problem.velocities(rigid.mechanics(middle).motions)
+    unloaded = problem.velocities(mechanics.motions)
+    closed = [touch.gap <= 0.0 for touch in contacts]
+    aims = [
+        velocity + rigid.restitution[touch.joint][touch.label] * opening
+        for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
+    ]
+    impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
+    after = problem.changed(unloaded, impulses)
+    moved = mechanics.kicked(problem.kick(impulses))
+    sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
+    push, pushed_residual = _projection(problem, closed, after, sinks, h)
+    mean = rigid.mechanics(_mean_speeds(middle, moved)).kicked(push)
+    residual = jnp.maximum(residual, pushed_residual)
+    return Stepped(
+        _arrived(rigid, variables, mean, moved, middle_time, h),
+        _contact_steps(contacts, impulses, before, after),
+        residual,
+        residual <= SOLVED,
+        _is_shallow(contacts),
+    )
+
+
+def _smooth_step(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> tuple[Any, Any]:
+    """The variables at the middle of a step with the speeds of its start, and with those that it
+    ends with if no contact is closed."""
     half, middle_time = 0.5 * h, t + 0.5 * h
     middle = _displaced(variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(middle, _smooth_rates(rigid, middle, middle_time), half)
-    free = _accelerated(middle, _smooth_rates(rigid, predicted, middle_time), h)
-    mechanics = rigid.mechanics(free)
-    contacts = touches(scene, mechanics.motions)
-    if not contacts:
-        mean = _mean_speeds(middle, free)
-        end = _displaced(variables, _smooth_rates(rigid, mean, middle_time), h)
-        return Stepped(_with_speeds(end, free), {}, jnp.zeros(()), *(jnp.asarray(True),) * 2)
-    problem = ContactProblem(scene, formulation, mechanics, contacts, middle_time)
-    before = problem.velocities(rigid.mechanics(middle).motions)
-    unloaded = problem.velocities(mechanics.motions)
-    count, closed = len(contacts), [touch.gap <= 0.0 for touch in contacts]
-    aims = [
-        velocity + rigid.restitution[touch.joint][touch.label] * opening
-        for velocity, touch, opening in zip(unloaded[:count], contacts, before, strict=False)
-    ]
-    impulses, residual = problem.impulses(closed, aims, unloaded[count:])
-    after = problem.changed(unloaded, impulses)
-    moved = mechanics.kicked(problem.kick(impulses))
-    mean = _mean_speeds(middle, moved)
-    sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)][:count]
-    push, pushed_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.mechanics(mean).kicked(push)
-    end = _displaced(variables, _smooth_rates(rigid, mean, middle_time), h)
-    residual = jnp.maximum(residual, pushed_residual)
-    steps = _contact_steps(contacts, impulses, before, after)
-    return Stepped(
-        _with_speeds(end, moved), steps, residual, residual <= SOLVED, _is_shallow(contacts)
-    )
+    return middle, _accelerated(middle, _smooth_rates(rigid, predicted, middle_time), h)
+
+
+def _arrived(rigid: Rigid, start: Any, mean: Any, last: Any, middle_time: Scalar, h: Scalar) -> Any:
+    """The positions moved for a step at the mean speeds, with the last speeds."""
+    return _with_speeds(_displaced(start, _smooth_rates(rigid, mean, middle_time), h), last)
 
 
 def _is_shallow(contacts: list[Touch]) -> Scalar:

@@ -120,8 +120,8 @@ def simulate_nonsmooth(
     formulation = make_formulation(
         coordinates, None, bool(names) if redundant is None else redundant
     )
-    stops = [start_time, *([] if save_at is None else save_at), end_time]
-    stops = jnp.stack([jnp.asarray(time, dtype=float) for time in stops])
+    ends = (jnp.asarray([time], dtype=float) for time in (start_time, end_time))
+    stops = jnp.concatenate([next(ends), jnp.asarray([] if save_at is None else save_at), *ends])
     chosen = None if restitution is None else jnp.asarray(restitution, dtype=float)
     run = _run_compiled(
         structured(scene), formulation, state, stops, jnp.asarray(step, dtype=float), chosen
