@@ -19,6 +19,7 @@ from .contact import GivenStiffness as GivenStiffness
 from .contact import Hertz as Hertz
 from .contact import HuntCrossley as HuntCrossley
 from .contact import LankaraniNikravesh as LankaraniNikravesh
+from .contact import MemorylessHuntCrossley as MemorylessHuntCrossley
 from .contact import RavnStiffness as RavnStiffness
 from .dynamics import AbstractStabilisation as AbstractStabilisation
 from .dynamics import Baumgarte as Baumgarte
@@ -68,6 +69,7 @@ from .joints.ideal import InlineJoint as InlineJoint
 from .joints.ideal import PrismaticJoint as PrismaticJoint
 from .joints.ideal import RevoluteJoint as RevoluteJoint
 from .joints.ideal import SphericalJoint as SphericalJoint
+from .joints.massless_link import MasslessLink as MasslessLink
 from .joints.primitives import rows_from_residual as rows_from_residual
 from .measured_tables import Channel as Channel
 from .measured_tables import from_xarray as from_xarray
@@ -76,6 +78,9 @@ from .measurements import Measurements as Measurements
 from .measurements import Series as Series
 from .mechanisms import double_pendulum as double_pendulum
 from .mechanisms import slider_crank as slider_crank
+from .nonsmooth.simulate import ContactTotals as ContactTotals
+from .nonsmooth.simulate import NonsmoothSolution as NonsmoothSolution
+from .nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
 from .observables import MotionMode as MotionMode
 from .observables import Observation as Observation
 from .observables import observe as observe

@@ -216,6 +216,35 @@ class Hertz(AbstractHertzianLaw):
         return 0.0
 
 
+class MemorylessHuntCrossley(AbstractHertzianLaw):
+    """F = K delta^n (1 + a rate) with a given damping a (K. H. Hunt, F. R. E. Crossley 1975).
+
+    Keeps no memory: a = 3 (1 - c)/(2 v) is what `HuntCrossley` has at one entry speed v, the
+    `design_speed`, m/s. There the `restitution` c is requested, and the one that
+    `delivered_restitution` reports is delivered. Slower impacts lose less and faster ones more, as
+    metals do, and a contact that begins slowly isn't stiff.
+    """
+
+    restitution: Any = quantity("1")
+    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
+    design_speed: Any = quantity("m/s")
+    exponent: float = eqx.field(default=1.5, static=True)
+    smoothing: Any = optional_quantity("m")
+    has_memory = False
+
+    def __check_init__(self):
+        require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
+        require_positive("design_speed", self.design_speed, "give a typical entry speed in m/s")
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/2, at the design speed."""
+        return 1.5 * (1.0 - self.restitution)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force in N; an entry speed is not looked at."""
+        return super().force(gap, self.design_speed)
+
+
 class AbstractDampedLaw(AbstractHertzianLaw):
     """A law of the family with a requested restitution and a floor on the entry speed.
 

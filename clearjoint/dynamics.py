@@ -185,7 +185,7 @@ def _applied_wrenches(
                 apply(name, wrench)
     for joint_name, joint in scene.contact_joints().items():
         first, second = joint.pair()
-        for force in forces[joint_name].values():
+        for force in forces.get(joint_name, {}).values():
             push = -(force.contact.normal * force.normal_force)
             if force.friction is not None:
                 push = push + force.friction
@@ -228,6 +228,23 @@ def evaluate(
     otherwise those that penetrate."""
     mechanics = formulation.coordinates.mechanics(scene, variables)
     forces = contact_forces(scene, mechanics.motions, memory, closed)
+    return _solved(scene, formulation, mechanics, forces, t)
+
+
+def evaluate_smooth(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Dynamics:
+    """Solve the equations of motion at one instant as if no contact were closed."""
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    return _solved(scene, formulation, mechanics, {}, t)
+
+
+def _solved(
+    scene: Scene,
+    formulation: Formulation,
+    mechanics: AbstractMechanics,
+    forces: dict[str, dict[str, ContactForce]],
+    t: Scalar,
+) -> Dynamics:
+    """The equations of motion under the given contact forces."""
     rates = mechanics.free_rates(_applied_wrenches(scene, mechanics.motions, forces, t))
     rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
     multipliers: dict[str, dict[str, Scalar]] = {}

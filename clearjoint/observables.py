@@ -14,6 +14,7 @@ from .coordinates import row_rate
 from .dynamics import Dynamics, Formulation, evaluate, mechanical_energy
 from .fields import require
 from .joints.clearance import BASES, ClearanceJoint
+from .nonsmooth.simulate import NonsmoothSolution
 from .scene import Scene
 from .solution import Solution, Trajectory
 from .vectors import Scalar, Structured, Vector, pack, structured, unpack
@@ -103,7 +104,11 @@ class Observation(eqx.Module):
         return balance - balance[0]
 
 
-def observe(scene: Scene, solution: Solution, trajectory: Trajectory | None = None) -> Observation:
+def observe(
+    scene: Scene,
+    solution: Solution | NonsmoothSolution,
+    trajectory: Trajectory | None = None,
+) -> Observation:
     """Observe a scene along a solution.
 
     In absolute coordinates whatever the run had: there every ideal joint has its multipliers, those

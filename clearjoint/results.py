@@ -32,6 +32,10 @@ class RESULTS(eqx.Enumeration):
     not_assembled = (
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
+    step_too_long = (
+        "A fixed step went deeper into a rigid bearing than its clearance, so that the side of the "
+        "contact is unknown. Use a shorter step."
+    )
 
 
 def result_number(result: Any) -> np.ndarray:

@@ -23,6 +23,7 @@ STEEL = cj.RavnStiffness(207e9, 0.3)
         cj.LankaraniNikravesh(0.9, STEEL),
         cj.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
         cj.Flores2011(0.2, STEEL, exponent=2.0),
+        cj.MemorylessHuntCrossley(0.8, STEEL, 0.1),
         cj.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )

@@ -14,6 +14,7 @@ from clearjoint import (
     Hertz,
     HuntCrossley,
     LankaraniNikravesh,
+    MemorylessHuntCrossley,
     RavnStiffness,
 )
 
@@ -50,6 +51,15 @@ def test_hertz_force_depends_on_the_depth_only():
     expected = np.broadcast_to(K * np.maximum(DEPTH, 0.0) ** 1.5, force.shape)
     np.testing.assert_allclose(force, expected, rtol=1e-13)
     assert not law.has_memory and all(law.has_memory for law in DAMPED)
+
+
+def test_a_law_without_memory_is_hunt_crossley_at_its_design_speed():
+    law, gap = MemorylessHuntCrossley(0.7, K, 0.1), Gap(DEPTH, RATE)
+    with_memory = HuntCrossley(0.7, K).force(gap, 0.1)
+    np.testing.assert_allclose(law.force(gap, None), with_memory, rtol=1e-14)
+    assert not law.has_memory
+    with pytest.raises(ValueError, match=r"`design_speed`.*0\.0"):
+        MemorylessHuntCrossley(0.7, K, 0.0)
 
 
 def test_elastic_restitution_leaves_no_damping():

@@ -13,6 +13,11 @@ LAWS = {
     "Hunt-Crossley": (cj.HuntCrossley(0.5, STIFFNESS), 0.75),
     "Lankarani-Nikravesh": (cj.LankaraniNikravesh(0.9, STIFFNESS), 0.1425),
     "Lankarani-Nikravesh plastic": (cj.LankaraniNikravesh(0.0, STIFFNESS), 0.75),
+    "memoryless": (cj.MemorylessHuntCrossley(0.5, STIFFNESS, SPEED), 0.75),
+    "memoryless, at half its speed": (
+        cj.MemorylessHuntCrossley(0.5, STIFFNESS, 2.0 * SPEED),
+        0.375,
+    ),
     "Flores": (cj.Flores2011(0.3, STIFFNESS), 1.6 * 0.7 / 0.3),
 }
 
@@ -22,7 +27,8 @@ def test_restitution_satisfies_the_exact_relation(name):
     law, chi = LAWS[name]
     e = free_impact(law, MASS, SPEED).restitution
     assert chi * (1 + e) == pytest.approx(np.log((1 + chi) / (1 - chi * e)), rel=1e-6, abs=1e-9)
-    assert e == pytest.approx(float(law.delivered_restitution()), abs=1e-6)
+    if law.has_memory or law.damping_factor() == chi:
+        assert e == pytest.approx(float(law.delivered_restitution()), abs=1e-6)
 
 
 def test_hertz_impact_matches_closed_forms():
