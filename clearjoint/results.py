@@ -31,6 +31,10 @@ class RESULTS(eqx.Enumeration):
     not_assembled = (
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
+    left_bearing = (
+        "A journal penetrates the wall of its bearing by more than its radius, where no contact law "
+        "holds. Check the stiffness, the journal's length and tilt, and the units."
+    )
 
 
 def result_number(result: Any) -> np.ndarray:

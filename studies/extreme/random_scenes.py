@@ -1,0 +1,164 @@
+"""Random extreme scenes: run in batches, judged by invariants."""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+
+import clearjoint as cj
+
+from .families import FAMILIES, RADIUS, Draw, Family, draws
+from .invariants import (
+    Poses,
+    contact_energy,
+    kinetic_energy,
+    momentum,
+    norm_error,
+    poses,
+    work_of_gravity,
+)
+
+RTOL = 1e-8
+ATOL = 1e-16
+MAX_STEPS = 20_000
+
+ALLOWED_ENERGY = 1e-5
+"""Of the energy exchanged."""
+ALLOWED_NORM = 1e-9
+ALLOWED_MOMENTUM = 1e-8
+"""Of the sum of the bodies' momenta."""
+
+WORKS = ("normal damping", "friction", "stabilisation", "supplied")
+
+
+class Work(cj.AbstractReduction):
+    """The integrals of the energy ledger, J, by name; those that the scene lacks are zero."""
+
+    needs_ledger = True
+
+    def start(self, now: Any) -> Any:
+        """Nothing: the ledger is integrated with the state."""
+        del now
+        return ()
+
+    def update(self, tally: Any, now: Any) -> Any:
+        """Nothing."""
+        del now
+        return tally
+
+    def results(self, tally: Any, now: Any) -> dict[str, Any]:
+        """Each integral."""
+        del tally
+        return {name: now.work.get(name, 0.0) for name in WORKS}
+
+    def units(self) -> dict[str, str]:
+        """Energies."""
+        return dict.fromkeys(WORKS, "J")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A scene's run: its result code, steps tried, and its violations of each invariant, in the
+    units of what is allowed (above 1 it is violated)."""
+
+    family: str
+    draw: Draw
+    result: str
+    attempts: int
+    violations: dict[str, float]
+
+    @property
+    def wrong(self) -> bool:
+        """Whether a run that calls itself successful violates an invariant."""
+        worst = max(self.violations.values(), default=0.0)
+        return self.result == "successful" and not worst <= 1.0
+
+
+def run_family(name: str, count: int, seed: int, **options: Any) -> list[Verdict]:
+    """Run `count` scenes of a family and judge them."""
+    family = FAMILIES[name]
+    rows = draws(count, seed)
+    made = [family.make(row) for row in rows]
+    ends = {
+        _clearance(scene): family.end_time(row)
+        for (scene, _), row in zip(made, rows, strict=True)
+    }
+    settings = {"rtol": RTOL, "atol": ATOL, "max_steps": MAX_STEPS, **family.options, **options}
+    numbers = np.arange(float(count))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*lanes failed")
+        found = cj.sweep(
+            *made[0],
+            lambda scene: ends[_clearance(scene)],
+            {"draw": cj.Axis.change(lambda scene, state, k: made[int(k)], numbers)},
+            {"work": Work()},
+            ledger=True,
+            progress=False,
+            devices=jax.local_devices()[:1],
+            **settings,
+        )
+    return [_judged(name, row, *made[k], found.isel(draw=k)) for k, row in enumerate(rows)]
+
+
+def _clearance(scene: cj.Scene) -> float:
+    """By which the draws are told apart: no two have the same."""
+    (joint,) = scene.contact_joints().values()
+    assert isinstance(joint, cj.ClearanceJoint)
+    return float(joint.clearance)
+
+
+def _judged(name: str, draw: Draw, scene: cj.Scene, state: cj.State, lane: xr.Dataset) -> Verdict:
+    meanings = lane.result.attrs["flag_meanings"].split()
+    result = meanings[list(lane.result.attrs["flag_values"]).index(int(lane.result))]
+    last = _final(scene, lane)
+    works = {name: float(lane[f"work_{name}"]) for name in WORKS}
+    violations = _violations(FAMILIES[name], scene, poses(state), poses(last), works)
+    return Verdict(name, draw, result, int(lane.attempts), violations)
+
+
+def _final(scene: cj.Scene, lane: xr.Dataset) -> cj.State:
+    parts = ("position", "orientation", "velocity", "spin")
+    arrays = [lane[f"final_{part}"].values for part in parts]
+    return cj.State(
+        {name: cj.BodyState(*(a[k] for a in arrays)) for k, name in enumerate(scene.bodies)}
+    )
+
+
+def _violations(
+    family: Family, scene: cj.Scene, start: Poses, end: Poses, works: dict[str, float]
+) -> dict[str, float]:
+    """What is violated, over what is allowed; NaN, which is never allowed, stays NaN."""
+    found = {
+        "energy": _energy_gap(scene, start, end, works),
+        "norm": float(norm_error(end)) / ALLOWED_NORM,
+    }
+    if family.free:
+        found |= _momentum_gaps(scene, start, end)
+    return found
+
+
+def _energy_gap(scene: cj.Scene, start: Poses, end: Poses, works: dict[str, float]) -> float:
+    """What the ledger does not account for, over what it may not."""
+    before = kinetic_energy(scene, start), contact_energy(scene, start)
+    after = kinetic_energy(scene, end), contact_energy(scene, end)
+    gained = work_of_gravity(scene, start, end) + works["supplied"]
+    lost = works["normal damping"] + works["friction"] + works["stabilisation"]
+    gap = abs(sum(after) - sum(before) - gained + lost)
+    exchanged = sum(before) + sum(after) + abs(gained) + abs(lost)
+    return float(gap / (ALLOWED_ENERGY * exchanged))
+
+
+def _momentum_gaps(scene: cj.Scene, start: Poses, end: Poses) -> dict[str, float]:
+    """Changes of the momenta, over the parts they are the sums of."""
+    before, after = momentum(scene, start), momentum(scene, end)
+    masses = [float(body.mass) for body in scene.bodies.values()]
+    speeds = [float(np.sqrt(np.sum(at[n].velocity ** 2))) for at in (start, end) for n in scene.bodies]
+    push = sum(m * v for m, v in zip(masses * 2, speeds, strict=True))
+    scales = {"momentum": push, "angular momentum": push * RADIUS}
+    return {
+        name: float(np.max(np.abs(new - old))) / (ALLOWED_MOMENTUM * scales[name])
+        for name, old, new in zip(scales, before, after, strict=True)
+    }
