@@ -22,9 +22,9 @@ from .several import least, some
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
-LATEST = 1e-9
-"""s after an event that a step may still land at. A landing leaves the penetration it ends at without
-the force that led there; at 1e-9 m/s, the landing tolerance alone would be deeper than the impact."""
+LATEST = 1e-11
+"""s past an event, at its rate, within which a step must land. The depth landed at holds energy that
+nothing brought there: of a slow or brief impact, the landing tolerance alone would be most of it."""
 CLOSEST = 1e-4
 """Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 

@@ -82,15 +82,28 @@ def work_of_gravity(scene: cj.Scene, start: Poses, end: Poses) -> Any:
 def contact_energy(scene: cj.Scene, at: Poses) -> Any:
     """Elastic energy K delta^(n + 1)/(n + 1) of all contacts, J."""
     total = LONG(0)
-    for name, joint in scene.contact_joints().items():
+    for joint in clearance_joints(scene):
         laws = joint.laws()
         for label, depth in depths(joint, at).items():
             law = laws[label]
             if depth > 0:
                 power = LONG(law.exponent) + 1
                 total += stiffness(law, joint) * depth**power / power
-        del name
     return total
+
+
+def clearance_joints(scene: cj.Scene) -> list[cj.ClearanceJoint]:
+    """All joints with clearance."""
+    return [joint for joint in scene.joints.values() if isinstance(joint, cj.ClearanceJoint)]
+
+
+def deepest(scene: cj.Scene, at: Poses) -> Any:
+    """Largest penetration of a base, in radii of its journal."""
+    return max(
+        depths(joint, at)[base] / (LONG(joint.bearing_radius) - LONG(joint.clearance))
+        for joint in clearance_joints(scene)
+        for base in BASES
+    )
 
 
 def depths(joint: cj.ClearanceJoint, at: Poses) -> dict[str, Any]:
@@ -131,6 +144,33 @@ def momentum(scene: cj.Scene, at: Poses) -> tuple[np.ndarray, np.ndarray]:
         linear += push
         angular += np.cross(pose.position, push) + pose.rotation @ (inertia * pose.spin)
     return linear, angular
+
+
+def drift(scene: cj.Scene, at: Poses) -> Any:
+    """How far the revolute joints' points are apart, m, or their axes askew, rad, and how far
+    journals that are held axially are off; the largest of these."""
+    worst = LONG(0)
+    for joint in scene.joints.values():
+        if isinstance(joint, cj.RevoluteJoint):
+            first, second = at[joint.first], at[joint.second]
+            points = first.point(np.asarray(joint.point_first, LONG)) - second.point(
+                np.asarray(joint.point_second, LONG)
+            )
+            axes = np.cross(
+                first.rotation @ _unit(joint.axis_first), second.rotation @ _unit(joint.axis_second)
+            )
+            worst = max(worst, np.abs(points).max(), np.abs(axes).max())
+        elif isinstance(joint, cj.ClearanceJoint) and isinstance(joint.axial, cj.FixedAxially):
+            worst = max(worst, abs(_height(joint, at)))
+    return worst
+
+
+def _height(joint: cj.ClearanceJoint, at: Poses) -> Any:
+    """Of the journal's centre over the bearing's, along its axis, m."""
+    bearing, journal = at[joint.bearing_body], at[joint.journal_body]
+    centre = bearing.point(np.asarray(joint.bearing_point, LONG))
+    offset = journal.point(np.asarray(joint.journal_point, LONG)) - centre
+    return offset @ (bearing.rotation @ _unit(joint.bearing_axis))
 
 
 def norm_error(at: Poses) -> Any:
