@@ -87,6 +87,19 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
 
+def require_certain(uncertain: tuple[str, ...]) -> None:
+    """Check that no constraint nearly depends on the others: motion and reactions would then be
+    rounding's."""
+    require(
+        not uncertain,
+        "state",
+        list(uncertain),
+        "without constraints that nearly depend on the others",
+        "align the points and axes of these joints with the others' exactly, or by more than 1e-5; "
+        "leave out what the others hold; or start farther from a singular position",
+    )
+
+
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""

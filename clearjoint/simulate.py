@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .assembly import check_names, require_assembled, require_representable
+from .assembly import check_names, require_assembled, require_certain, require_representable
 from .bodies import State
 from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
@@ -270,5 +270,6 @@ def check_structure(
         return ()
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
+    require_certain(report.uncertain)
     require_representable(scene, state, coordinates)
     return report.redundant
