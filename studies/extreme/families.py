@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 from scipy.stats import qmc
 
@@ -67,13 +68,27 @@ class Family:
 
     - `make`: scene and state of a draw; `end_time`: s.
     - `free`: whether nothing holds the bodies, so that momentum is kept.
-    - `options`: of the run.
+    - `outputs`: what is kept beside the ledger; `options`: of the run.
     """
 
     make: Callable[[Draw], tuple[cj.Scene, cj.State]]
     end_time: Callable[[Draw], float]
     free: bool = False
+    outputs: Mapping[str, cj.AbstractReduction] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    def trial(self, draw: Draw) -> "Trial":
+        """The scene of a draw, ready to run."""
+        return Trial(*self.make(draw), self.end_time(draw))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A scene, the state it starts from, and the end of the run, s."""
+
+    scene: cj.Scene
+    state: cj.State
+    end_time: float
 
 
 def _heading(draw: Draw) -> np.ndarray:
@@ -135,7 +150,7 @@ def _some_impacts(draw: Draw, mass: float, gravity: float) -> float:
 
 def _free_pair(draw: Draw) -> tuple[cj.Scene, cj.State]:
     law = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
-    friction = cj.RegularisedCoulomb(draw["friction"])
+    friction = cj.Ambrosio(draw["friction"])
     bodies = {"bearing": _block(1.0), "journal": _block(draw["mass_ratio"])}
     scene = cj.Scene(bodies, {"pin": _joint(draw, law, "bearing", friction=friction)})
     return scene, cj.State({"bearing": cj.body_state((0, 0, 0)), "journal": _start(draw)})
@@ -147,7 +162,7 @@ def _reduced_mass(draw: Draw) -> float:
 
 def _journal(draw: Draw) -> tuple[cj.Scene, cj.State]:
     law = cj.HuntCrossley(draw["restitution"], draw["stiffness"])
-    joint = _joint(draw, law, "ground", friction=cj.Ambrosio(draw["friction"]))
+    joint = _joint(draw, law, "ground", friction=cj.RegularisedCoulomb(draw["friction"]))
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint}, gravity=GRAVITY)
     return scene, cj.State({"journal": _start(draw)})
 
@@ -162,8 +177,8 @@ def _end_play(draw: Draw) -> tuple[cj.Scene, cj.State]:
     return scene, cj.State({"journal": _start(draw)})
 
 
-def _elastic(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.Hertz(cj.RavnStiffness(draw["stiffness"], 0.3))
+def _thrown(draw: Draw) -> tuple[cj.Scene, cj.State]:
+    law = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
     joint = _joint(draw, law, "ground")
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint})
     return scene, cj.State({"journal": _start(draw)})
@@ -174,10 +189,8 @@ ARM = 1.0
 
 def _pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
     mass = draw["mass"]
-    law = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
-    joint = _joint(
-        draw, law, "ground", journal_point=(-0.5 * ARM, 0, 0), friction=cj.RegularisedCoulomb(0.1)
-    )
+    joint = _joint(draw, cj.Hertz(cj.RavnStiffness(draw["stiffness"], 0.3)), "ground")
+    joint = eqx.tree_at(lambda j: j.journal_point, joint, np.array([-0.5 * ARM, 0.0, 0.0]))
     inertia = mass * ARM**2 / 12 * np.array([1e-2, 1.0, 1.0])
     scene = cj.Scene({"journal": cj.Body(mass, inertia)}, {"pin": joint}, gravity=GRAVITY)
     place = 0.5 * ARM * np.array([1.0, 0, 0]) + min(1.0, draw["eccentricity"]) * draw[
@@ -219,13 +232,25 @@ def _slider_crank(draw: Draw) -> tuple[cj.Scene, cj.State]:
     )
 
 
+def _backwards(now: Any) -> Any:
+    """Speed of the journal against its heading when that is along X, m/s."""
+    return -now.motions["journal"].velocity.x
+
+
 FAMILIES = {
+    "thrown journal": Family(
+        _thrown,
+        lambda d: _some_impacts(d, d["mass"], 0.0),
+        outputs={
+            "rebound": cj.Peak(_backwards, "m/s"),
+            "depth": cj.Peak(cj.quantities.Penetration("pin", "V"), "m"),
+        },
+    ),
     "free pair": Family(
         _free_pair, lambda d: _some_impacts(d, _reduced_mass(d), 0.0), free=True
     ),
     "journal": Family(_journal, lambda d: _some_impacts(d, d["mass"], 9.81)),
     "end play": Family(_end_play, lambda d: _some_impacts(d, d["mass"], 9.81)),
-    "elastic journal": Family(_elastic, lambda d: _some_impacts(d, d["mass"], 0.0)),
     "pendulum": Family(_pendulum, lambda d: _fall(d, d["mass"])),
     "double pendulum": Family(
         _double_pendulum,

@@ -1,6 +1,7 @@
-"""Random extreme scenes: run in batches, judged by invariants."""
+"""Runs of extreme scenes, in batches, and their judgement by invariants."""
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +11,9 @@ import xarray as xr
 
 import clearjoint as cj
 
-from .families import FAMILIES, RADIUS, Draw, Family, draws
+from .families import FAMILIES, RADIUS, Family, Trial
 from .invariants import (
     Poses,
-    clearance_joints,
     contact_energy,
     deepest,
     drift,
@@ -26,8 +26,6 @@ from .invariants import (
 
 RTOL = 1e-8
 ATOL = 1e-16
-MAX_STEPS = 20_000
-
 ALLOWED_ENERGY = 1e-4
 """Of the energy exchanged."""
 ALLOWED_NORM = 1e-6
@@ -65,62 +63,63 @@ class Work(cj.AbstractReduction):
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """A scene's run: its result code, steps tried, and its violations of each invariant, in the
-    units of what is allowed (above 1 it is violated)."""
+class Lane:
+    """A run: its result code, the steps tried, what was kept of it, and its violations of each
+    invariant in the units of what is allowed (above 1 it is violated)."""
 
-    family: str
-    draw: Draw
     result: str
     attempts: int
+    outcome: Mapping[str, Any]
     violations: dict[str, float]
 
     @property
+    def successful(self) -> bool:
+        """Whether the run says that its numbers are good."""
+        return self.result == "successful"
+
+    @property
     def wrong(self) -> bool:
-        """Whether a run that calls itself successful violates an invariant."""
-        worst = max(self.violations.values(), default=0.0)
-        return self.result == "successful" and not worst <= 1.0
+        """Whether a run that calls itself successful violates an invariant, or has a NaN."""
+        return self.successful and not all(value <= 1.0 for value in self.violations.values())
 
 
-def run_family(name: str, count: int, seed: int, **options: Any) -> list[Verdict]:
-    """Run `count` scenes of a family and judge them."""
+def run(name: str, trials: Sequence[Trial], max_steps: int) -> list[Lane]:
+    """Run scenes of a family side by side, and judge them by the invariants."""
     family = FAMILIES[name]
-    rows = draws(count, seed)
-    made = [family.make(row) for row in rows]
-    ends = {
-        _clearance(scene): family.end_time(row)
-        for (scene, _), row in zip(made, rows, strict=True)
-    }
-    settings = {"rtol": RTOL, "atol": ATOL, "max_steps": MAX_STEPS, **family.options, **options}
-    numbers = np.arange(float(count))
+    ends = iter(trial.end_time for trial in trials)
+    numbers = np.arange(float(len(trials)))
+
+    def made(scene: cj.Scene, state: cj.State, number: float) -> tuple[cj.Scene, cj.State]:
+        del scene, state
+        return trials[int(number)].scene, trials[int(number)].state
+
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*lanes failed")
         found = cj.sweep(
-            *made[0],
-            lambda scene: ends[_clearance(scene)],
-            {"draw": cj.Axis.change(lambda scene, state, k: made[int(k)], numbers)},
-            {"work": Work()},
+            trials[0].scene,
+            trials[0].state,
+            lambda scene: next(ends),  # asked for lane by lane
+            {"trial": cj.Axis.change(made, numbers)},
+            {"work": Work(), **family.outputs},
             ledger=True,
+            rtol=RTOL,
+            atol=ATOL,
+            max_steps=max_steps,
             progress=False,
             devices=jax.local_devices()[:1],
-            **settings,
+            **family.options,
         )
-    return [_judged(name, row, *made[k], found.isel(draw=k)) for k, row in enumerate(rows)]
+    return [_judged(family, trial, found.isel(trial=k)) for k, trial in enumerate(trials)]
 
 
-def _clearance(scene: cj.Scene) -> float:
-    """By which the draws are told apart: no two have the same."""
-    (joint,) = clearance_joints(scene)
-    return float(joint.clearance)
-
-
-def _judged(name: str, draw: Draw, scene: cj.Scene, state: cj.State, lane: xr.Dataset) -> Verdict:
+def _judged(family: Family, trial: Trial, lane: xr.Dataset) -> Lane:
     meanings = lane.result.attrs["flag_meanings"].split()
     result = meanings[list(lane.result.attrs["flag_values"]).index(int(lane.result))]
-    last = _final(scene, lane)
+    end = poses(_final(trial.scene, lane))
     works = {name: float(lane[f"work_{name}"]) for name in WORKS}
-    violations = _violations(FAMILIES[name], scene, poses(state), poses(last), works)
-    return Verdict(name, draw, result, int(lane.attempts), violations)
+    outcome = {"poses": end} | {name: float(lane[name]) for name in family.outputs}
+    violations = _violations(family, trial.scene, poses(trial.state), end, works)
+    return Lane(result, int(lane.attempts), outcome, violations)
 
 
 def _final(scene: cj.Scene, lane: xr.Dataset) -> cj.State:
