@@ -230,6 +230,13 @@ def check_values(
     ):
         if value is not None:
             require_positive(name, value, remedy, zero=zero)
+    require(
+        bool(rtol > 0) or (atol is not None and bool(atol > 0)),
+        "rtol",
+        float(rtol),
+        "positive unless `atol` is",
+        "no step is without error; give a relative tolerance such as 1e-6",
+    )
 
 
 def check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:

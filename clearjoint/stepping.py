@@ -261,7 +261,9 @@ def _result(
 ) -> RESULTS:
     keep, controller_result = verdict.keep, verdict.controller_result
     now = jnp.where(keep, trial.t1, step.t)
-    stuck = (verdict.t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
+    eps = jnp.finfo(now.dtype).eps
+    resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))  # at t = 0 as well
+    stuck = (verdict.t_next - now <= resolution) & (now < t_end)
     gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )

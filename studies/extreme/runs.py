@@ -83,10 +83,12 @@ class Lane:
         return self.successful and not all(value <= 1.0 for value in self.violations.values())
 
 
-def run(name: str, trials: Sequence[Trial], max_steps: int) -> list[Lane]:
+def run(
+    name: str, trials: Sequence[Trial], max_steps: int, start_time: float = 0.0
+) -> list[Lane]:
     """Run scenes of a family side by side, and judge them by the invariants."""
     family = FAMILIES[name]
-    ends = iter(trial.end_time for trial in trials)
+    ends = iter(start_time + trial.end_time for trial in trials)
     numbers = np.arange(float(len(trials)))
 
     def made(scene: cj.Scene, state: cj.State, number: float) -> tuple[cj.Scene, cj.State]:
@@ -102,6 +104,7 @@ def run(name: str, trials: Sequence[Trial], max_steps: int) -> list[Lane]:
             {"trial": cj.Axis.change(made, numbers)},
             {"work": Work(), **family.outputs},
             ledger=True,
+            start_time=start_time,
             rtol=RTOL,
             atol=ATOL,
             max_steps=max_steps,
@@ -153,7 +156,7 @@ def _energy_gap(scene: cj.Scene, start: Poses, end: Poses, works: dict[str, floa
     lost = works["normal damping"] + works["friction"] + works["stabilisation"]
     gap = abs(sum(after) - sum(before) - gained + lost)
     exchanged = sum(before) + sum(after) + abs(gained) + abs(lost)
-    return float(gap / (ALLOWED_ENERGY * exchanged))
+    return float(gap / (ALLOWED_ENERGY * exchanged)) if gap else 0.0
 
 
 def _momentum_gaps(scene: cj.Scene, start: Poses, end: Poses) -> dict[str, float]:
