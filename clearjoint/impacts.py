@@ -23,8 +23,8 @@ from .vectors import Scalar
 
 NEWTON_STEPS = 4
 LATEST = 1e-11
-"""s past an event, at its rate, within which a step must land. The depth landed at holds energy that
-nothing brought there: of a slow or brief impact, the landing tolerance alone would be most of it."""
+"""s past an event, at its rate, within which a step must land. The depth landed at holds energy
+that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
 CLOSEST = 1e-4
 """Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 

@@ -32,7 +32,7 @@ class RESULTS(eqx.Enumeration):
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
     left_bearing = (
-        "A journal penetrates the wall of its bearing by more than its radius, where no contact law "
+        "A journal penetrates its bearing's wall by more than its radius, where no contact law "
         "holds. Check the stiffness, the journal's length and tilt, and the units."
     )
 

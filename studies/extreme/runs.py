@@ -25,7 +25,6 @@ from .invariants import (
 )
 
 RTOL = 1e-8
-ATOL = 1e-16
 ALLOWED_ENERGY = 1e-4
 """Of the energy exchanged."""
 ALLOWED_NORM = 1e-6
@@ -83,13 +82,25 @@ class Lane:
         return self.successful and not all(value <= 1.0 for value in self.violations.values())
 
 
-def run(
-    name: str, trials: Sequence[Trial], max_steps: int, start_time: float = 0.0
-) -> list[Lane]:
-    """Run scenes of a family side by side, and judge them by the invariants."""
-    family = FAMILIES[name]
-    ends = iter(start_time + trial.end_time for trial in trials)
-    numbers = np.arange(float(len(trials)))
+def run(name: str, trials: Sequence[Trial], max_steps: int, **settings: Any) -> list[Lane]:
+    """Run scenes of a family side by side, and judge them by the invariants.
+
+    **Arguments:** `settings`: of the sweep, in place of the study's.
+    """
+    lanes: dict[int, Lane] = {}
+    for atol in sorted({trial.atol for trial in trials}, key=str):
+        numbers = [k for k, trial in enumerate(trials) if trial.atol == atol]
+        chosen = [trials[k] for k in numbers]
+        together = {"atol": atol, "max_steps": max_steps, **settings}
+        found = _swept(FAMILIES[name], chosen, together)
+        for lane, (k, trial) in enumerate(zip(numbers, chosen, strict=True)):
+            lanes[k] = _judged(FAMILIES[name], trial, found.isel(trial=lane))
+    return [lanes[k] for k in range(len(trials))]
+
+
+def _swept(family: Family, trials: Sequence[Trial], settings: dict[str, Any]) -> xr.Dataset:
+    start = settings.get("start_time", 0.0)
+    ends = iter([start + trial.end_time for trial in trials])
 
     def made(scene: cj.Scene, state: cj.State, number: float) -> tuple[cj.Scene, cj.State]:
         del scene, state
@@ -97,22 +108,17 @@ def run(
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*lanes failed")
-        found = cj.sweep(
+        return cj.sweep(
             trials[0].scene,
             trials[0].state,
             lambda scene: next(ends),  # asked for lane by lane
-            {"trial": cj.Axis.change(made, numbers)},
+            {"trial": cj.Axis.change(made, np.arange(float(len(trials))))},
             {"work": Work(), **family.outputs},
             ledger=True,
-            start_time=start_time,
-            rtol=RTOL,
-            atol=ATOL,
-            max_steps=max_steps,
             progress=False,
             devices=jax.local_devices()[:1],
-            **family.options,
+            **{"rtol": RTOL, **family.options, **settings},
         )
-    return [_judged(family, trial, found.isel(trial=k)) for k, trial in enumerate(trials)]
 
 
 def _judged(family: Family, trial: Trial, lane: xr.Dataset) -> Lane:
@@ -163,7 +169,9 @@ def _momentum_gaps(scene: cj.Scene, start: Poses, end: Poses) -> dict[str, float
     """Changes of the momenta, over the parts they are the sums of."""
     before, after = momentum(scene, start), momentum(scene, end)
     masses = [float(body.mass) for body in scene.bodies.values()]
-    speeds = [float(np.sqrt(np.sum(at[n].velocity ** 2))) for at in (start, end) for n in scene.bodies]
+    speeds = [
+        float(np.sqrt(np.sum(at[n].velocity ** 2))) for at in (start, end) for n in scene.bodies
+    ]
     push = sum(m * v for m, v in zip(masses * 2, speeds, strict=True))
     scales = {"momentum": push, "angular momentum": push * RADIUS}
     return {
