@@ -20,7 +20,7 @@ RANK_TOLERANCE = 1e-8
 """Distance of a normalised row from the span of the others below which it counts as dependent."""
 UNCERTAIN_BELOW = 1e-5
 """Distance below which it is neither: the multipliers' equations have the square of it, and
-rounding decides. At 1e-6 the angle of a four-bar with a skew hinge was off by 1e-3 after a second."""
+rounding decides. At 1e-6 the angle of a four-bar with a skew hinge is off by 1e-3 in a second."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ FLOOR = 1e-6
 
 GRAVITY = 9.81
 
-BOUND = 1e-5
+BOUND = 1e-4
 """Relative error that a case may have, unless it says otherwise."""
 
 Outcome = Mapping[str, float]

@@ -156,8 +156,12 @@ def _some_impacts(draw: Draw, mass: float, gravity: float) -> float:
     return float(3 * crossing + 5 * contact_time(draw, mass))
 
 
+def _damping(draw: Draw) -> dict[str, Any]:
+    return {"restitution": draw["restitution"], "stiffness": draw["stiffness"]}
+
+
 def _free_pair(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
+    law = cj.LankaraniNikravesh(**_damping(draw))
     friction = cj.Ambrosio(draw["friction"])
     bodies = {"bearing": _block(1.0), "journal": _block(draw["mass_ratio"])}
     scene = cj.Scene(bodies, {"pin": _joint(draw, law, "bearing", friction=friction)})
@@ -169,15 +173,15 @@ def _reduced_mass(draw: Draw) -> float:
 
 
 def _journal(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.HuntCrossley(draw["restitution"], draw["stiffness"])
+    law = cj.HuntCrossley(**_damping(draw))
     joint = _joint(draw, law, "ground", friction=cj.RegularisedCoulomb(draw["friction"]))
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint}, gravity=GRAVITY)
     return scene, cj.State({"journal": _start(draw)})
 
 
 def _end_play(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.Flores2011(max(draw["restitution"], 0.01), draw["stiffness"])
-    shoulder = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
+    law = cj.Flores2011(**_damping(draw | {"restitution": max(draw["restitution"], 0.01)}))
+    shoulder = cj.LankaraniNikravesh(**_damping(draw))
     axial = cj.EndPlay(draw["clearance"], shoulder)
     joint = _joint(draw, law, "ground", axial=axial)
     gravity = (0.0, -9.81, 3.0)
@@ -186,7 +190,7 @@ def _end_play(draw: Draw) -> tuple[cj.Scene, cj.State]:
 
 
 def _thrown(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"])
+    law = cj.LankaraniNikravesh(**_damping(draw))
     joint = _joint(draw, law, "ground")
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint})
     return scene, cj.State({"journal": _start(draw)})
@@ -197,7 +201,7 @@ ARM = 1.0
 
 def _pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
     mass = draw["mass"]
-    joint = _joint(draw, cj.Hertz(cj.RavnStiffness(draw["stiffness"], 0.3)), "ground")
+    joint = _joint(draw, cj.Hertz(stiffness=cj.RavnStiffness(draw["stiffness"], 0.3)), "ground")
     joint = eqx.tree_at(lambda j: j.journal_point, joint, np.array([-0.5 * ARM, 0.0, 0.0]))
     inertia = mass * ARM**2 / 12 * np.array([1e-2, 1.0, 1.0])
     scene = cj.Scene({"journal": cj.Body(mass, inertia)}, {"pin": joint}, gravity=GRAVITY)
@@ -220,7 +224,7 @@ def _double_pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
     scene, state = cj.double_pendulum(
         draw["clearance"],
         journal_length=draw["length"],
-        law=cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"]),
+        law=cj.LankaraniNikravesh(**_damping(draw)),
         axial=cj.FixedAxially(),
     )
     ratio = draw["mass_ratio"]
@@ -235,7 +239,7 @@ def _slider_crank(draw: Draw) -> tuple[cj.Scene, cj.State]:
         speed=draw["crank_speed"],
         angle=2 * np.pi * draw["heading"],
         journal_length=draw["length"],
-        law=cj.LankaraniNikravesh(draw["restitution"], draw["stiffness"]),
+        law=cj.LankaraniNikravesh(**_damping(draw)),
         friction=cj.RegularisedCoulomb(draw["friction"]),
     )
 

@@ -86,7 +86,7 @@ def contact_energy(scene: cj.Scene, at: Poses) -> Any:
         laws = joint.laws()
         for label, depth in depths(joint, at).items():
             law = laws[label]
-            if depth > 0:
+            if depth > 0 and isinstance(law, cj.AbstractHertzianLaw):
                 power = LONG(law.exponent) + 1
                 total += stiffness(law, joint) * depth**power / power
     return total

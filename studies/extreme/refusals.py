@@ -32,9 +32,19 @@ def _said(attempt: Callable[[], object]) -> str:
     return ""
 
 
-def _joint(**options: float) -> cj.ClearanceJoint:
-    given = {"bearing_radius": 10e-3, "clearance": 1e-4, "journal_length": 0.02} | options
-    return cj.ClearanceJoint("ground", "arm", law=cj.Hertz(1e10), **given)
+def _joint(clearance: float = 1e-4, journal_length: float = 0.02) -> cj.ClearanceJoint:
+    return cj.ClearanceJoint(
+        "ground",
+        "arm",
+        bearing_radius=10e-3,
+        clearance=clearance,
+        journal_length=journal_length,
+        law=cj.Hertz(stiffness=_stiffness()),
+    )
+
+
+def _stiffness(value: float = 1e10) -> cj.GivenStiffness:
+    return cj.GivenStiffness(value)
 
 
 def _run(**options: object) -> object:
@@ -69,15 +79,17 @@ ATTEMPTS: dict[str, Callable[[], object]] = {
         bearing_radius=1e-2,
         journal_radius=1e-2,
         journal_length=0.02,
-        law=cj.Hertz(1e10),
+        law=cj.Hertz(stiffness=_stiffness()),
     ),
     "journal's length 0": lambda: _joint(journal_length=0.0),
-    "stiffness 0": lambda: cj.Hertz(0.0),
-    "stiffness infinite": lambda: cj.Hertz(np.inf),
-    "restitution 1.1": lambda: cj.LankaraniNikravesh(1.1, 1e10),
-    "restitution -0.1": lambda: cj.HuntCrossley(-0.1, 1e10),
-    "Flores 2011 at restitution 0": lambda: cj.Flores2011(0.0, 1e10),
-    "floor of the entry speed 0": lambda: cj.HuntCrossley(0.5, 1e10, entry_speed_floor=0.0),
+    "stiffness 0": lambda: cj.Hertz(stiffness=_stiffness(0.0)),
+    "stiffness infinite": lambda: cj.Hertz(stiffness=_stiffness(np.inf)),
+    "restitution 1.1": lambda: cj.LankaraniNikravesh(restitution=1.1, stiffness=_stiffness()),
+    "restitution -0.1": lambda: cj.HuntCrossley(restitution=-0.1, stiffness=_stiffness()),
+    "Flores 2011 at restitution 0": lambda: cj.Flores2011(restitution=0.0, stiffness=_stiffness()),
+    "floor of the entry speed 0": lambda: cj.HuntCrossley(
+        restitution=0.5, stiffness=_stiffness(), entry_speed_floor=0.0
+    ),
     "friction -0.1": lambda: cj.RegularisedCoulomb(-0.1),
     "friction's regularisation 0": lambda: cj.RegularisedCoulomb(0.1, 0.0),
     "mass 0": lambda: cj.Body(0.0, (1, 1, 1)),

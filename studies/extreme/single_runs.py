@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -38,7 +39,7 @@ def four_bar(angle: float, skew: float = 0.0) -> tuple[cj.Scene, cj.State]:
     def hinge(first: str, second: str, here: tuple, there: tuple, own: tuple) -> cj.RevoluteJoint:
         return cj.RevoluteJoint(first, second, here, there, own, axis)
 
-    joints = {
+    joints: dict[str, Any] = {
         "left foot": hinge("ground", "left", (0.0, 0.0, 0.0), near, axis),
         "right foot": hinge("ground", "right", (1.0, 0.0, 0.0), near, axis),
         "left top": hinge("left", "beam", far, near, axis),
@@ -53,7 +54,7 @@ def four_bar(angle: float, skew: float = 0.0) -> tuple[cj.Scene, cj.State]:
             "beam": cj.body_state(along + [0.5, 0.0, 0.0]),
         }
     )
-    bodies = dict.fromkeys(("left", "right", "beam"), rod)
+    bodies: dict[str, cj.Body] = dict.fromkeys(("left", "right", "beam"), rod)
     return cj.Scene(bodies, joints, gravity=(0.0, -GRAVITY, 0.0)), state
 
 
