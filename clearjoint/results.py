@@ -33,7 +33,7 @@ class RESULTS(eqx.Enumeration):
     )
     left_bearing = (
         "A journal penetrates its bearing's wall by more than its radius, where no contact law "
-        "holds. Check the stiffness, the journal's length and tilt, and the units."
+        "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
     )
 
 

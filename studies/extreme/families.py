@@ -267,5 +267,5 @@ FAMILIES = {
         lambda d: _fall(d, 7.02),
         options={"coordinates": cj.AbsoluteCoordinates()},
     ),
-    "slider-crank": Family(_slider_crank, lambda d: 4 * np.pi / d["crank_speed"]),
+    "slider-crank": Family(_slider_crank, lambda d: 2 * np.pi / d["crank_speed"]),
 }

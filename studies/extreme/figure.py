@@ -49,7 +49,7 @@ def _cases(axes: Axes, rows: Sequence[Row]) -> None:
 
 def _shown(look: Look) -> str:
     value = look.place
-    if value and not 1e-2 <= abs(value) < 1e4:
+    if value and not 1e-2 <= abs(value) < 1e3:
         digits, _, power = f"{value:.0e}".partition("e")
         return f"{digits}e{int(power)}"
     return f"{value:.3g}"

@@ -126,8 +126,9 @@ def _judged(family: Family, trial: Trial, lane: xr.Dataset) -> Lane:
     result = meanings[list(lane.result.attrs["flag_values"]).index(int(lane.result))]
     end = poses(_final(trial.scene, lane))
     works = {name: float(lane[f"work_{name}"]) for name in WORKS}
-    outcome = {"poses": end} | {name: float(lane[name]) for name in family.outputs}
+    outcome: dict[str, Any] = {"poses": end} | {name: float(lane[name]) for name in family.outputs}
     violations = _violations(family, trial.scene, poses(trial.state), end, works)
+    outcome["ledger"] = violations["energy"] * ALLOWED_ENERGY
     return Lane(result, int(lane.attempts), outcome, violations)
 
 

@@ -81,7 +81,7 @@ def _four_bar_look(place: float, angle: float, skew: float, duration: float, bou
 
 
 def _refusal(error: ValueError) -> str:
-    return str(error).partition(", but")[0].removeprefix("Argument ").replace("`", "")
+    return f"ValueError, {str(error).split('`')[1]}"
 
 
 def _name(solution: cj.Solution) -> str:
