@@ -12,6 +12,13 @@ from .random_scenes import Batch
 
 COLOURS = {RIGHT: "#7fc97f", REFUSED: "#c9c9c9", WRONG: "#d62728"}
 
+SHORT = {
+    "left_bearing": "left bearing",
+    "max_steps_reached": "step limit",
+    "step_too_small": "step too small",
+}
+"""Result codes as the map has room for."""
+
 
 def drawn_map(rows: Sequence[Row], batches: Sequence[Batch]) -> Figure:
     """Cases above, a cell for each value; random scenes below, by families."""
@@ -61,7 +68,7 @@ def _families(axes: Axes, batches: Sequence[Batch]) -> None:
         wrong = len(one.wrong())
         parts = [(RIGHT, "successful", codes["successful"] - wrong)]
         parts += [
-            (REFUSED, code.replace("_", " "), n)
+            (REFUSED, SHORT.get(code, code), n)
             for code, n in sorted(codes.items())
             if code != "successful"
         ]
@@ -78,13 +85,17 @@ def _families(axes: Axes, batches: Sequence[Batch]) -> None:
                 edgecolor="white",
                 linewidth=1.5,
             )
-            text = f"{count} {name}" if width > 0.12 else str(count)
+            text = f"{count} {name}" if width > 0.085 else str(count)
             if width > 0.025:
                 axes.text(left + width / 2, level, text, ha="center", va="center", fontsize=7)
             left += width
     _finish(axes, [one.family for one in batches])
     axes.set_xlim(0.0, 1.16)
-    axes.set_title("random scenes, all numbers at once", fontsize=10, loc="left")
+    axes.set_title(
+        f"random scenes, all numbers at once: {sum(len(one.lanes) for one in batches)}",
+        fontsize=10,
+        loc="left",
+    )
 
 
 def _finish(axes: Axes, labels: Sequence[str]) -> None:
