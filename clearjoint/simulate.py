@@ -75,7 +75,8 @@ def simulate(
       them; they do not change the steps.
     - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
       state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
-      misalignments). `controller` replaces them by a diffrax controller.
+      misalignments; where nothing moves faster than 1e4 of these, give a smaller one).
+      `controller` replaces them by a diffrax controller.
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
       looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.

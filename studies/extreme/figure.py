@@ -85,7 +85,7 @@ def _families(axes: Axes, batches: Sequence[Batch]) -> None:
                 edgecolor="white",
                 linewidth=1.5,
             )
-            text = f"{count} {name}" if width > 0.085 else str(count)
+            text = f"{count} {name}" if width > 0.1 else str(count)
             if width > 0.025:
                 axes.text(left + width / 2, level, text, ha="center", va="center", fontsize=7)
             left += width
