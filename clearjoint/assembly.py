@@ -12,7 +12,7 @@ from .absolute import AbsoluteCoordinates
 from .bodies import BodyState, State
 from .coordinates import AbstractCoordinates
 from .dynamics import Formulation
-from .fields import require
+from .fields import require, require_finite
 from .projection import project_positions, project_velocities
 from .scene import Scene
 from .structure import constraint_report
@@ -46,14 +46,18 @@ def check_names(scene: Scene, state: State) -> None:
     )
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
-            value = np.asarray(getattr(body, field))
-            require(
-                bool(np.isfinite(value).all()),
-                f"state.bodies[{name!r}].{field}",
-                value,
-                "finite",
-                "replace the NaN or infinite entries",
-            )
+            require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
+        turn = np.asarray(body.orientation)
+        require(
+            0.9 < float(np.linalg.norm(turn)) < 1.1,
+            f"state.bodies[{name!r}].orientation",
+            turn,
+            "Euler parameters of about unit norm, scalar part first",
+            "make states with body_state(...), which checks them",
+        )
+    for part in ("memory", "work"):
+        for leaf in jax.tree.leaves(getattr(state, part)):
+            require_finite(f"state.{part}", leaf)
 
 
 def assemble(scene: Scene, state: State, t: Any = 0.0) -> State:
@@ -85,6 +89,19 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     """Check that a given initial state satisfies the constraints."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
+
+
+def require_certain(uncertain: tuple[str, ...]) -> None:
+    """Check that no constraint nearly depends on the others: motion and reactions would then be
+    rounding's."""
+    require(
+        not uncertain,
+        "state",
+        list(uncertain),
+        "without constraints that nearly depend on the others",
+        "align the points and axes of these joints with the others' exactly, or by more than 1e-5; "
+        "leave out what the others hold; or start farther from a singular position",
+    )
 
 
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:

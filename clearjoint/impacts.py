@@ -22,6 +22,11 @@ from .several import least, some
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
+LATEST = 1e-11
+"""s past an event, at its rate, within which a step must land. The depth landed at holds energy
+that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
+CLOSEST = 1e-4
+"""Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 
 
 @jax.tree_util.register_dataclass
@@ -86,10 +91,15 @@ def closed(found: Reaches) -> Closed:
 class Landing(eqx.Module):
     """Landing on the instants where contacts begin and end.
 
-    **Arguments:** `tolerance`: m, the depth within which a step must land.
+    **Arguments:** `tolerance`: m, the depth within which a step must land; slow contacts closer, in
+    proportion to their rate.
     """
 
     tolerance: Any
+
+    def _depth(self, rate: Scalar) -> Scalar:
+        """The depth within which to land at a rate in m/s."""
+        return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def due(self, found: Reaches, second_rates: Any) -> Scalar:
         """Time in s to the next event, by the parabolas through depths, rates and second rates.
@@ -107,7 +117,7 @@ class Landing(eqx.Module):
     def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
         """First positive root of the parabola, half the tolerance past its change of sign."""
         inwards = jnp.where(reach.depth > 0.0, -1.0, 1.0)
-        away = 0.5 * self.tolerance + jnp.abs(reach.depth)
+        away = 0.5 * self._depth(reach.rate) + jnp.abs(reach.depth)
         rate, bend = inwards * reach.rate, inwards * second_rate
         square = rate * rate + 2.0 * bend * away
         slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
@@ -137,9 +147,10 @@ class Landing(eqx.Module):
         end = Reach(
             jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
         )
-        aim = 0.5 * inwards * self.tolerance
+        depth = self._depth(jnp.maximum(jnp.abs(start.rate), jnp.abs(end.rate)))
+        aim = 0.5 * inwards * depth
         shifted = (Reach(start.depth - aim, start.rate), Reach(end.depth - aim, end.rate))
-        passes = inwards * end.depth > self.tolerance
+        passes = inwards * end.depth > depth
         length = jnp.where(grazes, x, 1.0)
         return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
 
@@ -197,6 +208,15 @@ def begins(before: Reaches, after: Reaches) -> Scalar:
         for label, start in family.items():
             found = found | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
     return found
+
+
+def too_deep(scene: Scene, found: Reaches) -> Scalar:
+    """Whether any contact is deeper than its joint can make sense of."""
+    deeper: Scalar = jnp.asarray(False)
+    for name, joint in scene.contact_joints().items():
+        for label, limit in joint.deepest().items():
+            deeper = deeper | some(found[name][label].depth > limit)
+    return deeper
 
 
 def updated_memory(

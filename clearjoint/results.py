@@ -36,6 +36,10 @@ class RESULTS(eqx.Enumeration):
         "A fixed step went deeper into a rigid bearing than its clearance, so that the side of the "
         "contact is unknown. Use a shorter step."
     )
+    left_bearing = (
+        "A journal penetrates its bearing's wall by more than its radius, where no contact law "
+        "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
+    )
 
 
 def result_number(result: Any) -> np.ndarray:

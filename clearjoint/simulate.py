@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .assembly import check_names, require_assembled, require_representable
+from .assembly import check_names, require_assembled, require_certain, require_representable
 from .bodies import State
 from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
@@ -76,7 +76,8 @@ def simulate(
       them; they do not change the steps.
     - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
       state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
-      misalignments). `controller` replaces them by a diffrax controller.
+      misalignments; where nothing moves faster than 1e4 of these, give a smaller one).
+      `controller` replaces them by a diffrax controller.
     - `solver`: any diffrax ODE solver; `diffrax.Tsit5()` unless given. Implicit ones want a
       looser `atol`, such as `rtol`/1000, to which they also solve their stages.
     - `first_step`: s; a millionth of the duration unless given.
@@ -231,6 +232,13 @@ def check_values(
     ):
         if value is not None:
             require_positive(name, value, remedy, zero=zero)
+    require(
+        bool(rtol > 0) or (atol is not None and bool(atol > 0)),
+        "rtol",
+        float(rtol),
+        "positive unless `atol` is",
+        "no step is without error; give a relative tolerance such as 1e-6",
+    )
 
 
 def check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
@@ -271,5 +279,6 @@ def check_structure(
         return ()
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
+    require_certain(report.uncertain)
     require_representable(scene, state, coordinates)
     return report.redundant

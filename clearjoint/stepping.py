@@ -25,6 +25,7 @@ from .impacts import (
     initial_memory,
     reaches,
     second_rates,
+    too_deep,
     updated_memory,
 )
 from .results import RESULTS
@@ -118,7 +119,7 @@ def attempt(
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     verdict = _decided(method, scene, step, trial, after)
     keep = verdict.keep
-    result = _result(step, trial, verdict, t_end)
+    result = _result(scene, step, trial, verdict, after, t_end)
     seconds = choose(
         keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
     )
@@ -255,14 +256,20 @@ def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t
     return second_rates(scene, method.formulation, y1.motion, rates.motion)
 
 
-def _result(step: Step, trial: Trial, verdict: Verdict, t_end: Scalar) -> RESULTS:
+def _result(
+    scene: Scene, step: Step, trial: Trial, verdict: Verdict, after: Reaches, t_end: Scalar
+) -> RESULTS:
     keep, controller_result = verdict.keep, verdict.controller_result
     now = jnp.where(keep, trial.t1, step.t)
-    stuck = (verdict.t_next - now <= 2.0 * jnp.finfo(now.dtype).eps * jnp.abs(now)) & (now < t_end)
+    eps = jnp.finfo(now.dtype).eps
+    resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))  # at t = 0 as well
+    stuck = (verdict.t_next - now <= resolution) & (now < t_end)
     gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
         controller_result != diffrax.RESULTS.successful
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
+    if after:
+        result = RESULTS.where(keep & too_deep(scene, after), RESULTS.left_bearing, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 

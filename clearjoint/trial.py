@@ -17,7 +17,7 @@ from .several import total
 from .steps import Method, Step, Variables, choose
 from .vectors import Scalar
 
-REJECTED_ERROR = 1e100
+REJECTED_ERROR = 1e30
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:

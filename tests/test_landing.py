@@ -40,3 +40,16 @@ def test_a_crossing_is_landed_on_half_the_tolerance_past_the_wall():
     retries, t = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(2e-3))
     assert bool(retries)
     assert 0.0 < 0.1 * float(t) - 1e-4 <= 1e-12
+
+
+@pytest.mark.parametrize("rate, depth", [(1.0, 1e-12), (1e-3, 1e-14), (1e-9, 1e-16)])
+def test_slow_contacts_are_landed_on_closer(rate, depth):
+    """Within 1e-11 s of the event, but not closer than a ten-thousandth of the tolerance."""
+    h = 2e-9 / rate
+    retries, t = LANDING.retry(
+        _reaches(-1e-9, rate), _reaches(1e-9, rate), jnp.zeros(()), jnp.asarray(h)
+    )
+    assert bool(retries)
+    assert 0.0 < rate * float(t) - 1e-9 <= depth
+    within = _reaches(0.9 * depth, rate)
+    assert not bool(LANDING.retry(_reaches(-1e-9, rate), within, 0.0, jnp.asarray(h))[0])

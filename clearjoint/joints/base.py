@@ -136,6 +136,11 @@ class AbstractContactJoint(AbstractElement):
         """The two bodies."""
         return self.pair()
 
+    def deepest(self) -> dict[str, Scalar]:
+        """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
+        run ends there. None by default."""
+        return {}
+
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """A moving body, a point of it (body axes), and the ground's point that it stays near."""
         return None

@@ -160,6 +160,10 @@ class ClearanceJoint(AbstractContactJoint):
             laws.update(dict.fromkeys(SHOULDERS, self.axial.law))
         return laws
 
+    def deepest(self) -> dict[str, Scalar]:
+        """The journal's radius at both bases: deeper, its axis has left the bearing."""
+        return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
+
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry at both bases, and at both shoulders where there is end play."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]

@@ -38,6 +38,10 @@ class SeveralContactJoints(AbstractContactJoint):
             for label, law in self.joint.laws().items()
         }
 
+    def deepest(self) -> dict[str, Scalar]:
+        """The greatest sensible penetrations of each joint's contacts, m."""
+        return each(lambda joint: joint.deepest(), self.joint)
+
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """The geometry of each joint's contacts."""
         names = self.joint.pair()
