@@ -225,7 +225,7 @@ def _work_and_error(axes: Any, truth: dict[str, np.ndarray]) -> None:
         axes.loglog(work, apart, marker=mark, color=colour, label=name)
     style.dress(axes, "time of 1 s of motion in ms", "largest error up to 50 ms in µm")
     axes.set_xlim(2.0, 300.0)
-    axes.set_ylim(1e-9, 2e3)
+    axes.set_ylim(1e-11, 2e3)
     axes.legend(fontsize=8, loc="lower left")
 
 
