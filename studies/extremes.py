@@ -39,6 +39,7 @@ from studies.extreme.single_runs import single_rows
 from studies.output import Output
 
 SCENES, QUICK_SCENES = 300, 48
+MAX_STEPS, QUICK_MAX_STEPS = 100_000, 5_000
 SEED = 2
 QUICK_FAMILIES = ("thrown journal",)
 
@@ -60,7 +61,8 @@ class Findings:
 
 def find(quick: bool, scenes: int, seed: int) -> Findings:
     """Run everything; in the quick setting one family and its cases."""
-    batches = [batch(name, scenes, seed) for name in (QUICK_FAMILIES if quick else FAMILIES)]
+    names, steps = (QUICK_FAMILIES, QUICK_MAX_STEPS) if quick else (FAMILIES, MAX_STEPS)
+    batches = [batch(name, scenes, seed, steps) for name in names]
     rows = [row for one in batches for row in one.rows]
     rows += [] if quick else single_rows()
     return Findings(tuple(rows), tuple(batches), tuple(refusals()))

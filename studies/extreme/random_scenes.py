@@ -8,8 +8,6 @@ from .families import FAMILIES, Draw, draws
 from .looks import Row, judged
 from .runs import Lane, run
 
-MAX_STEPS = 100_000
-
 
 @dataclass(frozen=True)
 class Batch:
@@ -34,7 +32,7 @@ class Batch:
         return {name: max(one[name] for one in good) for name in (good[0] if good else {})}
 
 
-def batch(name: str, count: int, seed: int, max_steps: int = MAX_STEPS) -> Batch:
+def batch(name: str, count: int, seed: int, max_steps: int) -> Batch:
     """Run a family's cases and `count` random scenes of it, all together."""
     cases = [case for case in CASES if case.family == name]
     places = [(case, value) for case in cases for value in case.values]
