@@ -78,7 +78,7 @@ def by_shots(data: cj.Measurements, end: float) -> tuple[Attempt, cj.ShootingFit
         np.arange(BEGINNING, end - 0.25 * WIDTH, WIDTH).tolist(),
         guess=first.estimates,
         integration=CLOSE,
-        max_iterations=30,
+        max_iterations=15,
         progress=False,
     )
     return Attempt("multiple shooting", found.fit, time.perf_counter() - begun), found
