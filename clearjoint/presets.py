@@ -20,7 +20,7 @@ import diffrax
 
 look: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Tsit5(), "rtol": 1e-4})
 """For a look: 1e-7 m, 3e-4 and 2e-3 of the force, 6e-5 of the energy, in 43 ms (15 900 attempts of
-six right-hand sides). Impacts of a long run are 3 % too few. Not for gradients."""
+six right-hand sides). Not for gradients."""
 
 study: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Tsit5(), "rtol": 1e-8})
 """For a study: 4e-12 m, 1e-8 and 7e-6 of the force, 6e-10 of the energy, in 140 ms (65 200 attempts
