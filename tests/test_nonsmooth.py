@@ -188,6 +188,7 @@ def siconos() -> tuple[cj.Scene, cj.State]:
     return cj.Scene(bodies, joints, gravity=(0.0, -GRAVITY, 0.0)), state
 
 
+@pytest.mark.slow
 def test_the_slider_crank_agrees_with_siconos_as_far_as_that_goes():
     """Siconos' stored run (siconos-tutorials, SliderCrankMoreauJeanCombinedProjectionOSI.ref, step
     1e-4) gains 0.95 % of energy before the first contact and 14 % in all, which nothing supplies;

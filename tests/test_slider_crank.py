@@ -229,6 +229,7 @@ def test_clearance_makes_peaks(clearance_runs):
     assert found > 5.0 * np.abs(ideal.acceleration).max()
 
 
+@pytest.mark.slow
 def test_absolute_and_joint_coordinates_agree_within_the_horizon():
     """Through nine impacts of each base, a fifth of a revolution; in absolute coordinates all 16
     rows are stabilised constraints."""
