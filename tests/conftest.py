@@ -17,6 +17,16 @@ cj.configure()
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
 
 
+LONGEST = ("notebook", "simulate", "slider_crank_study", "sweep_study", "reference", "sweep")
+"""Files of tests that take a minute or more each: begun first, they leave no worker waiting."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first."""
+    ranks = {f"test_{name}.py": rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: ranks.get(item.path.name, len(ranks)))
+
+
 @pytest.fixture(scope="session")
 def reference_folder() -> Path:
     """The folder of reference trajectories, which lies beside the checkout."""
