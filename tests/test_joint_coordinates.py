@@ -141,7 +141,11 @@ def arrays(tree):
     return jax.tree.map(jnp.asarray, pack(tree))
 
 
-@pytest.mark.parametrize("backwards", [False, True], ids=["forwards", "backwards"])
+@pytest.mark.parametrize(
+    "backwards",
+    [False, pytest.param(True, marks=pytest.mark.slow)],
+    ids=["forwards", "backwards"],
+)
 @pytest.mark.parametrize("kind", EDGES)
 def test_trees_move_as_in_absolute_coordinates(kind, backwards):
     """Accelerations equal those with multipliers; the motions satisfy the joints, have the rates

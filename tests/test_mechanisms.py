@@ -59,6 +59,7 @@ def _end_point(body: Any, local: tuple[float, float, float]) -> np.ndarray:
     return body.position + np.asarray(local) + 2.0 * turn
 
 
+@pytest.mark.slow
 def test_double_four_bar():
     """Benchmark A02 through its singular positions: tip of the first rod at 10 s."""
     scene, state = double_four_bar()

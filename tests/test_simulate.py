@@ -180,6 +180,7 @@ def test_vmapped_lanes_equal_single_runs(pendulum):
         )
 
 
+@pytest.mark.slow
 def test_a_failing_lane_leaves_the_others_alone(pendulum):
     scene, state = pendulum
 

@@ -276,6 +276,7 @@ def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
     return set(range(large.chunks)) - set(missing)
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_path):
     calls, large = tmp_path / "calls", large_layout()
     expected = complete(large)
