@@ -22,9 +22,13 @@ from .several import least, some
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
+SLOWEST = 1e-12
+"""m/s: the smallest entry speed on record."""
 LATEST = 1e-11
 """s past an event, at its rate, within which a step must land. The depth landed at holds energy
 that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
+TOUCHING = 1e-12
+"""m: a start so near the wall is at the wall, on whichever side rounding puts it."""
 CLOSEST = 1e-4
 """Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 
@@ -59,11 +63,25 @@ def has_memory(scene: Scene) -> bool:
 
 
 def initial_memory(scene: Scene, found: Reaches) -> Memory:
-    """Zero in flight. A contact present at the start counts as elastic: its impact is unknown."""
-    return _for_each_memory(
-        scene,
-        lambda name, label: jnp.where(found[name][label].depth > 0.0, UNKNOWN_ENTRY_SPEED, 0.0),
-    )
+    """Zero in flight. A contact that begins at the start has its rate as entry speed; one present
+    before counts as elastic, since its impact is unknown."""
+
+    def entry_speed(name: str, label: str) -> Scalar:
+        reach = found[name][label]
+        present = jnp.where(_at_the_wall(reach), _entry_speed(reach.rate), UNKNOWN_ENTRY_SPEED)
+        return jnp.where(reach.depth > 0.0, present, 0.0)
+
+    return _for_each_memory(scene, entry_speed)
+
+
+def _entry_speed(rate: Scalar) -> Scalar:
+    """The entry speed of a contact that begins at a rate: never zero, which stands for flight."""
+    return jnp.maximum(rate, SLOWEST)
+
+
+def _at_the_wall(reach: Reach) -> Scalar:
+    """Whether a contact is neither open nor closed but for rounding."""
+    return jnp.abs(reach.depth) <= TOUCHING
 
 
 def _for_each_memory(scene: Scene, make: Any) -> Memory:
@@ -210,6 +228,15 @@ def begins(before: Reaches, after: Reaches) -> Scalar:
     return found
 
 
+def begins_at_once(found: Reaches) -> Scalar:
+    """Whether any contact begins at the instant itself: closed, but at the wall."""
+    here: Scalar = jnp.asarray(False)
+    for family in found.values():
+        for reach in family.values():
+            here = here | some((reach.depth > 0.0) & _at_the_wall(reach))
+    return here
+
+
 def too_deep(scene: Scene, found: Reaches) -> Scalar:
     """Whether any contact is deeper than its joint can make sense of."""
     deeper: Scalar = jnp.asarray(False)
@@ -231,10 +258,10 @@ def updated_memory(
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]
         began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
-        usable = end.rate > 1e-12
+        usable = end.rate > SLOWEST
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
-        entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, 1e-12))
+        entry = jnp.where(entry > 0.0, entry, _entry_speed(end.rate))
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0)
 
     return _for_each_memory(scene, update)
