@@ -27,7 +27,7 @@ from .coordinates import (
 )
 from .fields import quantity, require_positive
 from .joint_coordinates import JointCoordinates
-from .joints.base import Contact, Row
+from .joints.base import AbstractContactJoint, Contact, Row
 from .linear import AbstractSolver, Exact, LeastNorm, inner
 from .scene import Scene
 from .several import total
@@ -159,15 +159,30 @@ def contact_forces(
         forces[name] = {}
         for label, contact in contacts.items():
             entry_speed = memory[name][label] if laws[label].has_memory else None
-            normal = contact_normal_force(laws[label], contact.gap, entry_speed)
-            if closed is not None:
-                normal = jnp.where(closed[name][label], normal, 0.0)
-            friction = joint.friction_force(label, contact, normal)
-            elastic = laws[label].elastic_force(contact.gap)
-            if closed is not None:
-                elastic = jnp.where(closed[name][label], elastic, 0.0)
-            forces[name][label] = ContactForce(contact, normal, elastic, friction)
+            pushes = None if closed is None else closed[name][label]
+            forces[name][label] = contact_force(
+                joint, label, laws[label], contact, entry_speed, pushes
+            )
     return forces
+
+
+def contact_force(
+    joint: AbstractContactJoint,
+    label: str,
+    law: AbstractContactLaw,
+    contact: Contact,
+    entry_speed: Scalar | None,
+    closed: Scalar | None = None,
+) -> ContactForce:
+    """The forces of one contact; none if it is said not to be `closed`."""
+    normal = contact_normal_force(law, contact.gap, entry_speed)
+    if closed is not None:
+        normal = jnp.where(closed, normal, 0.0)
+    friction = joint.friction_force(label, contact, normal)
+    elastic = law.elastic_force(contact.gap)
+    if closed is not None:
+        elastic = jnp.where(closed, elastic, 0.0)
+    return ContactForce(contact, normal, elastic, friction)
 
 
 def _applied_wrenches(
@@ -231,10 +246,21 @@ def evaluate(
     return _solved(scene, formulation, mechanics, forces, t)
 
 
+def evaluate_under(
+    scene: Scene,
+    formulation: Formulation,
+    variables: Any,
+    forces: dict[str, dict[str, ContactForce]],
+    t: Scalar,
+) -> Dynamics:
+    """Solve the equations of motion at one instant under given contact forces."""
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    return _solved(scene, formulation, mechanics, forces, t)
+
+
 def evaluate_smooth(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Dynamics:
     """Solve the equations of motion at one instant as if no contact were closed."""
-    mechanics = formulation.coordinates.mechanics(scene, variables)
-    return _solved(scene, formulation, mechanics, {}, t)
+    return evaluate_under(scene, formulation, variables, {}, t)
 
 
 def _solved(

@@ -29,6 +29,7 @@ from .impacts import (
     too_deep,
     updated_memory,
 )
+from .jumps import across_contacts, contacts_jump
 from .results import RESULTS
 from .scene import Scene
 from .step_length import end_of_step, magnitudes, resumed
@@ -125,12 +126,12 @@ def attempt(
         keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
     )
     memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
+    y1, y1_along = _across_jumps(method, scene, family, step, trial, keep)
     tangents = inside = None
     if family is not None:
         assert step.tangents is not None and trial.tangents is not None
-        tangents = choose(
-            keep, _tangents_after(method, family, step, trial, seconds), step.tangents
-        )
+        ahead = _tangents_after(method, family, step, trial, y1_along, seconds)
+        tangents = choose(keep, ahead, step.tangents)
         inside = TangentsInside(step.tangents.memory, trial.tangents.information)
     advanced = Step(
         jnp.where(keep, t1, step.t),
@@ -195,10 +196,39 @@ def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any
     return keep, t_next, jumped, state, result
 
 
+def _across_jumps(
+    method: Method,
+    scene: Scene,
+    family: AbstractFamily | None,
+    step: Step,
+    trial: Trial,
+    keep: Scalar,
+) -> tuple[Variables, Any]:
+    """The variables at the end of a step, and their tangents if there are any, with what jumps of
+    the forces there leave in them."""
+    y1, along = trial.taken.y, None if trial.tangents is None else trial.tangents.y
+    if method.landing is None or not contacts_jump(scene):
+        return y1, along
+
+    def across(scene: Scene, y: Variables, memory: Memory) -> tuple[Variables, None]:
+        return across_contacts(method, scene, step.reaches, y, memory, trial.t1, keep), None
+
+    if family is None:
+        return across(scene, y1, step.memory)[0], None
+    assert step.tangents is not None
+    y1, _, along = family.pushed(across, (y1, step.memory), (along, step.tangents.memory))
+    return y1, along
+
+
 def _tangents_after(
-    method: Method, family: AbstractFamily, step: Step, trial: Trial, seconds: Any
+    method: Method,
+    family: AbstractFamily,
+    step: Step,
+    trial: Trial,
+    y_along: Any,
+    seconds: Any,
 ) -> Tangents:
-    """The tangents if the step is accepted.
+    """The tangents if the step is accepted; `y_along` are those of the variables.
 
     Those of the entry speed hold up to terms of the size of the depth landed at, since the second
     rates are taken as constants.
@@ -213,7 +243,7 @@ def _tangents_after(
     memory, _, memory_tangents = family.pushed(
         memory_after, (trial.taken.y, step.memory), (taken.y, along.memory)
     )
-    return Tangents(taken.y, memory_tangents, taken.solver_state)
+    return Tangents(y_along, memory_tangents, taken.solver_state)
 
 
 def _memory_after(

@@ -12,6 +12,7 @@ from .dynamics import Memory, Projection, state_rates
 from .explicit import UnrolledExplicit
 from .family import AbstractFamily
 from .impacts import closed, has_memory
+from .jumps import contacts_jump
 from .scene import Scene
 from .several import total
 from .steps import Method, Step, Variables, choose
@@ -126,11 +127,13 @@ def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Whether a new memory may leave the last stage stale.
+    """Whether a new memory, or a force that jumps, may leave the last stage stale.
 
     Landing sets the memory where the force is still zero, so that it leaves it right.
     """
-    return method.landing is None and has_memory(scene)
+    if method.landing is None:
+        return has_memory(scene)
+    return contacts_jump(scene)
 
 
 def _all_finite(tree: Any) -> Scalar:

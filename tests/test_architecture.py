@@ -57,6 +57,7 @@ FLOORS = (
         "explicit",
         "family",
         "steps",
+        "jumps",
         "dense_output",
         "step_length",
         "trial",

@@ -34,7 +34,7 @@ class SeveralContactJoints(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The laws of each contact."""
         return {
-            label: SeveralContactLaws(joint=self.joint, label=label, has_memory=law.has_memory)
+            label: SeveralContactLaws(self.joint, label, law.has_memory, law.force_jumps)
             for label, law in self.joint.laws().items()
         }
 
@@ -66,6 +66,7 @@ class SeveralContactLaws(AbstractContactLaw):
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
     has_memory: bool = eqx.field(static=True)  # pyright: ignore
+    force_jumps: bool = eqx.field(static=True)
 
     def _each(self, method: str, *arguments: Any) -> Any:
         def of(joint: AbstractContactJoint, *arguments: Any) -> Any:
