@@ -6,14 +6,19 @@ import jax
 import jax.numpy as jnp
 
 from .bodies import BodyState
+from .breakpoints import next_breakpoint
 from .impacts import Reaches, begins
+from .scene import Scene
 from .steps import Method, Step, Variables
 from .vectors import Scalar, Vector
 
 
-def end_of_step(method: Method, step: Step, t_end: Scalar) -> Scalar:
-    """Where the step ends: where it is proposed to, or at the next event."""
+def end_of_step(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Scalar:
+    """Where the step ends: where it is proposed to, or at the next breakpoint or event."""
     t1 = jnp.minimum(step.t_next, t_end)
+    breakpoint = next_breakpoint(scene, step.t)
+    if breakpoint is not None:
+        t1 = jnp.minimum(t1, breakpoint)
     if method.landing is None or not step.reaches:
         return t1
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
@@ -30,13 +35,21 @@ def resumed(
     before, or where a contact begins about as long as the last time.
     """
     h = t1 - step.t
-    cut = h < 0.99 * step.intended
     begun = begins(step.reaches, after)
-    entering = jnp.where(keep & step.enters & ~cut, h, step.entering)
-    length = jnp.where(cut, jnp.maximum(proposed, step.intended), proposed)
+    entering = jnp.where(keep & step.enters & ~_is_cut(step, t1), h, step.entering)
+    length = uncut(step, t1, proposed)
     length = jnp.where(begun, jnp.minimum(length, 2.0 * entering), length)
     intended = jnp.where(lands, step.intended, jnp.where(keep, length, proposed))
     return intended, jnp.where(keep, begun, step.enters), entering
+
+
+def uncut(step: Step, t1: Scalar, proposed: Scalar) -> Scalar:
+    """The length proposed for the next step; no less than that intended if this one was cut."""
+    return jnp.where(_is_cut(step, t1), jnp.maximum(proposed, step.intended), proposed)
+
+
+def _is_cut(step: Step, t1: Scalar) -> Scalar:
+    return t1 - step.t < 0.99 * step.intended
 
 
 def magnitudes(y: Variables) -> Variables:

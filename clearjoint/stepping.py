@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .breakpoints import breakpoints, seen
 from .dynamics import Memory, state_rates
 from .explicit import UnrolledExplicit
 from .family import AbstractFamily
@@ -32,8 +33,9 @@ from .impacts import (
 from .jumps import across_contacts, contacts_jump
 from .results import RESULTS
 from .scene import Scene
-from .step_length import end_of_step, magnitudes, resumed
+from .step_length import end_of_step, magnitudes, resumed, uncut
 from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables, choose
+from .switches import across_breakpoints, joints_have_breakpoints
 from .trial import Trial, graded_step, may_jump, term_of, tried
 from .vectors import Scalar
 
@@ -116,7 +118,7 @@ def attempt(
 
     If the step has tangents, `family` is that of the scene, and says along what they are.
     """
-    trial = tried(method, scene, step, end_of_step(method, step, t_end), family)
+    trial = tried(method, scene, step, end_of_step(method, scene, step, t_end), family)
     t1, y1 = trial.t1, trial.taken.y
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     verdict = _decided(method, scene, step, trial, after)
@@ -127,6 +129,8 @@ def attempt(
     )
     memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
     y1, y1_along = _across_jumps(method, scene, family, step, trial, keep)
+    if joints_have_breakpoints(scene):
+        after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     tangents = inside = None
     if family is not None:
         assert step.tangents is not None and trial.tangents is not None
@@ -175,6 +179,9 @@ def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reac
         keep = keep & ~passes
         intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
+    elif breakpoints(scene):
+        intended = jnp.where(keep, uncut(step, t1, intended), intended)
+        t_next = jnp.where(keep, t1, step.t) + intended
     return Verdict(
         keep, t_next, intended, enters, entering, jumped, controller_state, controller_result
     )
@@ -207,11 +214,18 @@ def _across_jumps(
     """The variables at the end of a step, and their tangents if there are any, with what jumps of
     the forces there leave in them."""
     y1, along = trial.taken.y, None if trial.tangents is None else trial.tangents.y
-    if method.landing is None or not contacts_jump(scene):
+    contacts = method.landing is not None and contacts_jump(scene)
+    if not contacts and not breakpoints(scene):
         return y1, along
+    t1 = trial.t1
 
     def across(scene: Scene, y: Variables, memory: Memory) -> tuple[Variables, None]:
-        return across_contacts(method, scene, step.reaches, y, memory, trial.t1, keep), None
+        if contacts:
+            time = seen(scene, step.t, t1)
+            y = across_contacts(method, scene, step.reaches, y, memory, time, keep)
+        if breakpoints(scene):
+            y = across_breakpoints(method, scene, step.t, y, memory, t1, keep)
+        return y, None
 
     if family is None:
         return across(scene, y1, step.memory)[0], None

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .breakpoints import breakpoints, seen
 from .dense_output import projected
 from .dynamics import Memory, Projection, state_rates
 from .explicit import UnrolledExplicit
@@ -31,6 +32,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
         scene, memory = args
+        t = seen(scene, t if step is None else step.t, t)
         rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t, modes))
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
@@ -84,7 +86,7 @@ def tried(
             **options,
         )
         if isinstance(method.formulation.stabilisation, Projection):
-            y1 = projected(scene, method.formulation, y1, t1)
+            y1 = projected(scene, method.formulation, y1, seen(scene, step.t, t1))
         y1, solver_state = _settled(method, scene, y1, solver_state)
         assert isinstance(error, Variables)
         return Taken(y1, error, information, solver_state), result
@@ -132,8 +134,8 @@ def may_jump(method: Method, scene: Scene) -> bool:
     Landing sets the memory where the force is still zero, so that it leaves it right.
     """
     if method.landing is None:
-        return has_memory(scene)
-    return contacts_jump(scene)
+        return has_memory(scene) or bool(breakpoints(scene))
+    return contacts_jump(scene) or bool(breakpoints(scene))
 
 
 def _all_finite(tree: Any) -> Scalar:

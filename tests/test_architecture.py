@@ -35,7 +35,7 @@ FLOORS = (
         "joints.massless_link",
         "joints.several",
     ),
-    ("scene", "grouping", "parameters", "variations"),
+    ("scene", "breakpoints", "grouping", "parameters", "variations"),
     (
         "coordinates",
         "absolute",
@@ -58,6 +58,7 @@ FLOORS = (
         "family",
         "steps",
         "jumps",
+        "switches",
         "dense_output",
         "step_length",
         "trial",

@@ -7,6 +7,7 @@ registered. All methods work on the scalar form of `clearjoint.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -43,6 +44,17 @@ class AbstractElement(eqx.Module):
     @abc.abstractmethod
     def body_names(self) -> tuple[str, ...]:
         """Names of the bodies it acts on, the ground included."""
+
+    def breakpoints(self) -> Any:
+        """Times in s where the element changes as no smooth function of time does: its force jumps
+        or has a kink, or the angle it prescribes has a kink. None by default.
+
+        A number, an array or a tuple of such, in any order; computed from the element's own numbers
+        they may be parameters. Steps end there, each sees one side only, and derivatives have the
+        jump's own term. A force that jumps at an instant that it does not declare is integrated
+        with many short steps, and `sensitivities` refuses it.
+        """
+        return ()
 
 
 class AbstractConstraint(AbstractElement):
