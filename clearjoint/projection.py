@@ -1,14 +1,16 @@
 """Projection of positions and velocities onto the constraints, of least kinetic energy."""
 
+import functools
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 from .coordinates import AbstractMechanics, Speeds, response, row_rate
 from .dynamics import Formulation, constraint_rows, flattened
 from .joints.base import Row
 from .scene import Scene
-from .vectors import Scalar
+from .vectors import Scalar, is_zero
 
 
 def project_positions(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Any:
@@ -40,6 +42,19 @@ def is_constrained(scene: Scene, formulation: Formulation, variables: Any, t: Sc
         return constraint_rows(scene, formulation.coordinates, motions, t)
 
     return bool(jax.eval_shape(rows))
+
+
+def off_prescribed(
+    scene: Scene, formulation: Formulation, variables: Any, t: Scalar
+) -> Scalar | None:
+    """The largest value of a constraint that depends on time, m or rad; ``None`` without any."""
+
+    def values() -> list[Scalar]:
+        motions = formulation.coordinates.motions(scene, variables)
+        rows = flattened(constraint_rows(scene, formulation.coordinates, motions, t))
+        return [jnp.abs(row.value) for row in rows if not is_zero(row.time_rate)]
+
+    return functools.reduce(jnp.maximum, values()) if jax.eval_shape(values) else None
 
 
 def _correction(

@@ -40,6 +40,11 @@ class RESULTS(eqx.Enumeration):
         "A journal penetrates its bearing's wall by more than its radius, where no contact law "
         "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
     )
+    not_followed = (
+        "A driver is off what it prescribes by more than a thousandth of a radian (or of a metre): "
+        "its angle has a step, which nothing can follow, or kinks that its `breakpoints` don't "
+        "declare; or the tolerances are too loose for the stabilisation to hold it."
+    )
 
 
 def result_number(result: Any) -> np.ndarray:

@@ -31,6 +31,7 @@ from .impacts import (
     updated_memory,
 )
 from .jumps import across_contacts, contacts_jump
+from .projection import off_prescribed
 from .results import RESULTS
 from .scene import Scene
 from .step_length import end_of_step, magnitudes, resumed, uncut
@@ -42,6 +43,10 @@ from .vectors import Scalar
 TANGENT_TOLERANCE = 10.0
 """Tolerances of the tangents in those of the state: at rtol 1e-9 derivatives along the double
 pendulum's first eleven contacts are then right to 6e-7, at 1e-11 to 2e-8."""
+
+FOLLOWED = 1e-3
+"""rad or m: a driver farther off what it prescribes is not followed. Stabilised constraints drift
+by a thousandth of this at usual tolerances."""
 
 
 def start(
@@ -123,7 +128,7 @@ def attempt(
     after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
     verdict = _decided(method, scene, step, trial, after)
     keep = verdict.keep
-    result = _result(scene, step, trial, verdict, after, t_end)
+    result = _result(method, scene, step, trial, verdict, after, t_end)
     seconds = choose(
         keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
     )
@@ -302,7 +307,13 @@ def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t
 
 
 def _result(
-    scene: Scene, step: Step, trial: Trial, verdict: Verdict, after: Reaches, t_end: Scalar
+    method: Method,
+    scene: Scene,
+    step: Step,
+    trial: Trial,
+    verdict: Verdict,
+    after: Reaches,
+    t_end: Scalar,
 ) -> RESULTS:
     keep, controller_result = verdict.keep, verdict.controller_result
     now = jnp.where(keep, trial.t1, step.t)
@@ -315,6 +326,10 @@ def _result(
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if after:
         result = RESULTS.where(keep & too_deep(scene, after), RESULTS.left_bearing, result)
+    time = seen(scene, step.t, trial.t1)
+    off = off_prescribed(scene, method.formulation, trial.taken.y.motion, time)
+    if off is not None:
+        result = RESULTS.where(keep & (off > FOLLOWED), RESULTS.not_followed, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
 

@@ -159,3 +159,118 @@ def test_constant_torque_acts_on_both_bodies():
     final = cj.simulate(scene, state, 2.0).final.bodies
     np.testing.assert_allclose(final["rotor"].spin, (0, 0, 0.3 * 2.0 / INERTIA), atol=1e-9)
     np.testing.assert_allclose(final["stator"].spin, (0, 0, -0.3 * 2.0 / 0.05), atol=1e-9)
+
+
+class Ramp(cj.AbstractRotationDriver):
+    """At rest until the start, and at constant speed from there on."""
+
+    speed: Any = quantity("rad/s")
+    start: Any = quantity("s")
+    declared: bool = eqx.field(default=True, static=True)
+    first: str = eqx.field(default="ground", static=True)
+    second: str = eqx.field(default="shaft", static=True)
+    axis: Any = quantity("1", default=Z)
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def angle(self, t):
+        return jnp.where(t < self.start, 0.0, self.speed * (t - self.start))
+
+    def breakpoints(self):
+        return self.start if self.declared else ()
+
+
+class Table(Ramp):
+    """An angle over time between given points."""
+
+    times: Any = quantity("s", default=(0.0, 1.0))
+    angles: Any = quantity("rad", default=(0.0, 1.0))
+
+    def angle(self, t):
+        return jnp.interp(t, self.times, self.angles)
+
+    def breakpoints(self):
+        return self.times if self.declared else ()
+
+
+class Step(Ramp):
+    """An angle that jumps."""
+
+    def angle(self, t):
+        return jnp.where(t < self.start, 0.0, 0.5)
+
+
+def crank_and_arm(drive):
+    """A driven shaft that carries an arm on a hinge beside its axis, under gravity."""
+    scene = shaft_scene(drive, gravity=(0.0, -9.81, 0.0))
+    scene.bodies["arm"] = cj.Body(1.0, (0.01, 0.01, 0.01))
+    places = (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0)
+    scene.joints["pin"] = cj.RevoluteJoint("shaft", "arm", *places, Z, Z)
+    state = {"shaft": cj.body_state(ORIGIN), "arm": cj.body_state((0.5, 0.0, 0.0))}
+    return scene, cj.State(state)
+
+
+RAMP = Ramp(10.0, 0.1)
+
+
+def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
+    scene, state = crank_and_arm(RAMP)
+    times = [0.05, 0.1, 0.3]
+    solution = cj.simulate(scene, state, 0.3, save_at=times, rtol=1e-9, ledger=True)
+    shaft = solution.states.bodies["shaft"]
+    np.testing.assert_allclose(shaft_angle(shaft), [0.0, 0.0, 2.0], atol=1e-10)
+    np.testing.assert_allclose(shaft.spin[:, 2], [0.0, 10.0, 10.0], atol=1e-9)
+    observed = cj.observe(scene, solution)
+    assert np.abs(observed.ledger_residual()).max() < 1e-7
+    assert observed.energies["supplied"][1] > 1.0
+
+
+def test_sensitivities_across_a_kink_are_those_of_the_motion():
+    """Differences of runs that know of nothing of this; the arm feels the impulse."""
+    scene, state = crank_and_arm(RAMP)
+    places = {
+        "start": lambda s: s.joints["motor"].start,
+        "speed": lambda s: s.joints["motor"].speed,
+    }
+    found = cj.sensitivities(
+        scene,
+        state,
+        0.3,
+        {name: cj.Parameter(place) for name, place in places.items()},
+        {"x": cj.quantities.Position("arm", "x"), "y": cj.quantities.Position("arm", "y")},
+        [0.3],
+    )
+
+    def ended(place, value):
+        final = cj.simulate(cj.put(scene, place, value), state, 0.3, rtol=1e-11).final
+        return final.bodies["arm"].position[:2]
+
+    for k, (place, value, step) in enumerate(zip(places.values(), (0.1, 10.0), (1e-4, 1e-2))):
+        around = [ended(place, value + sign * step) for sign in (1, -1)]
+        slopes = [found.derivatives[axis][0, k] for axis in "xy"]
+        np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
+
+
+def test_a_table_of_angles_is_followed():
+    times = np.linspace(0.0, 0.5, 6)
+    scene = shaft_scene(Table(0.0, 0.0, times=times, angles=times**2))
+    state = cj.assemble(scene, cj.State({"shaft": cj.body_state(ORIGIN)}))
+    final = cj.simulate(scene, state, 0.45).final.bodies["shaft"]
+    assert shaft_angle(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("drive", "latest"),
+    [
+        (Ramp(10.0, 0.1, declared=False), 0.15),
+        (Step(0.0, 0.1), 0.15),
+        (Step(0.0, 0.1, False), 0.15),
+    ],
+    ids=["undeclared kink", "declared step", "undeclared step"],
+)
+def test_a_driver_that_is_not_followed_is_told(drive, latest):
+    scene = shaft_scene(drive)
+    state = cj.State({"shaft": cj.body_state(ORIGIN)})
+    with pytest.raises(cj.SimulationError, match="breakpoints") as raised:
+        cj.simulate(scene, state, 1.0)
+    assert raised.value.solution.result == cj.RESULTS.not_followed
+    assert 0.1 <= raised.value.solution.time < latest

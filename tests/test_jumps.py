@@ -74,7 +74,9 @@ def arrived(end, drop, stiffness, damping, preload):
         low, high = (middle, high) if let_go(middle) > 0.0 else (low, middle)
     depth, rate, _ = inside(low)
     flight = end - begin - low
-    return np.array([drop + depth + rate * flight + 0.5 * GRAVITY * flight**2, rate + GRAVITY * flight])
+    return np.array(
+        [drop + depth + rate * flight + 0.5 * GRAVITY * flight**2, rate + GRAVITY * flight]
+    )
 
 
 def slope(function, value, step):
@@ -107,9 +109,7 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     """What the damper and the preload push at once belongs in the derivatives after it."""
     scene, state = dropped(Buffer(*LAWS[law]))
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
-    found = cj.sensitivities(
-        scene, state, END, PARAMETERS, outputs, [END], integration=INTEGRATION
-    )
+    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], integration=INTEGRATION)
     values = [found.values[name][0] for name in outputs]
     derivatives = [found.derivatives[name][0] for name in outputs]
     np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
