@@ -86,7 +86,7 @@ FLOORS = (
     ),
     ("observables", "quantities.base", "quantities.bodies", "quantities.joints", "testing"),
     (
-        "free_impact",
+        "wall_impact",
         "units",
         "measurements",
         "measured_tables",

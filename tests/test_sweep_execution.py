@@ -138,6 +138,27 @@ def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes)
     identical_to_uninterrupted(store)
 
 
+UNGUARDED = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from clearjoint.sweeps.execution import ChunkError, run_chunks
+
+with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
+    try:
+        run_chunks(abs, [0], executor, print)
+    except ChunkError as error:
+        print(error)
+"""
+
+
+def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+    """A worker imports the script, and would begin workers of its own."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert 'behind `if __name__ == "__main__":`' in done.stdout
+
+
 class Counting(Executor):
     """Threads that know how many tasks they have been given ahead of those that ended."""
 

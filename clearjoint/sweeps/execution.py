@@ -178,12 +178,23 @@ def _error(future: Future) -> BaseException | None:
     return future.exception()
 
 
+def _why_it_may_have_died(done: int) -> str:
+    """Causes, the likeliest first: a worker that a script starts imports the script anew."""
+    if done:
+        return "killed, or out of memory"
+    return (
+        'none was computed: a script must run what it runs behind `if __name__ == "__main__":`, '
+        "since each worker process imports it; or it was killed, or out of memory"
+    )
+
+
 def _fail(failed: dict[int, BaseException], done: int) -> None:
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
-        what = f"A worker process died (killed, or out of memory) with chunks {numbers} handed out"
+        why = _why_it_may_have_died(done)
+        what = f"A worker process died with chunks {numbers} handed out ({why})"
     else:
         what = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
     raise ChunkError(
