@@ -94,6 +94,7 @@ FLOORS = (
         "sweeps.differences",
         "sweeps.metadata",
         "sweeps.store",
+        "sweeps.pickling",
         "sweeps.execution",
         "sweeps.progress",
         "sweeps.describe",
