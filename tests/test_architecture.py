@@ -99,6 +99,7 @@ FLOORS = (
         "sweeps.progress",
         "sweeps.describe",
         "sweeps.axes",
+        "sweeps.starts",
         "sweeps.outputs",
         "sweeps.task",
         "sweeps.variables",
