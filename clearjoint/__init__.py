@@ -112,3 +112,7 @@ from .sweeps.outputs import Saved as Saved
 from .sweeps.outputs import Section as Section
 from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
+from .wall_impact import FreeImpact as FreeImpact
+from .wall_impact import SmoothingBias as SmoothingBias
+from .wall_impact import free_impact as free_impact
+from .wall_impact import smoothing_bias as smoothing_bias

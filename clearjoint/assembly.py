@@ -91,6 +91,12 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
 
+def is_assembled(values: np.ndarray, rates: np.ndarray) -> bool:
+    """Whether a state with these residuals may start a run; see `require_assembled`."""
+    residuals = np.abs([values, rates])
+    return bool((residuals <= ACCEPTED_VIOLATION).all())
+
+
 def require_certain(uncertain: tuple[str, ...]) -> None:
     """Check that no constraint nearly depends on the others: motion and reactions would then be
     rounding's."""
@@ -107,14 +113,8 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    variables, held = _held(scene, state, coordinates)
-    require(
-        bool(jax.tree.leaves(variables)),
-        "coordinates",
-        type(coordinates).__name__,
-        "such that something is left to move",
-        "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
-    )
+    require_freedom(scene, state, coordinates)
+    _, held = _held(scene, state, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
         apart = min(np.abs(turn - other).max(), np.abs(turn + other).max())
@@ -126,6 +126,18 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
             "turn round one of the axes of the joint that carries the body, or pass "
             "coordinates=AbsoluteCoordinates()",
         )
+
+
+def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
+    """Check that the coordinates have something left to move."""
+    variables, _ = eqx.filter_eval_shape(_held.__wrapped__, scene, state, coordinates)
+    require(
+        bool(jax.tree.leaves(variables)),
+        "coordinates",
+        type(coordinates).__name__,
+        "such that something is left to move",
+        "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
+    )
 
 
 @eqx.filter_jit

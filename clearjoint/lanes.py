@@ -4,6 +4,7 @@ Everything here is scalar arithmetic without loops; `vmap` adds the lanes and `c
 native loop round the turns.
 """
 
+from functools import reduce
 from typing import Any
 
 import equinox as eqx
@@ -275,14 +276,16 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:
         fits = fits & (violation <= ACCEPTED_VIOLATION)
     own = plan.method.formulation.coordinates
     for name, held in own.decode(scene, own.encode(scene, bodies)).items():
-        fits = fits & (_apart(held.orientation, bodies[name].orientation) <= REPRESENTED)
+        fits = fits & (_apart(held.orientation, bodies[name].orientation) < REPRESENTED)
     return fits
 
 
 def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
-    """1 less the cosine of half the angle between two orientations."""
-    cosine = p.e0 * q.e0 + p.e1 * q.e1 + p.e2 * q.e2 + p.e3 * q.e3
-    return 1.0 - jnp.abs(cosine)
+    """Largest difference of the Euler parameters of two orientations, whose sign means nothing."""
+    pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
+    alike = [jnp.abs(one - other) for one, other in pairs]
+    opposite = [jnp.abs(one + other) for one, other in pairs]
+    return jnp.minimum(reduce(jnp.maximum, alike), reduce(jnp.maximum, opposite))
 
 
 def _choose(condition: Scalar, first: Any, second: Any) -> Any:

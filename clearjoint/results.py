@@ -27,7 +27,8 @@ class RESULTS(eqx.Enumeration):
         "not converge."
     )
     bad_parameters = (
-        "A parameter has a value that no scene can have; the log of the sweep says which."
+        "A parameter has a value that no scene can have or no run can use; the sweep's warning "
+        "says which."
     )
     not_assembled = (
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."

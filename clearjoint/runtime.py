@@ -1,8 +1,9 @@
 """Runtime settings that speed and accuracy need, set by one call before JAX starts.
 
-Nothing here happens at import. Without these settings everything works, up to twenty times slower:
-XLA's CPU compiler then starts one kernel for each fusion of a step instead of compiling the
-stepping loop to one native function.
+Nothing here happens at import. Runs refuse JAX's 32-bit floats, which it has unless told otherwise.
+Without the other settings everything works, up to twenty times slower: XLA's CPU compiler then
+starts one kernel for each fusion of a step instead of compiling the stepping loop to one native
+function.
 
 ``python -m clearjoint`` prints the same settings as shell variables.
 """

@@ -1,17 +1,18 @@
 """What the constraints of a scene are like at a configuration: violations, rank, redundancy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .absolute import AbsoluteCoordinates
 from .bodies import State
 from .coordinates import AbstractCoordinates, row_rate, stacked
-from .dynamics import constraint_rows, flattened
+from .dynamics import constraint_rows
 from .joints.base import Row
 from .scene import Scene
 from .vectors import Scalar, unpack
@@ -21,6 +22,9 @@ RANK_TOLERANCE = 1e-8
 UNCERTAIN_BELOW = 1e-5
 """Distance below which it is neither: the multipliers' equations have the square of it, and
 rounding decides. At 1e-6 the angle of a four-bar with a skew hinge is off by 1e-3 in a second."""
+
+TOGETHER = 256
+"""Scenes whose constraints are evaluated at once; of fewer, the last is repeated."""
 
 
 @dataclass(frozen=True)
@@ -55,24 +59,64 @@ def constraint_report(
     redundancy among the rows that remain. Otherwise among all, in their order.
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    values, rates, jacobian, remaining = _constraints(
-        scene, coordinates, state, jnp.asarray(t, dtype=float)
-    )
-    names = tuple(f"{joint}: {label}" for joint, family in values.items() for label in family)
-    matrix = np.asarray(jacobian).reshape(len(names), 6 * len(scene.bodies))
-    scale = {name: np.linalg.norm(row) for name, row in zip(names, matrix, strict=True)}
-    left = {
-        f"{joint}: {label}": np.asarray(row)
-        for joint, family in remaining.items()
-        for label, row in family.items()
-    }
-    apart = _distances({name: row / scale[name] for name, row in left.items()})
+    found = _constraints_compiled(scene, coordinates, state, jnp.asarray(t, dtype=float))
+    return _report(_Evaluated(*found), len(scene.bodies), {})
+
+
+def constraint_reports(
+    scene: Scene, varied: Any, states: Any, t: Any, coordinates: AbstractCoordinates
+) -> Iterator[ConstraintReport]:
+    """`constraint_report` of many scenes and states that differ in numbers, one after the other.
+
+    **Arguments:** `varied`: the scene with what varies of it, all values in front, ``None`` for the
+    rest, which `scene` has; `states`: all initial states in front.
+    """
+    count, known = len(jax.tree.leaves(states)[0]), {}
+    padded = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1)
+    for block in padded.reshape(-1, TOGETHER):
+        here = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
+        found = jax.device_get(
+            _constraints_together(scene, coordinates, *here, jnp.asarray(t, dtype=float))
+        )
+        for k in range(min(TOGETHER, count - block[0])):
+            lane = _Evaluated(*jax.tree.map(lambda leaf, k=k: leaf[k], found))
+            yield _report(lane, len(scene.bodies), known)
+
+
+class _Evaluated(NamedTuple):
+    """Constraints by joint and label; `remaining`: the rows that the coordinates leave."""
+
+    values: dict[str, dict[str, Any]]
+    rates: dict[str, dict[str, Any]]
+    jacobian: dict[str, dict[str, Any]]
+    remaining: dict[str, dict[str, Any]]
+
+
+def _report(
+    found: _Evaluated, bodies: int, known: dict[bytes, dict[str, float]]
+) -> ConstraintReport:
+    """What was evaluated, and its rank; `known` are the distances of rows seen before."""
+    rows = _by_name(found.jacobian)
+    names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
+    scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
+    left = {name: np.asarray(row) / scale[name] for name, row in _by_name(found.remaining).items()}
+    key = b"".join(row.tobytes() for row in left.values())
+    if key not in known:
+        known[key] = _distances(left)
+    apart = known[key]
     redundant = tuple(name for name, d in apart.items() if d < RANK_TOLERANCE)
     uncertain = tuple(n for n, d in apart.items() if RANK_TOLERANCE <= d < UNCERTAIN_BELOW)
-    return ConstraintReport(names, _flat(values), _flat(rates), matrix, redundant, uncertain)
+    values, rates = (
+        np.array([float(value) for value in _by_name(tree).values()])
+        for tree in (found.values, found.rates)
+    )
+    return ConstraintReport(names, values, rates, matrix, redundant, uncertain)
 
 
-@eqx.filter_jit
+def _by_name(tree: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
+
+
 def _constraints(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> tuple[Any, Any, Any, Any]:
@@ -82,22 +126,30 @@ def _constraints(
     rows = constraint_rows(scene, absolute, mechanics.motions, t)
     values = _each(rows, lambda row: jnp.asarray(row.value))
     rates = _each(rows, lambda row: jnp.asarray(row_rate(row, mechanics.motions)))
-    flat = [stacked(mechanics.projected(row.jacobian)) for row in flattened(rows)]
-    jacobian = jnp.stack(flat) if flat else jnp.zeros((0, 6 * len(scene.bodies)))
+    jacobian = _each(rows, lambda row: stacked(mechanics.projected(row.jacobian)))
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     rows = constraint_rows(scene, coordinates, mechanics.motions, t)
     remaining = _each(rows, lambda row: stacked(mechanics.projected(row.jacobian)))
     return values, rates, jacobian, remaining
 
 
+_constraints_compiled = eqx.filter_jit(_constraints)
+
+
+@eqx.filter_jit
+def _constraints_together(
+    scene: Scene, coordinates: AbstractCoordinates, varied: Any, states: Any, t: Scalar
+) -> tuple[Any, Any, Any, Any]:
+    def one(varied: Any, state: State) -> tuple[Any, Any, Any, Any]:
+        return _constraints(eqx.combine(varied, scene), coordinates, state, t)
+
+    return jax.vmap(one)(varied, states)
+
+
 def _each(rows: dict[str, dict[str, Row]], of: Callable[[Row], Any]) -> dict[str, dict[str, Any]]:
     return {
         name: {label: of(row) for label, row in family.items()} for name, family in rows.items()
     }
-
-
-def _flat(tree: dict[str, dict[str, Any]]) -> np.ndarray:
-    return np.array([float(leaf) for family in tree.values() for leaf in family.values()])
 
 
 def _distances(rows: dict[str, np.ndarray]) -> dict[str, float]:

@@ -24,6 +24,17 @@ def test_assembly_meets_positions_and_velocities():
         np.testing.assert_allclose(body.position, exact.bodies[name].position, atol=1e-15)
 
 
+def test_rows_of_the_jacobian_are_those_of_their_names():
+    """Translations and tilts of a hinge about z between the ground and a body at its place."""
+    here, z = (0, 0, 0), (0, 0, 1)
+    hinge = cj.RevoluteJoint("ground", "rotor", here, here, z, z)
+    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
+    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state(here)}))
+    for name, row in zip(report.names, report.jacobian, strict=True):
+        moves, turns = np.abs(row[:3]).sum() > 0, np.abs(row[3:]).sum() > 0
+        assert (moves, turns) == ("translation" in name, "tilt" in name), name
+
+
 def test_spring_and_damper_oscillate_as_they_should():
     """m x'' + c x' + k x = 0 from x = 0.3 m: x = exp(-d t)(cos w t + d/w sin w t) 0.3."""
     mass, stiffness, damping, length = 2.0, 50.0, 1.2, 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.free_impact import free_impact, smoothing_bias
+from clearjoint import free_impact, smoothing_bias
 
 MASS, SPEED, STIFFNESS = 2.0, 0.1, 6.6e10
 

@@ -26,6 +26,15 @@ def test_sections_of_a_fit_follow_each_other():
     assert sections[first : first + len(ORDER)] == ORDER
 
 
+def test_process_pools_stand_behind_the_guard_of_a_script():
+    """The processes import the script."""
+    (block,) = re.findall(r"```python\n((?:(?!```).)*get_context.*?)```", README, re.DOTALL)
+    guard = block.index('if __name__ == "__main__":\n')
+    assert guard < block.index("ProcessPoolExecutor(")
+    for line in block[guard:].splitlines()[1:]:
+        assert not line or line.startswith("    ")
+
+
 @pytest.mark.slow
 def test_all_python_runs(tmp_path, monkeypatch):
     """But for the block that needs a cluster."""

@@ -10,13 +10,17 @@ import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from typing import Any, ClassVar
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
 import xarray as xr
 from fake_sweep import complete, layout, results
 
+import clearjoint as cj
+from clearjoint.fields import quantity
 from clearjoint.sweeps.execution import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
 from clearjoint.sweeps.progress import lane_progress
@@ -136,6 +140,115 @@ def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes)
             swept(failing, executor, store)
     swept(killing_itself(tmp_path), processes, store)
     identical_to_uninterrupted(store)
+
+
+UNGUARDED = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from clearjoint.sweeps.execution import ChunkError, run_chunks
+
+with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
+    try:
+        run_chunks(abs, [0], executor, print)
+    except ChunkError as error:
+        print(error)
+"""
+
+
+def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+    """A worker imports the script, and would begin workers of its own."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert 'behind `if __name__ == "__main__":`' in done.stdout
+
+
+class OwnError(Exception):
+    """It can be pickled, but not be made anew of its message alone."""
+
+    def __init__(self, message: str, lane: int):
+        super().__init__(f"{message} in lane {lane}")
+
+
+def test_error_that_does_not_travel_is_named_and_breaks_no_pool(processes):
+    class LocalError(Exception):
+        """No other process finds its class."""
+
+    def two_arguments(chunk):
+        raise OwnError("it ran away", chunk)
+
+    def local(chunk):
+        raise LocalError(f"it ran away in lane {chunk}")
+
+    for task, name in ((two_arguments, "OwnError"), (local, "LocalError")):
+        with pytest.raises(ChunkError, match=f"RuntimeError: {name}: it ran away in lane 7"):
+            run_chunks(task, [7], processes, print)
+
+
+def modules_of_ones_own() -> dict[str, eqx.Module]:
+    """Of classes that, as those of a script or a notebook, no other process can import."""
+
+    class Count(eqx.Module):
+        weight: Any = 2.0
+        kind: ClassVar[str] = "none"
+        name: str = eqx.field(static=True, default="count")
+
+        def total(self):
+            return self.weight
+
+    class Shifted(Count):
+        shift: Any = quantity("m", default=0.5)
+        name: Any = "no longer static"
+
+        def total(self):
+            return super().total() + self.shift
+
+    class Made(Shifted):
+        def __init__(self, weight):
+            self.weight, self.shift, self.name = weight, 2 * weight, 0.0
+
+    class MadeAsWell(Made):
+        def total(self):
+            return Made(1.0).total() + super().total()
+
+    class Law(cj.Hertz):
+        factor: Any = quantity("1", default=1.0)
+
+        def elastic_force(self, *arguments):
+            return self.factor * super().elastic_force(*arguments)
+
+    return {
+        "default replaced": Count(5.0, "tally"),
+        "inherited": Shifted(1.0, name=4.0),
+        "own start": Made(1.5),
+        "inherited start": MadeAsWell(2.5),
+        "law": Law(6e10, factor=3.0),
+    }
+
+
+def summary(modules) -> dict[str, np.ndarray]:
+    """What JAX finds in them, also after it has taken them apart."""
+    found = {}
+    for name, module in modules.items():
+        leaves, structure = jax.tree.flatten(module)
+        again = jax.tree.unflatten(structure, [2.0 * leaf for leaf in leaves])
+        paths = [jax.tree_util.keystr(path) for path, _ in jax.tree.leaves_with_path(module)]
+        found[name] = np.array([*leaves, *jax.tree.leaves(again)], dtype=float)
+        found[f"{name}, paths"] = np.array(paths)
+        values = [value for m in (module, again) for value in vars(m).values()]
+        found[f"{name}, fields"] = np.array([str(value) for value in values])
+        if hasattr(module, "total"):
+            found[f"{name}, total"] = np.array([module.total(), again.total()])
+    return found
+
+
+def test_fields_of_classes_of_ones_own_arrive(processes):
+    modules, found = modules_of_ones_own(), {}
+    run_chunks(lambda chunk: summary(modules), [0], processes, found.__setitem__)
+    expected = summary(modules)
+    assert set(found[0]) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[0][name], values, err_msg=name)
 
 
 class Counting(Executor):

@@ -8,6 +8,8 @@ import pytest
 from rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 import clearjoint as cj
+from clearjoint.sweeps.axes import lanes_of
+from clearjoint.sweeps.starts import checked_starts
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
 
@@ -68,6 +70,57 @@ def test_state_off_the_ideal_joint(good):
     lane = beside_the_good(good, 20.0, offset=1e-3)
     assert codes(lane) == ["not_assembled"]
     assert float(lane.time_reached[0]) == 0.0 and int(lane.attempts[0]) == 0
+
+
+def held_at_two_points(distance: float) -> tuple[cj.Scene, cj.State]:
+    """The rotor on a ball, and on an axis at a distance from it."""
+    scene, _ = rotor()
+    away = (0.0, 0.0, distance)
+    joints = {
+        "ball": cj.SphericalJoint("ground", "rotor", (0, 0, 0), (0, 0, 0)),
+        "axis": cj.InlineJoint("ground", "rotor", away, away, (0, 0, 1)),
+    }
+    return cj.Scene(scene.bodies, joints, forces=scene.forces, gravity=scene.gravity), STILL
+
+
+STILL = cj.State({"rotor": cj.body_state((0.0, 0.0, 0.0))})
+ABSOLUTE = cj.AbsoluteCoordinates()
+
+
+def distances(values) -> cj.Axis:
+    """Between ball and axis."""
+    return cj.Axis.change(lambda scene, state, d: (held_at_two_points(d)[0], state), values, "m")
+
+
+@pytest.mark.parametrize("lowest, redundant", [(0.0, True), (0.1, False)])
+def test_constraints_of_all_lanes_decide_whether_they_depend_on_each_other(lowest, redundant):
+    """Not those of the first alone, and not those of a lane that nothing runs."""
+    values = np.array([0.2, 1e-6, lowest, 0.3])
+    lanes = lanes_of(*held_at_two_points(0.2), {"d": distances(values)}, {"d": values})
+    lanes, found = checked_starts(lanes, 0.0, ABSOLUTE)
+    assert found == redundant and set(lanes.bad) == {1}
+
+
+def test_lanes_that_simulate_refuses():
+    """For constraints that nearly depend on others, and for numbers of the initial state."""
+    axes = {
+        "d": distances([1e-6, 0.2]),
+        "norm": cj.Axis.initial(lambda s: s.bodies["rotor"].orientation[0], [1.0, 2.0]),
+    }
+    scene, state = held_at_two_points(0.2)
+    with pytest.warns(UserWarning, match=r"Lane 0: .*nearly depend on the others.*ball"):
+        found = cj.sweep(scene, state, 0.1, axes, zipped=True, progress=False, coordinates=ABSOLUTE)
+    assert codes(found) == ["bad_parameters"] * 2
+    with pytest.raises(ValueError, match="nearly depend on the others"):
+        cj.simulate(*held_at_two_points(1e-6), 0.1, coordinates=ABSOLUTE)
+
+
+def test_sweep_of_a_structure_that_cannot_move_is_refused():
+    scene, state = rotor()
+    joints = {"weld": cj.FixedJoint("ground", "rotor", (0, 0, 0), (0, 0, 0))}
+    fixed = cj.Scene(scene.bodies, joints, forces=scene.forces)
+    with pytest.raises(ValueError, match="`coordinates`.*something is left to move"):
+        cj.sweep(fixed, STILL, END, AXES)
 
 
 def test_refused_values_of_the_pendulum_are_told():

@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..assembly import check_names
 from ..bodies import State
 from ..fields import as_number, recheck_changes, require, require_finite
 from ..parameters import Place
@@ -85,11 +86,6 @@ class Lanes:
     states: Any
     bad: dict[int, str]
 
-    def first(self) -> tuple[Scene, State]:
-        """Scene and state of the first lane that is not bad."""
-        good = set(range(len(jax.tree.leaves(self.states)[0]))) - set(self.bad)
-        return self.of(min(good)) if good else (self.scene, self.state)
-
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""
         scene = jax.tree.map(
@@ -118,6 +114,7 @@ def lanes_of(
             leaves, own = jax.tree.flatten(here)
             _require_like(own == structure, leaves, base)
             recheck_changes(here, (scene, state))
+            check_names(*here)
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)

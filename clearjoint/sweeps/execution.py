@@ -33,11 +33,11 @@ from functools import lru_cache, partial
 from threading import Lock
 from typing import Any
 
-import cloudpickle
 import numpy as np
 
 from ..fields import require
 from ..runtime import adopt, in_force
+from .pickling import encoded
 
 Results = dict[str, np.ndarray]
 Task = Callable[[int], Results]
@@ -152,7 +152,7 @@ def _check(executor: Any) -> None:
 
 def _payload(task: Task) -> bytes:
     """The task behind the settings under which it has to be decoded."""
-    return pickle.dumps((in_force(), cloudpickle.dumps(task)))
+    return pickle.dumps((in_force(), encoded(task)))
 
 
 _decoding = Lock()
@@ -162,14 +162,29 @@ _decoding = Lock()
 def _decoded(payload: bytes) -> Task:
     values, task = pickle.loads(payload)
     adopt(values)
-    return cloudpickle.loads(task)
+    return pickle.loads(task)
 
 
 def _call(payload: bytes, chunk: int) -> Results:
     """Compute a chunk in a worker, one thread of which decodes the task for all."""
     with _decoding:
         task = _decoded(payload)
-    return task(chunk)
+    try:
+        return task(chunk)
+    except Exception as error:
+        if _travels(error):
+            raise
+        raise RuntimeError(f"{type(error).__name__}: {error}") from error
+
+
+def _travels(error: Exception) -> bool:
+    """Whether an error arrives whole: one of a script's class, or one made of several arguments,
+    may not, and its arrival then breaks a pool of processes."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return False
+    return True
 
 
 def _error(future: Future) -> BaseException | None:
@@ -178,12 +193,23 @@ def _error(future: Future) -> BaseException | None:
     return future.exception()
 
 
+def _why_it_may_have_died(done: int) -> str:
+    """Causes, the likeliest first: a worker that a script starts imports the script anew."""
+    if done:
+        return "killed, or out of memory"
+    return (
+        'none was computed: a script must run what it runs behind `if __name__ == "__main__":`, '
+        "since each worker process imports it; or it was killed, or out of memory"
+    )
+
+
 def _fail(failed: dict[int, BaseException], done: int) -> None:
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
-        what = f"A worker process died (killed, or out of memory) with chunks {numbers} handed out"
+        why = _why_it_may_have_died(done)
+        what = f"A worker process died with chunks {numbers} handed out ({why})"
     else:
         what = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
     raise ChunkError(

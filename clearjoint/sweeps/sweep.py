@@ -25,7 +25,6 @@ from ..results import result_numbers
 from ..scene import Scene
 from ..simulate import check_precision, check_values, make_formulation, make_method
 from ..steps import Method
-from ..structure import constraint_report
 from ..vectors import structured
 from .axes import Axis, Lanes, lanes_of
 from .describe import describe, scene_settings, structure_setting, versions
@@ -33,6 +32,7 @@ from .execution import run_chunks
 from .layout import RESULT, Coordinate, Layout
 from .outputs import Saved, Section
 from .progress import lane_progress
+from .starts import checked_starts
 from .store import SweepMemory, SweepStore
 from .task import Results, Work, joined
 from .variables import variables_of
@@ -122,8 +122,8 @@ def sweep(
     lanes = lanes_of(scene, state, axes, layout.values())
     check_values(scene, state, rtol, atol, first_step, landing_tolerance)
     coordinates = JointCoordinates() if coordinates is None else coordinates
-    report = constraint_report(*lanes.first(), start_time, coordinates)
-    formulation = make_formulation(coordinates, stabilisation, bool(report.redundant), ledger)
+    lanes, redundant = checked_starts(lanes, start_time, coordinates)
+    formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     common = _common(lanes, method, outputs, start_time, max_steps)
     tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))

@@ -1,0 +1,33 @@
+"""Whether the lanes of a sweep can begin: what `simulate` checks of its initial state."""
+
+from dataclasses import replace
+from typing import Any
+
+from ..assembly import is_assembled, require_certain, require_freedom
+from ..coordinates import AbstractCoordinates
+from ..structure import constraint_reports
+from .axes import Lanes
+
+
+def checked_starts(
+    lanes: Lanes, start_time: Any, coordinates: AbstractCoordinates
+) -> tuple[Lanes, bool]:
+    """The lanes, where those are bad too whose constraints nearly depend on each other; and whether
+    constraints depend on each other in any lane that runs.
+
+    A lane that is not assembled gets a result code of its own where it begins.
+
+    **Raises:** `ValueError` if nothing is left to move.
+    """
+    require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    bad, redundant = dict(lanes.bad), False
+    reports = constraint_reports(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
+    for lane, report in enumerate(reports):
+        if lane in bad or not is_assembled(report.values, report.rates):
+            continue
+        try:
+            require_certain(report.uncertain)
+            redundant = redundant or bool(report.redundant)
+        except ValueError as error:
+            bad[lane] = str(error)
+    return replace(lanes, bad=dict(sorted(bad.items()))), redundant
