@@ -6,6 +6,7 @@ whether it behaves.
 """
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .conversion import AbstractConverting
 from .fields import (
     as_number,
     concrete,
@@ -53,7 +55,7 @@ class Gap:
         return self.bearing_radius - self.clearance
 
 
-class AbstractStiffness(eqx.Module):
+class AbstractStiffness(AbstractConverting):
     """The generalised stiffness K of a law."""
 
     @abc.abstractmethod
@@ -113,7 +115,7 @@ def _as_stiffness(value: Any) -> AbstractStiffness:
     return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))
 
 
-class AbstractContactLaw(eqx.Module):
+class AbstractContactLaw(AbstractConverting):
     """A normal force law.
 
     A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
@@ -159,8 +161,16 @@ class AbstractHertzianLaw(AbstractContactLaw):
     def damping_factor(self) -> Scalar:
         """chi, the hysteresis damping factor times the entry speed over K."""
 
+    @classmethod
+    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+        """A number given as the `stiffness` is a `GivenStiffness`."""
+        return _as_stiffness if name == "stiffness" else super().field_converter(name)
+
     def __check_init__(self):
-        require(self.exponent >= 1.0, "exponent", self.exponent, "at least 1", "use 1.5 for Hertz")
+        exponent = concrete(self.exponent)
+        if exponent is not None:
+            least = bool(exponent >= 1.0)
+            require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
 

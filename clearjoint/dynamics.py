@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 from .bodies import GROUND, NO_WRENCH
 from .contact import AbstractContactLaw, Gap
+from .conversion import AbstractConverting
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -38,7 +39,7 @@ Closed = dict[str, dict[str, Scalar]]
 """Whether each contact is closed, by joint and contact."""
 
 
-class AbstractStabilisation(eqx.Module):
+class AbstractStabilisation(AbstractConverting):
     """What keeps the constraints satisfied in spite of integration error."""
 
     @abc.abstractmethod

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from .conversion import AbstractConverting
 from .fields import require
 from .instant import Instant
 from .vectors import Scalar
@@ -20,7 +21,7 @@ Quantity = Callable[[Instant], Scalar]
 """A scalar function of an instant, such as those of `clearjoint.quantities`."""
 
 
-class AbstractReduction(eqx.Module):
+class AbstractReduction(AbstractConverting):
     """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`."""
 
     needs_ledger: ClassVar[bool] = False

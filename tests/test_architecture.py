@@ -20,6 +20,7 @@ FLOORS = (
         "results",
         "runtime",
         "fields",
+        "conversion",
         "scales",
     ),
     ("bodies", "contact", "friction"),
