@@ -56,7 +56,21 @@ class Gap:
 
 
 class AbstractStiffness(AbstractConverting):
-    """The generalised stiffness K of a law."""
+    """The generalised stiffness K of a law.
+
+    ```python
+    import clearjoint as cj
+
+    class LinerStiffness(cj.AbstractStiffness):
+        modulus: float  # Pa
+        thickness: float  # m
+
+        def value(self, gap):
+            return self.modulus * gap.bearing_radius / self.thickness
+
+    law = cj.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
+    ```
+    """
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
@@ -120,6 +134,30 @@ class AbstractContactLaw(AbstractConverting):
 
     A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
     of the present contact, found at the true onset and kept to the separation.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+    from clearjoint.testing import check_law
+
+    class Elastomer(cj.AbstractContactLaw):
+        stiffness: float  # N/m
+        damping: float  # s/m
+        has_memory = False
+
+        def elastic_force(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0)
+
+        def force(self, gap, entry_speed):
+            return self.elastic_force(gap) * jnp.maximum(1.0 + self.damping * gap.rate, 0.0)
+
+        def stored_energy(self, gap):
+            return 0.5 * self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+    law = Elastomer(stiffness=1e8, damping=0.5)
+    check_law(law)
+    scene, state = cj.double_pendulum(law=law)
+    ```
     """
 
     has_memory: eqx.AbstractClassVar[bool]
@@ -148,9 +186,26 @@ class AbstractHertzianLaw(AbstractContactLaw):
     then has the restitution that `delivered_restitution` reports, which differs from the requested.
 
     - `stiffness`: an `AbstractStiffness`, or a number in N/m^n.
-    - `exponent`: n, at least 1.
+    - `exponent`: n, at least 1; a static field makes 1 and 1.5 cheap.
     - `smoothing`: width w in m, or ``None``. With it the penetration becomes a ramp that begins at
       delta = -w, and the clamp a ramp of relative width w/(w + delta).
+
+    ```python
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Damped(cj.AbstractHertzianLaw):
+        stiffness: cj.AbstractStiffness
+        factor: float
+        exponent: float = eqx.field(default=1.5, static=True)
+        smoothing: float | None = None
+        has_memory = True
+
+        def damping_factor(self):
+            return self.factor
+
+    law = Damped(stiffness=1e9, factor=0.2)
+    ```
     """
 
     stiffness: eqx.AbstractVar[AbstractStiffness]
@@ -259,6 +314,23 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     """A law of the family with a requested restitution and a floor on the entry speed.
 
     At low entry speed the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
+
+    ```python
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Gonthier(cj.AbstractDampedLaw):
+        restitution: float
+        stiffness: cj.AbstractStiffness
+        exponent: float = eqx.field(default=1.5, static=True)
+        entry_speed_floor: float = 1e-6
+        smoothing: float | None = None
+
+        def damping_factor(self):
+            return (1.0 - self.restitution**2) / self.restitution
+
+    law = Gonthier(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
+    ```
     """
 
     restitution: eqx.AbstractVar[Any]

@@ -40,7 +40,20 @@ Closed = dict[str, dict[str, Scalar]]
 
 
 class AbstractStabilisation(AbstractConverting):
-    """What keeps the constraints satisfied in spite of integration error."""
+    """What keeps the constraints satisfied in spite of integration error.
+
+    ```python
+    import clearjoint as cj
+
+    class CriticallyDamped(cj.AbstractStabilisation):
+        time_constant: float  # s
+
+        def target(self, value, rate):
+            return -2.0 * rate / self.time_constant - value / self.time_constant**2
+
+    stabilisation = CriticallyDamped(time_constant=0.01)
+    ```
+    """
 
     @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:

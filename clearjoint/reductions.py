@@ -22,7 +22,34 @@ Quantity = Callable[[Instant], Scalar]
 
 
 class AbstractReduction(AbstractConverting):
-    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`."""
+    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class TimeAbove(cj.AbstractReduction):
+        joint: str
+        force: float  # N
+
+        def start(self, now):
+            return now.time, jnp.zeros(())
+
+        def update(self, tally, now):
+            before, above = tally
+            largest = cj.quantities.ContactForce(self.joint)(now)
+            step = now.time - before
+            return now.time, above + jnp.where(largest > self.force, step, 0.0)
+
+        def results(self, tally, now):
+            return {"": tally[1]}
+
+        def units(self):
+            return {"": "s"}
+
+    outputs = {"overload": TimeAbove("shoulder", force=500.0)}
+    ```
+    """
 
     needs_ledger: ClassVar[bool] = False
 

@@ -15,6 +15,8 @@ class AbstractAxialPolicy(AbstractConverting):
     bearing's middle plane, or gives the law of the two shoulders at the bearing's ends:
 
     ```python
+    import clearjoint as cj
+
     class ThrustWashers(cj.AbstractAxialPolicy):
         lower_play: float  # m, from the journal's end to the washer
         upper_play: float
