@@ -6,6 +6,7 @@ a run re-checks what it can (`clearjoint.simulate`).
 """
 
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 import equinox as eqx
@@ -147,8 +148,7 @@ def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:
     if tree is None:
         return False
     if isinstance(tree, eqx.Module):
-        fields = tree.__dataclass_fields__.items()
-        inner = [getattr(tree, name) for name, f in fields if not f.metadata.get("static", False)]
+        inner = [getattr(tree, f.name) for f in fields(tree) if not f.metadata.get("static", False)]
         touched = sum(_recheck_changed(child, changed) for child in inner) > 0
         if touched:
             _check_here(tree)
@@ -169,7 +169,7 @@ def _check_here(tree: Any) -> None:
 
 def _children(tree: Any) -> list[Any]:
     if isinstance(tree, eqx.Module):
-        return [getattr(tree, name) for name in tree.__dataclass_fields__]
+        return [getattr(tree, field.name) for field in fields(tree)]
     if isinstance(tree, dict):
         return [tree[key] for key in sorted(tree)]
     return list(tree) if isinstance(tree, list | tuple) else []

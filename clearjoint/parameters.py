@@ -5,7 +5,7 @@ component (``scene.gravity[1]``), or several numbers, which ties them: they get 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import equinox as eqx
@@ -121,10 +121,11 @@ def parameters(tree: Any) -> dict[str, tuple[Any, str]]:
 def _named_leaves(tree: Any, name: str, unit: str = "1") -> Any:
     """Name, value and unit of each leaf, in the order of the PyTree."""
     if isinstance(tree, eqx.Module):
-        for key, field in tree.__dataclass_fields__.items():
+        for field in fields(tree):
             if not field.metadata.get("static", False):
-                inner = field.metadata.get("unit", "1")
-                yield from _named_leaves(getattr(tree, key), f"{name}.{key}".lstrip("."), inner)
+                inner = getattr(tree, field.name)
+                unit = field.metadata.get("unit", "1")
+                yield from _named_leaves(inner, f"{name}.{field.name}".lstrip("."), unit)
     elif isinstance(tree, dict):
         for key in sorted(tree):
             yield from _named_leaves(tree[key], f"{name}[{key!r}]")

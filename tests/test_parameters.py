@@ -1,10 +1,14 @@
 """Parameters by place: listing, replacing, tying, and places that name nothing."""
 
+from typing import Any, ClassVar
+
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.fields import quantity, recheck, recheck_changes
 from clearjoint.parameters import unit_at
 
 
@@ -83,3 +87,27 @@ def test_values_and_components_that_do_not_fit_are_refused(scene):
         cj.put(scene, lambda s: s.gravity, 1.0)
     with pytest.raises(ValueError, match=r"`place`.*\[3\].*shape \(3,\)"):
         cj.put(scene, lambda s: s.gravity[3], 1.0)
+
+
+class LawWithClassVariables(cj.Hertz):
+    """A law of one's own, with annotations that are no fields."""
+
+    has_memory: ClassVar[bool] = False
+    exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)
+    unset: ClassVar[float]
+    floor: Any = quantity("m/s", default=1e-3)
+
+
+def test_class_variables_are_no_parameters(scene):
+    joint = scene.joints["shoulder"]
+    own = eqx.tree_at(
+        lambda s: s.joints["shoulder"].law, scene, LawWithClassVariables(joint.law.stiffness)
+    )
+    listed = cj.parameters(own)
+    assert len(listed) == len(jax.tree.leaves(own))
+    assert listed["joints['shoulder'].law.floor"] == (1e-3, "m/s")
+    changed = cj.put(own, lambda s: s.joints["shoulder"].law.floor, 2e-3)
+    recheck(changed)
+    recheck_changes(changed, own)
+    with pytest.raises(ValueError, match="clearance"):
+        recheck_changes(cj.put(own, lambda s: s.joints["shoulder"].clearance, -1.0), own)
