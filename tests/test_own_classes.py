@@ -78,6 +78,14 @@ def test_values_become_arrays_and_names_static():
     assert jax.tree.structure(thing) == jax.tree.structure(Thing("a", 7.5, by_name={"x": (3, 4)}))
 
 
+def test_the_numbers_of_a_class_of_ones_own_are_listed_by_their_places():
+    thing = Thing("a", 1, by_name={"x": 4})
+    listed = cj.parameters(thing)
+    assert len(listed) == len(jax.tree.leaves(thing))
+    assert listed["with_unit"] == (2.0, "kg") and listed["by_name['x']"][0] == 4.0
+    assert listed["ragged[1]"][0].tolist() == [3.0]
+
+
 def test_a_row_with_a_traced_component_is_one_array():
     length = jax.jit(lambda x: jnp.linalg.norm(Thing("a", x, row=(3.0, x, 0)).row))
     assert float(length(4.0)) == 5.0
