@@ -11,6 +11,8 @@ from .bodies import Motion as Motion
 from .bodies import State as State
 from .bodies import Wrench as Wrench
 from .bodies import body_state as body_state
+from .cautions import LeftBearingWarning as LeftBearingWarning
+from .cautions import UnusualValueWarning as UnusualValueWarning
 from .contact import AbstractContactLaw as AbstractContactLaw
 from .contact import AbstractDampedLaw as AbstractDampedLaw
 from .contact import AbstractHertzianLaw as AbstractHertzianLaw

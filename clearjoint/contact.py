@@ -17,6 +17,8 @@ import jax.numpy as jnp
 from .conversion import AbstractConverting
 from .fields import (
     as_number,
+    caution_above,
+    caution_below,
     concrete,
     optional_quantity,
     quantity,
@@ -31,6 +33,12 @@ from .vectors import Scalar, Vector
 UNKNOWN_ENTRY_SPEED = 1e9
 """Entry speed, m/s, given to a contact that exists before the motion starts: its impact was not
 seen, so it is taken as elastic, for which an entry speed beyond all others stands."""
+
+SOFTEST_SOLID, STIFFEST_SOLID = 1e9, 2e12
+"""Young's moduli, Pa, between which the materials of bearings lie: plastics and diamond."""
+SOFTEST_CONTACT = 1e6
+"""Generalised stiffness, N/m^n, below which a newton presses the surfaces together by a tenth of a
+millimetre."""
 
 
 @jax.tree_util.register_dataclass
@@ -84,6 +92,13 @@ class GivenStiffness(AbstractStiffness):
 
     def __check_init__(self):
         require_positive("stiffness", self.stiffness, "give K in N/m^n")
+        caution_below(
+            "stiffness",
+            self.stiffness,
+            "N/m^n",
+            SOFTEST_CONTACT,
+            "give K in N and m",
+        )
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^n."""
@@ -106,12 +121,18 @@ class RavnStiffness(AbstractStiffness):
     journal_poisson_ratio: Any = optional_quantity("1")
 
     def __check_init__(self):
-        require_positive("young_modulus", self.young_modulus, "give E in Pa")
+        self._check_modulus("young_modulus")
         require_range("poisson_ratio", self.poisson_ratio, -1.0, 0.5, "give nu of the material")
         if self.journal_young_modulus is not None:
-            require_positive("journal_young_modulus", self.journal_young_modulus, "give E in Pa")
+            self._check_modulus("journal_young_modulus")
         if self.journal_poisson_ratio is not None:
             require_range("journal_poisson_ratio", self.journal_poisson_ratio, -1.0, 0.5, "give nu")
+
+    def _check_modulus(self, name: str) -> None:
+        modulus = getattr(self, name)
+        require_positive(name, modulus, "give E in Pa")
+        caution_below(name, modulus, "Pa", SOFTEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
+        caution_above(name, modulus, "Pa", STIFFEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^1.5."""

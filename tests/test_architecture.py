@@ -19,6 +19,7 @@ FLOORS = (
         "restitution",
         "results",
         "runtime",
+        "cautions",
         "fields",
         "conversion",
         "scales",

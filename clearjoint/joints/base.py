@@ -7,6 +7,7 @@ registered. All methods work on the scalar form of `clearjoint.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 
@@ -43,6 +44,11 @@ class AbstractElement(AbstractConverting):
     @abc.abstractmethod
     def body_names(self) -> tuple[str, ...]:
         """Names of the bodies it acts on, the ground included."""
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The points that it has on bodies: argument, body, and (3,) m in the body's axes. None by
+        default; units are checked by them."""
+        return ()
 
 
 class AbstractConstraint(AbstractElement):

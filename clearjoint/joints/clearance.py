@@ -16,6 +16,8 @@ from ..bodies import GROUND, Motion
 from ..contact import AbstractContactLaw, Gap, slip_velocity
 from ..fields import (
     as_number,
+    caution_above,
+    caution_unless,
     concrete,
     quantity,
     require,
@@ -36,6 +38,13 @@ BASES = ("V", "W")
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """At the ends of the bearing: against its axis, and along it."""
 SIDES = (-1.0, 1.0)
+
+WIDEST_CLEARANCE = 0.1
+"""Clearance over the bearing's radius beyond which one is warned."""
+LARGEST_BEARING = 2.0
+"""Likewise its radius, m."""
+LONGEST_JOURNAL = 100.0
+"""Likewise the journal's length over the bearing's radius."""
 
 
 class ClearanceJoint(AbstractContactJoint):
@@ -133,6 +142,18 @@ class ClearanceJoint(AbstractContactJoint):
                 f"smaller than the bearing's radius {float(radius)} m",
                 "check the units (m)",
             )
+            caution_unless(
+                bool(clearance <= WIDEST_CLEARANCE * radius),
+                "clearance",
+                float(clearance),
+                "m",
+                f"at most a tenth of the bearing's radius of {float(radius):g} m",
+                "give the journal's radius as `journal_radius`, and the radial clearance in m",
+            )
+            remedy = "give lengths in m; 1 mm is 1e-3 m"
+            caution_above("bearing_radius", radius, "m", LARGEST_BEARING, remedy)
+            longest = LONGEST_JOURNAL * float(radius)
+            caution_above("journal_length", self.journal_length, "m", longest, remedy)
         kinds = {
             "law": AbstractContactLaw,
             "axial": AbstractAxialPolicy,
@@ -156,6 +177,13 @@ class ClearanceJoint(AbstractContactJoint):
     def pair(self) -> tuple[str, str]:
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The law of each base, and of each shoulder if there are any."""

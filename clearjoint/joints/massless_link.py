@@ -59,6 +59,13 @@ class MasslessLink(AbstractConstraint):
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Half the difference of the squares of eccentricity and clearance, over the clearance, of
         each base; and the axial constraint of a policy that holds the centre."""
