@@ -51,6 +51,7 @@ FLOORS = (
         "grouped_coordinates",
         "projection",
         "structure",
+        "journals",
         "assembly",
         "mechanisms",
     ),

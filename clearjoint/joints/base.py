@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+import numpy as np
 
 from ..bodies import Motion, Wrench
 from ..contact import AbstractContactLaw, Gap
@@ -227,6 +228,20 @@ class AbstractContactJoint(AbstractElement):
         """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
         run ends there. None by default."""
         return {}
+
+    def centred(self) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body in the middle of its room; ``None``, the
+        default, where there is no middle. `assemble` takes it for a body that is outside."""
+        return None
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body where a load lets it rest; ``None``, the
+        default, where it can't rest. In packed form, as `centred`.
+
+        **Arguments:** `load`: (3,) N, of the second body on the first, in the first one's axes.
+        """
+        del load
+        return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """A moving body, a point of it (body axes), and the ground's point that it stays near."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from ..bodies import GROUND, Motion
 from ..contact import AbstractContactLaw, Gap, slip_velocity
@@ -30,8 +31,8 @@ from ..rotations import transverse_axes, unit
 from ..smoothing import norm_and_direction
 from ..vectors import Scalar, Vector, add, subtract
 from .axial import AbstractAxialPolicy, FreeAxially
-from .base import AbstractContactJoint, Contact, Motions, Row
-from .ideal import require_distinct
+from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from .ideal import CylindricalJoint, RevoluteJoint, require_distinct
 from .primitives import point_in_plane, turning_about_axes
 
 BASES = ("V", "W")
@@ -39,6 +40,8 @@ SHOULDERS = ("lower shoulder", "upper shoulder")
 """At the ends of the bearing: against its axis, and along it."""
 SIDES = (-1.0, 1.0)
 
+LEAST_SHARE = 1e-6
+"""Of a load, across the axis: less is rounding's and seats no journal."""
 WIDEST_CLEARANCE = 0.1
 """Clearance over the bearing's radius beyond which one is warned."""
 LARGEST_BEARING = 2.0
@@ -244,6 +247,26 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return turning_about_axes(self.pair(), bearing, journal, *axes)
+
+    def centred(self) -> AbstractConstraint:
+        """A revolute joint, or a cylindrical one if the journal is axially free."""
+        return self._ideal(self.bearing_point)
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The same with the journal along the wall, in the direction of the load across the axis;
+        ``None`` if there is no such load."""
+        axis = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ axis) * axis
+        size = np.linalg.norm(across)
+        if not size > LEAST_SHARE * np.linalg.norm(load):
+            return None
+        return self._ideal(self.bearing_point + self.clearance / size * across)
+
+    def _ideal(self, centre: Any) -> AbstractConstraint:
+        """An ideal joint about a centre in the bearing's body, m."""
+        is_free = not self.axial.holds_centre and self.axial.shoulder_law() is None
+        kind = CylindricalJoint if is_free else RevoluteJoint
+        return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
