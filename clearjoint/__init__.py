@@ -7,8 +7,12 @@ from .assembly import assemble as assemble
 from .bodies import GROUND as GROUND
 from .bodies import Body as Body
 from .bodies import BodyState as BodyState
+from .bodies import Motion as Motion
 from .bodies import State as State
+from .bodies import Wrench as Wrench
 from .bodies import body_state as body_state
+from .cautions import LeftBearingWarning as LeftBearingWarning
+from .cautions import UnusualValueWarning as UnusualValueWarning
 from .contact import AbstractContactLaw as AbstractContactLaw
 from .contact import AbstractDampedLaw as AbstractDampedLaw
 from .contact import AbstractHertzianLaw as AbstractHertzianLaw
@@ -26,6 +30,7 @@ from .dynamics import Baumgarte as Baumgarte
 from .dynamics import Projection as Projection
 from .dynamics import Unstabilised as Unstabilised
 from .estimands import Parameter as Parameter
+from .fields import quantity as quantity
 from .friction import AbstractFriction as AbstractFriction
 from .friction import Ambrosio as Ambrosio
 from .friction import RegularisedCoulomb as RegularisedCoulomb
@@ -49,12 +54,14 @@ from .identification.starts import Starts as Starts
 from .impact_table import Impacts as Impacts
 from .integration import Integration as Integration
 from .joint_coordinates import JointCoordinates as JointCoordinates
+from .joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .joints.axial import EndPlay as EndPlay
 from .joints.axial import FixedAxially as FixedAxially
 from .joints.axial import FreeAxially as FreeAxially
 from .joints.base import AbstractConstraint as AbstractConstraint
 from .joints.base import AbstractContactJoint as AbstractContactJoint
 from .joints.base import AbstractForce as AbstractForce
+from .joints.base import Contact as Contact
 from .joints.base import Row as Row
 from .joints.clearance import ClearanceJoint as ClearanceJoint
 from .joints.drives import AbstractDriveTorque as AbstractDriveTorque
@@ -102,6 +109,7 @@ from .scene import Scene as Scene
 from .sensitivity import Sensitivities as Sensitivities
 from .sensitivity import sensitivities as sensitivities
 from .simulate import simulate as simulate
+from .smoothing import norm_and_direction as norm_and_direction
 from .solution import SimulationError as SimulationError
 from .solution import Solution as Solution
 from .solution import Trajectory as Trajectory
@@ -112,6 +120,7 @@ from .sweeps.outputs import Saved as Saved
 from .sweeps.outputs import Section as Section
 from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
+from .vectors import Vector as Vector
 from .wall_impact import FreeImpact as FreeImpact
 from .wall_impact import SmoothingBias as SmoothingBias
 from .wall_impact import free_impact as free_impact

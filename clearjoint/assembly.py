@@ -1,6 +1,6 @@
 """Initial states that satisfy the constraints, in position and velocity."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import equinox as eqx
@@ -13,6 +13,9 @@ from .bodies import BodyState, State
 from .coordinates import AbstractCoordinates
 from .dynamics import Formulation
 from .fields import require, require_finite
+from .joints.base import AbstractConstraint
+from .journals import centred, outside, with_ideal
+from .journals import seated as seated_joints
 from .projection import project_positions, project_velocities
 from .scene import Scene
 from .structure import constraint_report
@@ -60,14 +63,49 @@ def check_names(scene: Scene, state: State) -> None:
             require_finite(f"state.{part}", leaf)
 
 
-def assemble(scene: Scene, state: State, t: Any = 0.0) -> State:
-    """The state nearest to a guess, in the metric of the masses, that satisfies the constraints.
+def assemble(scene: Scene, state: State, t: Any = 0.0, *, seated: Collection[str] = ()) -> State:
+    """The state nearest to a guess, in the metric of the masses, that satisfies the constraints and
+    has each journal in its bearing.
 
-    **Arguments:** `state`: the guess; velocities may be rough as well.
+    A journal that is in its bearing stays where the guess has it. One that is in the wall, by more
+    than a micrometre, or beyond it is centred, and moves as an ideal joint would let it.
 
-    **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them.
+    **Arguments:**
+
+    - `state`: the guess; velocities may be rough as well.
+    - `t`: s, for constraints that depend on time.
+    - `seated`: names of clearance joints whose journals shall lie along the wall, where gravity and
+      the scene's forces press them while nothing moves yet.
+
+    **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them; for
+    a joint to be seated that has no clearance, or whose journal nothing presses against the wall.
     """
     check_names(scene, state)
+    known = sorted(centred(scene, scene.contact_joints()))
+    for name in seated:
+        remedy = "leave out the others"
+        require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
+    held = centred(scene, seated)
+    state = _in_bearings(scene, held, state, t)
+    if not seated:
+        return state
+    held |= seated_joints(scene, held, seated, state, t)
+    return _in_bearings(scene, held, state, t)
+
+
+def _in_bearings(scene: Scene, held: dict[str, AbstractConstraint], state: State, t: Any) -> State:
+    """The state assembled with ideal joints in the place of those `held`, to which those of all
+    journals outside their bearings are added."""
+    while True:
+        state = _satisfying(with_ideal(scene, held), state, t)
+        added = centred(scene, outside(scene, state) - set(held))
+        if not added:
+            return state
+        held |= added
+
+
+def _satisfying(scene: Scene, state: State, t: Any) -> State:
+    """The nearest state that satisfies the constraints."""
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = jnp.asarray(t, dtype=float)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .fields import (
     as_number,
+    caution_unless,
     concrete,
     quantity,
     require,
@@ -21,6 +22,12 @@ from .vectors import IDENTITY, ZERO, Matrix, Vector
 
 GROUND = "ground"
 """The name of the fixed body, which every scene has and no state holds."""
+
+DENSITIES = 1e-2, 1e6
+"""Densities of a body's equivalent box, kg/m^3, beyond which a unit is mistaken. Solids have 10 to
+2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
+THINNEST = 1e-2
+"""Smallest side of that box over the largest."""
 
 
 class Body(eqx.Module):
@@ -55,12 +62,40 @@ class Body(eqx.Module):
         inertia = concrete(self.inertia)
         if inertia is not None:
             _check_moments(inertia)
+            self._check_density(inertia)
+
+    def _check_density(self, inertia: np.ndarray) -> None:
+        mass = concrete(self.mass)
+        if mass is not None:
+            density = _box_density(float(mass), inertia)
+            least, most = DENSITIES
+            caution_unless(
+                least <= density <= most,
+                "mass",
+                float(mass),
+                "kg",
+                f"a density between {least:g} and {most:g} kg/m^3",
+                f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2",
+            )
+
+    def gyration_radius(self) -> float:
+        """Radius of gyration about the centre of mass, m; of numbers that are known."""
+        inertia = np.asarray(self.inertia)
+        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
+        return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
         """Inertia times spin, body axes, kg m^2/s. In scalar form."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.times(self.inertia)
+
+
+def _box_density(mass: float, inertia: np.ndarray) -> float:
+    """Density of the homogeneous box, kg/m^3; one without thickness counts as a thin plate."""
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
+    sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
+    return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
 
 
 def _check_moments(inertia: np.ndarray) -> None:

@@ -6,6 +6,7 @@ whether it behaves.
 """
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .conversion import AbstractConverting
 from .fields import (
     as_number,
+    caution_above,
+    caution_below,
     concrete,
     optional_quantity,
     quantity,
@@ -29,6 +33,12 @@ from .vectors import Scalar, Vector
 UNKNOWN_ENTRY_SPEED = 1e9
 """Entry speed, m/s, given to a contact that exists before the motion starts: its impact was not
 seen, so it is taken as elastic, for which an entry speed beyond all others stands."""
+
+SOFTEST_SOLID, STIFFEST_SOLID = 1e9, 2e12
+"""Young's moduli, Pa, between which the materials of bearings lie: plastics and diamond."""
+SOFTEST_CONTACT = 1e6
+"""Generalised stiffness, N/m^n, below which a newton presses the surfaces together by a tenth of a
+millimetre."""
 
 
 @jax.tree_util.register_dataclass
@@ -53,8 +63,22 @@ class Gap:
         return self.bearing_radius - self.clearance
 
 
-class AbstractStiffness(eqx.Module):
-    """The generalised stiffness K of a law."""
+class AbstractStiffness(AbstractConverting):
+    """The generalised stiffness K of a law.
+
+    ```python
+    import clearjoint as cj
+
+    class LinerStiffness(cj.AbstractStiffness):
+        modulus: float  # Pa
+        thickness: float  # m
+
+        def value(self, gap):
+            return self.modulus * gap.bearing_radius / self.thickness
+
+    law = cj.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
+    ```
+    """
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
@@ -68,6 +92,13 @@ class GivenStiffness(AbstractStiffness):
 
     def __check_init__(self):
         require_positive("stiffness", self.stiffness, "give K in N/m^n")
+        caution_below(
+            "stiffness",
+            self.stiffness,
+            "N/m^n",
+            SOFTEST_CONTACT,
+            "give K in N and m",
+        )
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^n."""
@@ -90,12 +121,18 @@ class RavnStiffness(AbstractStiffness):
     journal_poisson_ratio: Any = optional_quantity("1")
 
     def __check_init__(self):
-        require_positive("young_modulus", self.young_modulus, "give E in Pa")
+        self._check_modulus("young_modulus")
         require_range("poisson_ratio", self.poisson_ratio, -1.0, 0.5, "give nu of the material")
         if self.journal_young_modulus is not None:
-            require_positive("journal_young_modulus", self.journal_young_modulus, "give E in Pa")
+            self._check_modulus("journal_young_modulus")
         if self.journal_poisson_ratio is not None:
             require_range("journal_poisson_ratio", self.journal_poisson_ratio, -1.0, 0.5, "give nu")
+
+    def _check_modulus(self, name: str) -> None:
+        modulus = getattr(self, name)
+        require_positive(name, modulus, "give E in Pa")
+        caution_below(name, modulus, "Pa", SOFTEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
+        caution_above(name, modulus, "Pa", STIFFEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
 
     def value(self, gap: Gap) -> Scalar:
         """K in N/m^1.5."""
@@ -113,7 +150,7 @@ def _as_stiffness(value: Any) -> AbstractStiffness:
     return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))
 
 
-class AbstractContactLaw(eqx.Module):
+class AbstractContactLaw(AbstractConverting):
     """A normal force law.
 
     A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
@@ -124,6 +161,31 @@ class AbstractContactLaw(eqx.Module):
     taken into account, for one more evaluation a step. A class that has a `force` of its own and
     says nothing is taken to jump: declare ``force_jumps = False`` for one that begins and ends at
     zero.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+    from clearjoint.testing import check_law
+
+    class Elastomer(cj.AbstractContactLaw):
+        stiffness: float  # N/m
+        damping: float  # s/m
+        has_memory = False
+        force_jumps = False
+
+        def elastic_force(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0)
+
+        def force(self, gap, entry_speed):
+            return self.elastic_force(gap) * jnp.maximum(1.0 + self.damping * gap.rate, 0.0)
+
+        def stored_energy(self, gap):
+            return 0.5 * self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+    law = Elastomer(stiffness=1e8, damping=0.5)
+    check_law(law)
+    scene, state = cj.double_pendulum(law=law)
+    ```
     """
 
     has_memory: eqx.AbstractClassVar[bool]
@@ -158,9 +220,26 @@ class AbstractHertzianLaw(AbstractContactLaw):
     then has the restitution that `delivered_restitution` reports, which differs from the requested.
 
     - `stiffness`: an `AbstractStiffness`, or a number in N/m^n.
-    - `exponent`: n, at least 1.
+    - `exponent`: n, at least 1; a static field makes 1 and 1.5 cheap.
     - `smoothing`: width w in m, or ``None``. With it the penetration becomes a ramp that begins at
       delta = -w, and the clamp a ramp of relative width w/(w + delta).
+
+    ```python
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Damped(cj.AbstractHertzianLaw):
+        stiffness: cj.AbstractStiffness
+        factor: float
+        exponent: float = eqx.field(default=1.5, static=True)
+        smoothing: float | None = None
+        has_memory = True
+
+        def damping_factor(self):
+            return self.factor
+
+    law = Damped(stiffness=1e9, factor=0.2)
+    ```
     """
 
     stiffness: eqx.AbstractVar[AbstractStiffness]
@@ -172,8 +251,16 @@ class AbstractHertzianLaw(AbstractContactLaw):
     def damping_factor(self) -> Scalar:
         """chi, the hysteresis damping factor times the entry speed over K."""
 
+    @classmethod
+    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+        """A number given as the `stiffness` is a `GivenStiffness`."""
+        return _as_stiffness if name == "stiffness" else super().field_converter(name)
+
     def __check_init__(self):
-        require(self.exponent >= 1.0, "exponent", self.exponent, "at least 1", "use 1.5 for Hertz")
+        exponent = concrete(self.exponent)
+        if exponent is not None:
+            least = bool(exponent >= 1.0)
+            require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
 
@@ -263,6 +350,23 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     """A law of the family with a requested restitution and a floor on the entry speed.
 
     At low entry speed the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
+
+    ```python
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Gonthier(cj.AbstractDampedLaw):
+        restitution: float
+        stiffness: cj.AbstractStiffness
+        exponent: float = eqx.field(default=1.5, static=True)
+        entry_speed_floor: float = 1e-6
+        smoothing: float | None = None
+
+        def damping_factor(self):
+            return (1.0 - self.restitution**2) / self.restitution
+
+    law = Gonthier(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
+    ```
     """
 
     restitution: eqx.AbstractVar[Any]

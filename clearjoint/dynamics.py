@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 from .bodies import GROUND, NO_WRENCH
 from .contact import AbstractContactLaw, Gap
+from .conversion import AbstractConverting
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -38,8 +39,21 @@ Closed = dict[str, dict[str, Scalar]]
 """Whether each contact is closed, by joint and contact."""
 
 
-class AbstractStabilisation(eqx.Module):
-    """What keeps the constraints satisfied in spite of integration error."""
+class AbstractStabilisation(AbstractConverting):
+    """What keeps the constraints satisfied in spite of integration error.
+
+    ```python
+    import clearjoint as cj
+
+    class CriticallyDamped(cj.AbstractStabilisation):
+        time_constant: float  # s
+
+        def target(self, value, rate):
+            return -2.0 * rate / self.time_constant - value / self.time_constant**2
+
+    stabilisation = CriticallyDamped(time_constant=0.01)
+    ```
+    """
 
     @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:

@@ -14,6 +14,8 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
+from .cautions import UnusualValueWarning, caution, quiet
+
 
 def as_number(value: Any) -> Any:
     """A float64 numpy array, or the JAX array that was given."""
@@ -93,6 +95,34 @@ def require_range(argument: str, value: Any, lower: float, upper: float, remedy:
         require(inside, argument, float(number), f"in [{lower}, {upper}]", remedy)
 
 
+def caution_unless(
+    condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
+) -> None:
+    """Warn of a number that is possible, but far from what machines have."""
+    if not condition:
+        caution(
+            f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
+            f"{remedy}.",
+            UnusualValueWarning,
+        )
+
+
+def caution_below(argument: str, value: Any, unit: str, least: float, remedy: str) -> None:
+    """`caution_unless` a number is at least so large."""
+    number = concrete(value)
+    if number is not None:
+        expected = f"at least {least:g} {unit}"
+        caution_unless(bool(number >= least), argument, number.item(), unit, expected, remedy)
+
+
+def caution_above(argument: str, value: Any, unit: str, most: float, remedy: str) -> None:
+    """`caution_unless` a number is at most so large."""
+    number = concrete(value)
+    if number is not None:
+        expected = f"at most {most:g} {unit}"
+        caution_unless(bool(number <= most), argument, number.item(), unit, expected, remedy)
+
+
 def require_point(argument: str, value: Any) -> None:
     """Check a point or vector of three finite coordinates."""
     require_shape(argument, value, (3,), "pass three coordinates in m")
@@ -127,10 +157,18 @@ def require_euler_parameters(argument: str, value: Any) -> None:
 
 
 def recheck(tree: Any) -> None:
-    """Run every construction check of the modules in a PyTree again, on its present values."""
+    """Run every construction check of the modules in a PyTree again, on its present values.
+
+    What was unusual at construction is not warned of again.
+    """
+    with quiet():
+        _recheck(tree)
+
+
+def _recheck(tree: Any) -> None:
     _check_here(tree)
     for child in _children(tree):
-        recheck(child)
+        _recheck(child)
 
 
 def recheck_changes(tree: Any, base: Any) -> None:
@@ -140,7 +178,8 @@ def recheck_changes(tree: Any, base: Any) -> None:
     independent.
     """
     pairs = zip(jax.tree.leaves(tree), jax.tree.leaves(base), strict=True)
-    _recheck_changed(tree, iter([a is not b for a, b in pairs]))
+    with quiet():
+        _recheck_changed(tree, iter([a is not b for a, b in pairs]))
 
 
 def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:

@@ -3,20 +3,40 @@
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .conversion import AbstractConverting
 from .fields import concrete, quantity, require, require_positive
 from .smoothing import norm_and_direction
 from .vectors import Scalar, Vector
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(AbstractConverting):
     """Tangential force against the slip, as a multiple of the normal force.
 
     A subclass gives the ratio of friction to normal force as a function of the slip speed; it must
     vanish with the speed, which makes the force and its derivatives finite at zero slip.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+    from clearjoint.testing import check_friction
+
+    class Stribeck(cj.AbstractFriction):
+        breakaway: float
+        kinetic: float
+        stribeck_speed: float  # m/s
+        regularisation_speed: float = 1e-3  # m/s
+
+        def ratio(self, slip_speed):
+            excess = (self.breakaway - self.kinetic) * jnp.exp(-slip_speed / self.stribeck_speed)
+            return (self.kinetic + excess) * jnp.tanh(slip_speed / self.regularisation_speed)
+
+    friction = Stribeck(breakaway=0.15, kinetic=0.1, stribeck_speed=0.01)
+    check_friction(friction)
+    scene, state = cj.double_pendulum(friction=friction)
+    ```
     """
 
     @abc.abstractmethod

@@ -128,6 +128,9 @@ def _named_leaves(tree: Any, name: str, unit: str = "1") -> Any:
                 yield from _named_leaves(inner, f"{name}.{field.name}".lstrip("."), unit)
     elif isinstance(tree, dict):
         for key in sorted(tree):
-            yield from _named_leaves(tree[key], f"{name}[{key!r}]")
+            yield from _named_leaves(tree[key], f"{name}[{key!r}]", unit)
+    elif isinstance(tree, list | tuple):
+        for place, inner in enumerate(tree):
+            yield from _named_leaves(inner, f"{name}[{place}]", unit)
     elif tree is not None:
         yield name, tree, unit

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from .conversion import AbstractConverting
 from .fields import require
 from .instant import Instant
 from .vectors import Scalar
@@ -20,8 +21,35 @@ Quantity = Callable[[Instant], Scalar]
 """A scalar function of an instant, such as those of `clearjoint.quantities`."""
 
 
-class AbstractReduction(eqx.Module):
-    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`."""
+class AbstractReduction(AbstractConverting):
+    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class TimeAbove(cj.AbstractReduction):
+        joint: str
+        force: float  # N
+
+        def start(self, now):
+            return now.time, jnp.zeros(())
+
+        def update(self, tally, now):
+            before, above = tally
+            largest = cj.quantities.ContactForce(self.joint)(now)
+            step = now.time - before
+            return now.time, above + jnp.where(largest > self.force, step, 0.0)
+
+        def results(self, tally, now):
+            return {"": tally[1]}
+
+        def units(self):
+            return {"": "s"}
+
+    outputs = {"overload": TimeAbove("shoulder", force=500.0)}
+    ```
+    """
 
     needs_ledger: ClassVar[bool] = False
 

@@ -17,7 +17,27 @@ from .vectors import Scalar
 class AbstractScale(abc.ABC):
     """A map from all real numbers to the values that a parameter may have.
 
-    `stride`: the farthest that one step of a fit changes the coordinate.
+    `stride`: the farthest that one step of a fit changes the coordinate. A scale belongs to the
+    form of a fit: its numbers, unlike a scene's, are part of the compiled program.
+
+    ```python
+    from dataclasses import dataclass
+
+    import clearjoint as cj
+
+    @dataclass(frozen=True)
+    class Squared(cj.AbstractScale):
+        unit: float = 1.0
+        stride = 1.0
+
+        def value(self, coordinate):
+            return self.unit * coordinate**2
+
+        def coordinate(self, value):
+            return (value / self.unit) ** 0.5
+
+    stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, Squared(unit=100.0))
+    ```
     """
 
     stride: ClassVar[float]

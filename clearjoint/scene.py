@@ -3,16 +3,31 @@
 from typing import Any
 
 import equinox as eqx
+import jax
+import numpy as np
 
 from .bodies import GROUND, Body
 from .contact import AbstractContactLaw
-from .fields import optional_quantity, require, require_shape
+from .fields import (
+    caution_above,
+    caution_unless,
+    concrete,
+    optional_quantity,
+    require,
+    require_shape,
+)
 from .joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
     AbstractElement,
     AbstractForce,
 )
+
+FARTHEST = 100.0
+"""Distance of a body's point from its centre of mass, over the radius of gyration, beyond which one
+is warned."""
+STRONGEST_GRAVITY = 1e3
+"""Likewise the acceleration of gravity, m/s^2."""
 
 
 class Scene(eqx.Module):
@@ -54,10 +69,14 @@ class Scene(eqx.Module):
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
                 self._check_names(f"{family}[{name!r}]", element)
+                self._check_distances(f"{family}[{name!r}]", element)
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
             require_shape("gravity", self.gravity, (3,), "pass three components in m/s^2")
+            size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
+            if size is not None:
+                caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _check_names(self, argument: str, element: AbstractElement) -> None:
         known = {GROUND, *self.bodies}
@@ -68,6 +87,21 @@ class Scene(eqx.Module):
                 name,
                 f"between known bodies {sorted(known)}",
                 "correct the name, or add the body to the scene",
+            )
+
+    def _check_distances(self, argument: str, element: AbstractElement) -> None:
+        for name, body, point in element.attachments():
+            numbers = (self.bodies[body], point) if body in self.bodies else ()
+            if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
+                continue
+            distance, radius = float(np.linalg.norm(point)), self.bodies[body].gyration_radius()
+            caution_unless(
+                distance <= FARTHEST * radius,
+                f"{argument}.{name}",
+                distance,
+                "m from the centre of mass",
+                f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
+                "give points in m, and inertias in kg m^2",
             )
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:

@@ -16,6 +16,7 @@ from .fields import concrete, recheck, require, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
 from .joint_coordinates import JointCoordinates
+from .journals import require_in_bearings
 from .loops import loops_for
 from .results import RESULTS
 from .running import HostLoop, OnePiece
@@ -277,6 +278,7 @@ def check_structure(
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
+    require_in_bearings(scene, state)
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
     require_certain(report.uncertain)

@@ -12,13 +12,14 @@ from .vectors import Scalar, Vector
 _TINY = 1e-200
 
 
-def positive_power(x: Scalar, exponent: float) -> Scalar:
-    """max(x, 0) to a power of at least one; 1.5 and 1 avoid the slow general power."""
-    positive = x > 0.0
-    if exponent == 1.0:
+def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
+    """max(x, 0) to a power of at least one; the Python numbers 1.5 and 1 avoid the slow general
+    power."""
+    positive, known = x > 0.0, exponent if isinstance(exponent, int | float) else None
+    if known == 1.0:
         return jnp.where(positive, x, 0.0)
     safe = jnp.where(positive, x, 1.0)
-    power = safe * jnp.sqrt(safe) if exponent == 1.5 else safe**exponent
+    power = safe * jnp.sqrt(safe) if known == 1.5 else safe**exponent
     return jnp.where(positive, power, 0.0)
 
 

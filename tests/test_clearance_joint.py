@@ -16,6 +16,7 @@ from clearjoint import (
     FixedAxially,
     Hertz,
     LankaraniNikravesh,
+    MasslessLink,
     MotionMode,
     RegularisedCoulomb,
     Scene,
@@ -25,8 +26,9 @@ from clearjoint import (
     observe,
 )
 from clearjoint.absolute import AbsoluteCoordinates
-from clearjoint.bodies import GROUND, BodyState
+from clearjoint.bodies import GROUND, GROUND_MOTION, BodyState
 from clearjoint.dynamics import Formulation, contact_forces, evaluate
+from clearjoint.testing import moving
 from clearjoint.vectors import EulerParameters, Vector, pack, unpack
 
 RANDOM = np.random.default_rng(8)
@@ -356,6 +358,64 @@ def test_shoulders_stop_the_journal_after_half_the_play(shift):
     np.testing.assert_allclose(
         2.0 * pack(accelerations["journal"].linear), push * axis, rtol=1e-11, atol=1e-13
     )
+
+
+HALF_TURN = (0.0, 1.0, 0.0, 0.0)
+"""Euler parameters of a turn by 180 degrees about X."""
+
+
+@pytest.mark.parametrize("shift", [-0.3, 0.2])
+@pytest.mark.parametrize(
+    ("options", "orientation"),
+    [
+        ({"journal_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
+        ({"bearing_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
+        ({}, HALF_TURN),
+        ({"bearing_axis": (0.0, 0.0, -1.0), "journal_axis": (0.0, 0.0, -1.0)}, HALF_TURN),
+    ],
+    ids=["journal's axis", "bearing's axis", "body", "body with both"],
+)
+def test_antiparallel_axes_meet_the_same_shoulders(options, orientation, shift):
+    """The base that lies at an end of the bearing meets the shoulder there, moving outwards."""
+    scene = pin_scene(Hertz(100.0), axial=EndPlay(PLAY, Hertz(100.0)), **options)
+    body = body_state((0.0, 0.0, shift), orientation, velocity=(0.0, 0.0, 0.7))
+    accelerations, forces = rates_of(scene, body, 0.5e-3)
+    up = -1.0 if "bearing_axis" in options else 1.0
+    for name, side in SIDES.items():
+        gap = forces["pin"][f"{name} shoulder"].contact.gap
+        assert float(gap.depth) == pytest.approx(side * up * shift - 0.05)
+        assert float(gap.rate) == pytest.approx(side * up * 0.7)
+    push = -np.sign(shift) * 100.0 * (abs(shift) - 0.05) ** 1.5
+    assert 2.0 * float(accelerations["journal"].linear.z) == pytest.approx(push)
+
+
+@pytest.mark.parametrize("make", [ClearanceJoint, MasslessLink])
+def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
+    """Eccentricities and penetrations at the walls, axial constraints, rows of a link and angle."""
+    numbers = {"clearance": 0.5e-3, "journal_length": 20e-3, "axial": FixedAxially()}
+    numbers |= {} if make is MasslessLink else {"bearing_radius": 10e-3, "law": Hertz(1e9)}
+    same, opposite = (
+        unpack(make(GROUND, "journal", journal_axis=(0.0, 0.0, z), **numbers)) for z in (1.0, -1.0)
+    )
+    motion = moving((6e-4, -2e-4, 1e-3), (1.0, 0.03, 0.02, 0.3), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+    motions = {GROUND: GROUND_MOTION, "journal": motion}
+
+    def numbers_of(joint, swapped):
+        rows = joint.rows(motions, 0.0)
+        found = {label: (row.value, row.bias) for label, row in rows.items()}
+        if make is ClearanceJoint:
+            contacts = joint.contacts(motions)
+            found |= {label: (c.gap.depth, c.gap.rate) for label, c in contacts.items()}
+            offsets = {base: joint.journal_offset(motions, base) for base in ("V", "W")}
+            found |= {f"{base} offset": tuple(offset) for base, offset in offsets.items()}
+            found["turn"] = (joint.turn(motions).value, joint.turn(motions).bias)
+        other = {"V": "W", "W": "V"}
+        return {(other.get(k[0], k[0]) + k[1:]) if swapped else k: v for k, v in found.items()}
+
+    expected, found = numbers_of(same, False), numbers_of(opposite, True)
+    assert found.keys() == expected.keys() and len(found) >= 3
+    for label, values in expected.items():
+        np.testing.assert_allclose(found[label], values, rtol=1e-9, atol=1e-12, err_msg=label)
 
 
 def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():

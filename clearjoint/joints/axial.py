@@ -1,24 +1,70 @@
 """What holds the journal of a clearance joint along the bearing's axis."""
 
-from typing import Any
-
-import equinox as eqx
+from typing import Any, ClassVar
 
 from ..contact import AbstractContactLaw, AbstractHertzianLaw, Gap, GivenStiffness
+from ..conversion import AbstractConverting
 from ..fields import quantity, require, require_positive
 from ..vectors import Scalar
 
 
-class AbstractAxialPolicy(eqx.Module):
-    """The declared axial behaviour of a clearance joint."""
+class AbstractAxialPolicy(AbstractConverting):
+    """The declared axial behaviour of a clearance joint.
+
+    A subclass either sets `holds_centre`, and an ideal constraint keeps the journal's centre in the
+    bearing's middle plane, or gives the law of the two shoulders at the bearing's ends:
+
+    ```python
+    import clearjoint as cj
+
+    class ThrustWashers(cj.AbstractAxialPolicy):
+        lower_play: float  # m, from the journal's end to the washer
+        upper_play: float
+        stiffness: float  # N/m^1.5
+
+        def shoulder_law(self):
+            return cj.Hertz(self.stiffness)
+
+        def shoulder_gap(self, side, offset, rate):
+            play = self.lower_play if side < 0 else self.upper_play
+            return cj.Gap(offset - play, rate)
+
+    washers = ThrustWashers(lower_play=1e-4, upper_play=3e-4, stiffness=1e9)
+    scene, state = cj.double_pendulum(axial=washers)
+    ```
+    """
+
+    holds_centre: ClassVar[bool] = False
+
+    def shoulder_law(self) -> AbstractContactLaw | None:
+        """The normal law of the shoulders; ``None``, the default, where there are none."""
+        return None
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """The gap at one shoulder.
+
+        **Arguments:** `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for
+        the upper one. `offset` (m) and its `rate` (m/s): how far the journal's end is towards the
+        shoulder, from where it is with the journal in the middle.
+        """
+        del side
+        return Gap(offset, rate)
 
 
 class FreeAxially(AbstractAxialPolicy):
-    """Nothing holds the journal along an endless bearing, as in the paper."""
+    """Nothing holds the journal along an endless bearing, as in the paper.
+
+    For a mechanism whose other joints hold the bodies in a plane, as a slider-crank's do. Where
+    they don't, the journal slides out sooner or later; `simulate` then warns with a
+    `LeftBearingWarning`. Take `EndPlay` for a real bearing, whose collars stop the journal, or
+    `FixedAxially` where the axial motion is of no interest.
+    """
 
 
 class FixedAxially(AbstractAxialPolicy):
     """An ideal constraint keeps the journal's centre in the bearing's middle plane."""
+
+    holds_centre = True
 
 
 class EndPlay(AbstractAxialPolicy):
@@ -46,6 +92,11 @@ class EndPlay(AbstractAxialPolicy):
                 "shoulders are flat, so pass a number in N/m^n as the law's stiffness",
             )
 
-    def gap(self, offset: Scalar, rate: Scalar) -> Gap:
-        """The gap at one shoulder for an outward offset (m) and rate (m/s) of the journal."""
+    def shoulder_law(self) -> AbstractContactLaw:
+        """The law given."""
+        return self.law
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """The gap after half the play."""
+        del side
         return Gap(offset - 0.5 * self.play, rate)

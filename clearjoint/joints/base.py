@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import equinox as eqx
 import jax
+import numpy as np
 
 from ..bodies import Motion, Wrench
 from ..contact import AbstractContactLaw, Gap
+from ..conversion import AbstractConverting
 from ..vectors import Scalar, Vector
 from .freedoms import AbstractFreedom
 
@@ -38,7 +39,7 @@ class Row:
     time_rate: Scalar = 0.0
 
 
-class AbstractElement(eqx.Module):
+class AbstractElement(AbstractConverting):
     """Anything in a scene that names bodies."""
 
     @abc.abstractmethod
@@ -56,9 +57,43 @@ class AbstractElement(eqx.Module):
         """
         return ()
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The points that it has on bodies: argument, body, and (3,) m in the body's axes. None by
+        default; units are checked by them."""
+        return ()
+
 
 class AbstractConstraint(AbstractElement):
-    """An ideal joint: constraint equations Phi = 0 (eq. 27) that the multipliers enforce."""
+    """An ideal joint: constraint equations Phi = 0 (eq. 27) that the multipliers enforce.
+
+    A rod without mass between two centres of mass, by a residual that is differentiated:
+
+    ```python
+    import clearjoint as cj
+
+    class Rod(cj.AbstractConstraint):
+        first: str
+        second: str
+        length: float  # m
+
+        def body_names(self):
+            return self.first, self.second
+
+        def rows(self, motions, t):
+            def residual(first, second):
+                (here, _), (there, _) = first, second
+                apart = there - here
+                return (0.5 * (apart.dot(apart) - self.length**2),)
+
+            names = self.body_names()
+            pair = [motions[name] for name in names]
+            return cj.rows_from_residual(names, ("length",), residual, *pair)
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, {"rod": Rod("ground", "ball", length=0.5)})
+    state = cj.State({"ball": cj.body_state((0.5, 0.0, 0.0))})
+    ```
+    """
 
     @abc.abstractmethod
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -75,7 +110,29 @@ class AbstractConstraint(AbstractElement):
 
 
 class AbstractForce(AbstractElement):
-    """A force element without contact."""
+    """A force element without contact.
+
+    ```python
+    import clearjoint as cj
+
+    class Drag(cj.AbstractForce):
+        body: str
+        factor: float  # N s^2/m^2
+        point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, body axes
+
+        def body_names(self):
+            return (self.body,)
+
+        def wrenches(self, motions, t):
+            motion = motions[self.body]
+            velocity = motion.velocity_at(self.point)
+            speed, _ = cj.norm_and_direction(velocity)
+            return {self.body: motion.wrench(velocity * (-self.factor * speed), self.point)}
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, forces={"air": Drag("ball", factor=0.02)}, gravity=(0, 0, -9.81))
+    ```
+    """
 
     @abc.abstractmethod
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
@@ -126,7 +183,37 @@ class Contact:
 
 
 class AbstractContactJoint(AbstractElement):
-    """A joint of unilateral contacts, each with a normal law that may remember its impact."""
+    """A joint of unilateral contacts, each with a normal law that may remember its impact.
+
+    ```python
+    import clearjoint as cj
+
+    class BallOnFloor(cj.AbstractContactJoint):
+        ball: str
+        radius: float  # m
+        law: cj.AbstractContactLaw
+
+        def pair(self):
+            return "ground", self.ball
+
+        def laws(self):
+            return {"floor": self.law}
+
+        def contacts(self, motions):
+            ball, down = motions[self.ball], cj.Vector(0.0, 0.0, -1.0)
+            gap = cj.Gap(self.radius - ball.position.z, -ball.velocity.z)
+            on_floor = cj.Vector(ball.position.x, ball.position.y, 0.0)
+            on_ball = ball.components(down * self.radius)
+            return {"floor": cj.Contact(gap, down, on_floor, on_ball, slip=None)}
+
+        def friction_force(self, name, contact, normal_force):
+            return None
+
+    bodies = {"ball": cj.Body(0.1, (4e-6, 4e-6, 4e-6))}
+    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.Hertz(1e9))}
+    scene = cj.Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    ```
+    """
 
     @abc.abstractmethod
     def laws(self) -> dict[str, AbstractContactLaw]:
@@ -152,6 +239,20 @@ class AbstractContactJoint(AbstractElement):
         """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
         run ends there. None by default."""
         return {}
+
+    def centred(self) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body in the middle of its room; ``None``, the
+        default, where there is no middle. `assemble` takes it for a body that is outside."""
+        return None
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body where a load lets it rest; ``None``, the
+        default, where it can't rest. In packed form, as `centred`.
+
+        **Arguments:** `load`: (3,) N, of the second body on the first, in the first one's axes.
+        """
+        del load
+        return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """A moving body, a point of it (body axes), and the ground's point that it stays near."""

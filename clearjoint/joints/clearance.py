@@ -10,11 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 
 from ..bodies import GROUND, Motion
 from ..contact import AbstractContactLaw, Gap, slip_velocity
 from ..fields import (
     as_number,
+    caution_above,
+    caution_unless,
     concrete,
     quantity,
     require,
@@ -26,13 +30,24 @@ from ..friction import AbstractFriction
 from ..rotations import transverse_axes, unit
 from ..smoothing import norm_and_direction
 from ..vectors import Scalar, Vector, add, subtract
-from .axial import AbstractAxialPolicy, EndPlay, FixedAxially, FreeAxially
-from .base import AbstractContactJoint, Contact, Motions, Row
-from .ideal import require_distinct
+from .axial import AbstractAxialPolicy, FreeAxially
+from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from .ideal import CylindricalJoint, RevoluteJoint, require_distinct
 from .primitives import point_in_plane, turning_about_axes
 
 BASES = ("V", "W")
 SHOULDERS = ("lower shoulder", "upper shoulder")
+"""At the ends of the bearing: against its axis, and along it."""
+SIDES = (-1.0, 1.0)
+
+LEAST_SHARE = 1e-6
+"""Of a load, across the axis: less is rounding's and seats no journal."""
+WIDEST_CLEARANCE = 0.1
+"""Clearance over the bearing's radius beyond which one is warned."""
+LARGEST_BEARING = 2.0
+"""Likewise its radius, m."""
+LONGEST_JOURNAL = 100.0
+"""Likewise the journal's length over the bearing's radius."""
 
 
 class ClearanceJoint(AbstractContactJoint):
@@ -49,7 +64,8 @@ class ClearanceJoint(AbstractContactJoint):
     - `journal_length`: m, distance between the bases.
     - `law`: the normal law at each base.
     - `friction`: an `AbstractFriction`, or ``None``.
-    - `axial`: `FreeAxially()`, `EndPlay(...)` or `FixedAxially()`.
+    - `axial`: `FreeAxially()`, the default, for a mechanism whose other joints hold the journal
+      along the axis; `EndPlay(...)` where they don't, or `FixedAxially()`.
 
     **Raises:** `ValueError` for a journal that is not smaller than the bearing, axes of no length,
     or other values that no joint can have.
@@ -129,6 +145,18 @@ class ClearanceJoint(AbstractContactJoint):
                 f"smaller than the bearing's radius {float(radius)} m",
                 "check the units (m)",
             )
+            caution_unless(
+                bool(clearance <= WIDEST_CLEARANCE * radius),
+                "clearance",
+                float(clearance),
+                "m",
+                f"at most a tenth of the bearing's radius of {float(radius):g} m",
+                "give the journal's radius as `journal_radius`, and the radial clearance in m",
+            )
+            remedy = "give lengths in m; 1 mm is 1e-3 m"
+            caution_above("bearing_radius", radius, "m", LARGEST_BEARING, remedy)
+            longest = LONGEST_JOURNAL * float(radius)
+            caution_above("journal_length", self.journal_length, "m", longest, remedy)
         kinds = {
             "law": AbstractContactLaw,
             "axial": AbstractAxialPolicy,
@@ -153,39 +181,48 @@ class ClearanceJoint(AbstractContactJoint):
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """The law of each base, and of each shoulder where there is end play."""
+        """The law of each base, and of each shoulder if there are any."""
         laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
-        if isinstance(self.axial, EndPlay):
-            laws.update(dict.fromkeys(SHOULDERS, self.axial.law))
-        return laws
+        of_shoulders = self.axial.shoulder_law()
+        return laws if of_shoulders is None else laws | dict.fromkeys(SHOULDERS, of_shoulders)
 
     def deepest(self) -> dict[str, Scalar]:
         """The journal's radius at both bases: deeper, its axis has left the bearing."""
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Contact geometry at both bases, and at both shoulders where there is end play."""
+        """Contact geometry at both bases, and at both shoulders if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis = bearing.direction(unit(self.bearing_axis))
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         centre = self._offset(bearing, journal)
         arm, turning = journal.direction(half), journal.direction(journal.spin.cross(half))
         middle = journal.velocity_at(self.journal_point)
-        contacts = {}
-        for sign, base, shoulder in zip((-1.0, 1.0), BASES, SHOULDERS, strict=True):
+
+        def base(sign: Scalar) -> _Base:
             local, reach = self.journal_point + half * sign, arm * sign
             offset = centre + reach
             on_bearing = self.bearing_point + bearing.components(offset)
             relative = (middle + turning * sign) - bearing.velocity_at(on_bearing)
-            height = offset.dot(axis)
-            place = _Base(axis, height, _across(centre, axis), _across(reach, axis), local)
-            contacts[base] = self._radial(bearing, journal, place, relative)
-            if isinstance(self.axial, EndPlay):
-                outward = axis * sign
-                depth = sign * height - 0.5 * self.journal_length
-                gap = self.axial.gap(depth, relative.dot(outward))
-                contacts[shoulder] = Contact(gap, outward, on_bearing, local, None)
+            across = _across(centre, axis), _across(reach, axis)
+            return _Base(axis, offset.dot(axis), *across, local, on_bearing, relative)
+
+        contacts = {
+            label: self._radial(bearing, journal, base(sign))
+            for sign, label in zip(SIDES, BASES, strict=True)
+        }
+        if self.axial.shoulder_law() is not None:
+            facing = jnp.where(arm.dot(axis) < 0.0, -1.0, 1.0)
+            for side, label in zip(SIDES, SHOULDERS, strict=True):
+                contacts[label] = self._axial(side, base(side * facing))
         return contacts
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
@@ -197,7 +234,7 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         reach = self._offset(bearing, journal)
         if base is not None:
-            signs: dict[str, float] = dict(zip(BASES, (-1.0, 1.0), strict=True))
+            signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
             half = unit(self.journal_axis) * (0.5 * self.journal_length)
             reach = reach + journal.direction(half) * signs[base]
         offset = bearing.components(reach)
@@ -210,6 +247,26 @@ class ClearanceJoint(AbstractContactJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return turning_about_axes(self.pair(), bearing, journal, *axes)
+
+    def centred(self) -> AbstractConstraint:
+        """A revolute joint, or a cylindrical one if the journal is axially free."""
+        return self._ideal(self.bearing_point)
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The same with the journal along the wall, in the direction of the load across the axis;
+        ``None`` if there is no such load."""
+        axis = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ axis) * axis
+        size = np.linalg.norm(across)
+        if not size > LEAST_SHARE * np.linalg.norm(load):
+            return None
+        return self._ideal(self.bearing_point + self.clearance / size * across)
+
+    def _ideal(self, centre: Any) -> AbstractConstraint:
+        """An ideal joint about a centre in the bearing's body, m."""
+        is_free = not self.axial.holds_centre and self.axial.shoulder_law() is None
+        kind = CylindricalJoint if is_free else RevoluteJoint
+        return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
@@ -225,14 +282,18 @@ class ClearanceJoint(AbstractContactJoint):
             return -bearing.point_from(self.journal_point, self.bearing_point)
         return journal.point_from(bearing.point(self.bearing_point), self.journal_point)
 
-    def _radial(self, bearing: Motion, journal: Motion, base: "_Base", relative: Vector) -> Contact:
-        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21).
+    def _axial(self, side: float, base: "_Base") -> Contact:
+        """Contact of the base at one end of the bearing with the shoulder there."""
+        outward = base.axis * side
+        offset = side * base.height - 0.5 * self.journal_length
+        gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
+        return Contact(gap, outward, base.on_bearing, base.local, None)
 
-        `relative`: velocity of the base relative to the bearing, global.
-        """
+    def _radial(self, bearing: Motion, journal: Motion, base: "_Base") -> Contact:
+        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
         eccentricity, normal = norm_and_direction(base.centre + base.reach)
         depth = self._depth(base, eccentricity)
-        gap = Gap(depth, relative.dot(normal), self.bearing_radius, self.clearance)
+        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
         along = base.axis * base.height
         # Friction acts on both bodies at one point between the surfaces: at the points of eqs
         # (15)-(16), a penetration apart, it would leave a moment.
@@ -265,9 +326,9 @@ class ClearanceJoint(AbstractContactJoint):
         return self.friction.force(normal_force, contact.slip)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The axial constraint of `FixedAxially`; else none."""
+        """The axial constraint of a policy that holds the centre; else none."""
         del t
-        if not isinstance(self.axial, FixedAxially):
+        if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis = unit(self.bearing_axis)
@@ -280,13 +341,16 @@ class ClearanceJoint(AbstractContactJoint):
 @dataclass(frozen=True)
 class _Base:
     """Where a base is: `local` in the journal's body axes; along the bearing's `axis` at a `height`
-    from its centre; and across it by the journal's `centre` and by the `reach` from there."""
+    from its centre; and across it by the journal's `centre` and by the `reach` from there. There is
+    the point `on_bearing` of the bearing, in its body axes; `velocity` is relative to that."""
 
     axis: Vector
     height: Scalar
     centre: Vector
     reach: Vector
     local: Vector
+    on_bearing: Vector
+    velocity: Vector
 
 
 def _across(vector: Vector, axis: Vector) -> Vector:

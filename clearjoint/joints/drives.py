@@ -59,6 +59,26 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     "supplied" in the energy ledger.
 
     Angles count modulo 2 pi, so that the number of revolutions is unlimited.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Swing(cj.AbstractRotationDriver):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        amplitude: float  # rad
+        frequency: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def angle(self, t):
+            return self.amplitude * jnp.sin(self.frequency * t)
+
+    swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
+    scene, guess = cj.slider_crank(motor=swing)
+    state = cj.assemble(scene, guess)
+    ```
     """
 
     @abc.abstractmethod
@@ -111,7 +131,26 @@ class PrescribedRotation(AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """A torque about the axis on the second body, and its opposite on the first."""
+    """A torque about the axis on the second body, and its opposite on the first.
+
+    ```python
+    import clearjoint as cj
+
+    class Motor(cj.AbstractDriveTorque):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        stall_torque: float  # N m
+        idle_speed: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def torque_at(self, angle, speed, t):
+            return self.stall_torque * (1.0 - speed / self.idle_speed)
+
+    motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
+    scene, state = cj.slider_crank(motor=motor)
+    ```
+    """
 
     @abc.abstractmethod
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:

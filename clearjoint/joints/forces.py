@@ -39,6 +39,13 @@ class SpringDamper(AbstractForce):
         """The two bodies."""
         return self.first, self.second
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Its point on each body."""
+        return (
+            ("point_first", self.first, self.point_first),
+            ("point_second", self.second, self.point_second),
+        )
+
     def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
         first, second = motions[self.first], motions[self.second]
         apart = second.point(self.point_second) - first.point(self.point_first)
@@ -87,6 +94,10 @@ class AppliedLoad(AbstractForce):
     def body_names(self) -> tuple[str, ...]:
         """The body."""
         return (self.body,)
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Where the force acts."""
+        return (("point", self.body, self.point),)
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """The load carried to the centre of mass."""

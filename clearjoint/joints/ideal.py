@@ -35,6 +35,13 @@ class AbstractPairJoint(AbstractConstraint):
         """The two bodies."""
         return self.first, self.second
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Its point on each body."""
+        return (
+            ("point_first", self.first, self.point_first),
+            ("point_second", self.second, self.point_second),
+        )
+
     def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
         """What belongs to the first and the second body, the parent's before the child's."""
         return (of_first, of_second) if parent == self.first else (of_second, of_first)

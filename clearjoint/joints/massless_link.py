@@ -8,7 +8,7 @@ from ..bodies import NO_WRENCH, Wrench
 from ..fields import quantity, require, require_axis, require_point, require_positive
 from ..rotations import transverse_axes, unit
 from ..vectors import Scalar, Vector
-from .axial import AbstractAxialPolicy, FixedAxially, FreeAxially
+from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, Motions, Row
 from .clearance import BASES
 from .ideal import require_distinct
@@ -48,7 +48,7 @@ class MasslessLink(AbstractConstraint):
         for name in ("bearing_axis", "journal_axis"):
             require_axis(name, getattr(self, name))
         require(
-            isinstance(self.axial, FreeAxially | FixedAxially),
+            self.axial.shoulder_law() is None,
             "axial",
             type(self.axial).__name__,
             "FreeAxially() or FixedAxially()",
@@ -59,16 +59,23 @@ class MasslessLink(AbstractConstraint):
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
 
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Half the difference of the squares of eccentricity and clearance, over the clearance, of
-        each base; and the axial constraint of `FixedAxially`."""
+        each base; and the axial constraint of a policy that holds the centre."""
         del t
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         places = self.journal_point - half, self.journal_point + half
         rows = {
             base: self._distance(motions, place) for base, place in zip(BASES, places, strict=True)
         }
-        if isinstance(self.axial, FixedAxially):
+        if self.axial.holds_centre:
             rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
         return rows
 

@@ -21,6 +21,28 @@ class AbstractQuantity(eqx.Module):
 
     - `unit`: SI; ``None`` where only the scene tells.
     - `period`: 2 pi of an angle, whose differences count modulo 2 pi; ``None`` of all others.
+
+    Its fields are static: a quantity is part of the program that computes it.
+
+    ```python
+    from typing import ClassVar
+
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Height(cj.quantities.AbstractQuantity):
+        body: str = eqx.field(static=True)
+        unit: ClassVar[str] = "m"
+
+        def __call__(self, now):
+            return now.motions[self.body].position.z
+
+        def check(self, scene):
+            if self.body not in scene.bodies:
+                raise ValueError(f"There is no body {self.body!r}.")
+
+    outputs = {"top": cj.Peak(Height("arm 3"), "m")}
+    ```
     """
 
     unit: ClassVar[str | None] = None

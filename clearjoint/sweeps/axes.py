@@ -9,6 +9,7 @@ import numpy as np
 
 from ..assembly import check_names
 from ..bodies import State
+from ..cautions import quiet
 from ..fields import as_number, recheck_changes, require, require_finite
 from ..parameters import Place
 from ..scene import Scene
@@ -110,7 +111,8 @@ def lanes_of(
         here = scene, state
         try:
             for name, change in changes.items():
-                here = change(*here, values[name][lane])
+                with quiet():
+                    here = change(*here, values[name][lane])
             leaves, own = jax.tree.flatten(here)
             _require_like(own == structure, leaves, base)
             recheck_changes(here, (scene, state))

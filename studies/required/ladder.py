@@ -78,7 +78,11 @@ LADDER = (
         _double(friction=FRICTION),
         ((cj.RegularisedCoulomb, "force"), (clearance, "slip_velocity")),
     ),
-    Rung("+ end play", _double(friction=FRICTION, axial=SHOULDERS), ((axial.EndPlay, "gap"),)),
+    Rung(
+        "+ end play",
+        _double(friction=FRICTION, axial=SHOULDERS),
+        ((axial.EndPlay, "shoulder_gap"),),
+    ),
     Rung("+ energy ledger", lambda: _rough(ledger=True), ((dynamics, "ledger_powers"),)),
     Rung(
         "+ one sensitivity, no ledger",

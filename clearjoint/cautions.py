@@ -1,0 +1,54 @@
+"""Warnings: of numbers far from what machines have, and of runs that went where a model ends."""
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+
+import equinox as eqx
+
+_PACKAGES = tuple(str(Path(file).parent) for file in (__file__, eqx.__file__))
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+class UnusualValueWarning(UserWarning):
+    """A number is far from what machines have: its unit may be mistaken.
+
+    Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.UnusualValueWarning)``.
+    """
+
+
+class LeftBearingWarning(UserWarning):
+    """A journal that nothing holds axially has slid out of its bearing.
+
+    Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LeftBearingWarning)``.
+    """
+
+
+def caution(message: str, category: type[Warning]) -> None:
+    """Warn at the line of the caller outside the package, and tell how not to be warned."""
+    if _QUIET.get():
+        return
+    silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
+    warnings.warn(f"{message} To silence this: {silence}.", category, _level_of_the_user())
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Inside, nothing warns: numbers are looked at again, or many times over."""
+    token = _QUIET.set(True)
+    try:
+        yield
+    finally:
+        _QUIET.reset(token)
+
+
+def _level_of_the_user() -> int:
+    """The stack level, for `warnings.warn` in the caller, of the first frame that is neither the
+    package's nor equinox's."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):
+        level, frame = level + 1, frame.f_back
+    return level
