@@ -74,6 +74,8 @@ class Common(eqx.Module):
     - `form`: the scene, what varies in it left as in the base; `start_time`: s.
     - `capacity`: crossings to record, by section. `channels[log][name]`: quantities to report of
       each recorded row; `saved` is the name of the log of saved states.
+    - `programs`: digests of what is computed, if they are known. Compiled programs are kept for
+      equal ones only, so that none is run that was traced from code since changed.
     """
 
     plan: Plan
@@ -82,6 +84,7 @@ class Common(eqx.Module):
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
     saved: str = eqx.field(default="", static=True)
+    programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
 
     def logs(self, lane: Lane) -> dict[str, Ring]:
         """The rings of a lane by the log that they fill."""

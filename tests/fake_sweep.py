@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from clearjoint.sweeps.identity import Identity, row_digests
 from clearjoint.sweeps.layout import Coordinate, Layout, Variable
+from clearjoint.sweeps.program import RUN
 from clearjoint.sweeps.store import SweepMemory, SweepStore
 
 COMPONENTS = ("x", "y", "z")
@@ -38,10 +40,16 @@ def layout(times: int = 5, **changes) -> Layout:
     return Layout(**{**parts, **changes})
 
 
-def results(layout: Layout, chunk: int) -> dict[str, np.ndarray]:
-    """A chunk: incompressible positions, some NaN, and codes 0 or 1."""
-    span = layout.span(chunk)
-    lanes = np.arange(span.start, span.stop)
+def opened(path: Path, layout: Layout, programs: dict[str, str] | None = None) -> SweepStore:
+    """The store of a layout at a path; its lanes are known by their values of the axes."""
+    columns = layout.values()
+    lanes = row_digests([np.asarray(columns[name], float) for name in sorted(columns)])
+    return SweepStore.open(path, layout, Identity(programs or {RUN: "falls"}, {RUN: lanes}))
+
+
+def results(layout: Layout, lanes) -> dict[str, np.ndarray]:
+    """Of some lanes: incompressible positions, some NaN, and codes 0 or 1."""
+    lanes = np.asarray(lanes)
     shape = layout.variables["position"].shape
     position = np.stack([np.random.default_rng(lane).random(shape) for lane in lanes])
     position[lanes == 1] = np.nan
@@ -56,9 +64,15 @@ def results(layout: Layout, chunk: int) -> dict[str, np.ndarray]:
 def complete(layout: Layout):
     """The labelled results of a sweep that nothing interrupted."""
     memory = SweepMemory(layout)
-    for chunk in memory.missing():
-        memory.write(chunk, results(layout, chunk))
+    compute(memory)
     return memory.dataset()
+
+
+def compute(store: SweepMemory | SweepStore, chunks=None) -> None:
+    """Write what is missing, or that of some chunks."""
+    for chunk, lanes in store.missing().items():
+        if chunks is None or chunk in chunks:
+            store.write(chunk, lanes, results(store.layout, lanes))
 
 
 def large_layout() -> Layout:
@@ -71,8 +85,8 @@ def large_layout() -> Layout:
 def fill(path: Path, calls: Path) -> None:
     """Compute what is missing in a store of `large_layout` and log every chunk that is begun."""
     large = large_layout()
-    store = SweepStore.open(path, large)
+    store = opened(path, large)
     with calls.open("a") as log:
-        for chunk in store.missing():
+        for chunk, lanes in store.missing().items():
             print(chunk, file=log, flush=True)
-            store.write(chunk, results(large, chunk))
+            store.write(chunk, lanes, results(large, lanes))

@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from fake_sweep import complete, fill, large_layout, layout, results
+from fake_sweep import complete, compute, fill, large_layout, layout, opened, results
 
 from clearjoint.sweeps import store as store_module
 from clearjoint.sweeps.layout import Coordinate, Layout, Variable
-from clearjoint.sweeps.store import SweepMemory, SweepStore, open_sweep
+from clearjoint.sweeps.metadata import contents_of, create
+from clearjoint.sweeps.program import RUN
+from clearjoint.sweeps.store import SweepMemory, open_sweep
 
 pytestmark = pytest.mark.filterwarnings("error")
+
+
+MIDDLE = {1: [5, 6, 7, 8, 9]}
+"""The second chunk and its lanes."""
 
 
 @pytest.fixture
@@ -27,9 +33,8 @@ def path(tmp_path):
 @pytest.fixture
 def partial(path):
     """A store of which the second of three chunks is missing."""
-    store = SweepStore.open(path, layout())
-    for chunk in (0, 2):
-        store.write(chunk, results(store.layout, chunk))
+    store = opened(path, layout())
+    compute(store, (0, 2))
     return store
 
 
@@ -72,20 +77,19 @@ def test_zipped_axes_label_the_lanes():
 
 @pytest.mark.parametrize("changes", [{}, {"zipped": True, "axes": (Coordinate("c", range(7)),)}])
 def test_store_gives_back_what_memory_does(path, changes):
-    store = SweepStore.open(path, layout(**changes))
-    assert store.missing() == list(range(store.layout.chunks))
-    for chunk in reversed(store.missing()):
-        store.write(chunk, results(store.layout, chunk))
-    assert store.missing() == []
+    store = opened(path, layout(**changes))
+    assert list(store.missing()) == list(range(store.layout.chunks))
+    for chunk, lanes in reversed(store.missing().items()):
+        store.write(chunk, lanes, results(store.layout, lanes))
+    assert store.missing() == {}
     identical(store.dataset(), complete(layout(**changes)))
     identical(open_sweep(path), complete(layout(**changes)))
 
 
 def test_pending_lanes_say_so(partial, path):
     memory = SweepMemory(layout())
-    for chunk in (0, 2):
-        memory.write(chunk, results(memory.layout, chunk))
-    assert memory.missing() == partial.missing() == [1]
+    compute(memory, (0, 2))
+    assert memory.missing() == partial.missing() == MIDDLE
     found = open_sweep(path)
     identical(found, memory.dataset())
     lanes = found.stack(lane=("clearance", "restitution"))
@@ -114,13 +118,13 @@ def test_half_written_chunk_stays_pending(partial, path, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(store_module, "_replace", killed)
+        patched.setattr(store_module, "_flush", killed)
         with pytest.raises(KeyboardInterrupt):
-            partial.write(1, results(partial.layout, 1))
+            compute(partial)
     assert not np.isnan(xr.open_zarr(path, chunks=None)["position"][5:10]).any()
-    assert SweepStore.open(path, layout()).missing() == [1]
+    assert opened(path, layout()).missing() == MIDDLE
     identical(open_sweep(path), before)
-    partial.write(1, results(partial.layout, 1))
+    compute(partial)
     identical(open_sweep(path), complete(layout()))
 
 
@@ -129,17 +133,18 @@ def test_writing_a_chunk_again_changes_no_byte(partial, path):
         return {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
 
     before = files()
-    SweepStore.open(path, layout()).write(0, results(partial.layout, 0))
+    opened(path, layout()).write(0, range(5), results(partial.layout, range(5)))
     assert files() == before
 
 
 def test_writing_a_chunk_touches_no_file_of_another(partial, path):
     before = {file: file.stat().st_mtime_ns for file in path.rglob("*") if file.is_file()}
-    partial.write(1, results(partial.layout, 1))
+    compute(partial)
     assert before == {file: file.stat().st_mtime_ns for file in before}
 
 
 OTHER = np.where(np.arange(4) == 2, 7.5e-4, layout().axes[0].values)
+LOST = "lanes: 3 of 12 stored lanes, by all the numbers that they start from, are none of the"
 DIFFERENT = {
     "setting": ({"settings": {"rtol": 1e-8}}, ["setting rtol: stored 1e-06, now 1e-08"]),
     "type": (
@@ -149,57 +154,86 @@ DIFFERENT = {
     "new setting": ({"settings": {"order": 5}}, ["setting order: stored nothing, now 5"]),
     "values": (
         {"axes": (Coordinate("clearance", OTHER, "m"), layout().axes[1])},
-        ["axis clearance: 1 of 4 values differ, first number 2: stored 0.0007, now 0.00075"],
+        [
+            "axis clearance: 1 of 4 stored values are none of the 4 now, first 0.0007",
+            f"{LOST} 12 now, first number 6",
+        ],
     ),
     "count": (
-        {"axes": (Coordinate("clearance", OTHER[:3], "m"), layout().axes[1])},
-        ["axis clearance: stored 4 values, now 3"],
+        {"axes": (Coordinate("clearance", OTHER[[0, 1, 3]], "m"), layout().axes[1])},
+        [
+            "axis clearance: 1 of 4 stored values are none of the 3 now, first 0.0007",
+            f"{LOST} 9 now, first number 6",
+        ],
     ),
     "unit": (
         {"axes": (layout().axes[0]._replace(unit="mm"), layout().axes[1])},
         ["unit of axis clearance: stored m, now mm"],
     ),
-    "order": (
-        {"axes": layout().axes[::-1]},
-        ["axes: stored clearance, restitution, now restitution, clearance"],
-    ),
     "chunk": ({"chunk": 4}, ["lanes in a chunk: stored 5, now 4"]),
     "variable": (
-        {"variables": {**layout().variables, "energy": Variable(unit="J")}},
-        ["variable energy: stored nothing, now float64 (lane), long_name , units J"],
+        {"variables": {n: v for n, v in layout().variables.items() if n != "touched"}},
+        ["variable touched: stored bool (lane), long_name , units 1, now nothing"],
     ),
     "coordinate": (
         {"coordinates": (Coordinate("time", np.arange(5.0), "s"), layout().coordinates[1])},
         ["coordinate time: 4 of 5 values differ, first number 1: stored 0.125, now 1.0"],
     ),
+    "notes": (
+        {"settings": {"rtol": 1e-8}, "notes": {"law": "Hertz", "new": 1}},
+        ["setting rtol: stored 1e-06, now 1e-08", "law: stored linear, now Hertz"],
+    ),
 }
 
 
 @pytest.mark.parametrize("changes, said", DIFFERENT.values(), ids=DIFFERENT)
-def test_store_of_another_sweep_is_refused(partial, path, changes, said):
+def test_store_of_another_sweep_is_refused(path, changes, said):
+    compute(opened(path, layout(notes={"law": "linear"})), (0, 2))
     if "settings" in changes:
-        changes = {"settings": {**layout().settings, **changes["settings"]}}
+        changes = {**changes, "settings": {**layout().settings, **changes["settings"]}}
     with pytest.raises(ValueError) as refused:
-        SweepStore.open(path, layout(**changes))
+        opened(path, layout(**{"notes": {"law": "linear"}, **changes}))
     first, *lines, last = str(refused.value).split("\n")
     assert str(path) in first
     assert [line.strip() for line in lines] == said
     assert "another path" in last and "delete" in last
 
 
+def test_store_of_another_program_is_refused(partial, path):
+    for programs, said in [
+        ({RUN: "rises"}, "what a step computes: its code"),
+        ({RUN: "falls", "touched": "new"}, None),
+    ]:
+        if said:
+            with pytest.raises(ValueError, match=said):
+                opened(path, layout(), programs)
+        else:
+            assert opened(path, layout(), programs).missing() == MIDDLE
+    opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "one"})
+    with pytest.raises(ValueError, match="variable touched: its code"):
+        opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "other"})
+
+
 def test_store_of_the_same_sweep_is_taken(partial, path):
-    """Also with settings that JSON lacks."""
+    """Also with settings that JSON lacks, other notes, and axes in another order."""
     endless = layout(settings={"max_step": np.inf, "count": np.int64(3)})
-    SweepStore.open(path.with_name("endless"), endless)
-    assert SweepStore.open(path.with_name("endless"), endless).layout is endless
-    assert SweepStore.open(path, layout()).missing() == [1]
+    opened(path.with_name("endless"), endless)
+    assert opened(path.with_name("endless"), endless).layout is endless
+    noted = opened(path, layout(notes={"law": "of mine"}))
+    assert noted.missing() == MIDDLE
+    assert noted.dataset().attrs["law"] == "of mine"
+    turned = opened(path, layout(axes=layout().axes[::-1]))
+    assert turned.missing() == {1: [9, 2, 6, 10, 3]}
+    xr.testing.assert_equal(
+        turned.dataset().transpose("clearance", ...), noted.dataset().transpose("clearance", ...)
+    )
 
 
 def test_what_is_no_store_is_refused(tmp_path):
     (tmp_path / "letter.txt").write_text("Dear")
     for path in (tmp_path, tmp_path / "letter.txt"):
         with pytest.raises(ValueError, match="must name the store of a sweep"):
-            SweepStore.open(path, layout())
+            opened(path, layout())
     with pytest.raises(ValueError, match="must name the store of a sweep"):
         open_sweep(tmp_path / "absent")
 
@@ -234,8 +268,8 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
 )
 def test_results_that_were_not_announced_are_refused(partial, name, values, said):
     with pytest.raises(ValueError, match=said):
-        partial.write(1, {**results(partial.layout, 1), name: values})
-    assert partial.missing() == [1]
+        partial.write(1, MIDDLE[1], {**results(partial.layout, MIDDLE[1]), name: values})
+    assert partial.missing() == MIDDLE
 
 
 FILL = """
@@ -249,10 +283,10 @@ fill(*map(Path, sys.argv[1:]))
 CREATE_AND_DIE = """
 import os, signal, sys, zarr
 sys.path.insert(0, "tests")
-from fake_sweep import layout
-from clearjoint.sweeps.store import SweepStore
+from pathlib import Path
+from fake_sweep import layout, opened
 zarr.consolidate_metadata = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
-SweepStore.open(sys.argv[1], layout())
+opened(Path(sys.argv[1]), layout())
 """
 
 
@@ -266,7 +300,7 @@ def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
     """Chunks that read as done, each of them found to hold exactly its results."""
     if not path.exists():
         return set()
-    missing = SweepStore.open(path, large).missing()
+    missing = opened(path, large).missing()
     found = open_sweep(path)
     done = found["result"].values >= 0
     assert set(np.flatnonzero(~done) // large.chunk) == set(missing)
@@ -302,11 +336,11 @@ def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
     with python(CREATE_AND_DIE, path) as process:
         assert process.wait() == -signal.SIGKILL
     assert not path.exists()
-    assert SweepStore.open(path, layout()).missing() == [0, 1, 2]
+    assert list(opened(path, layout()).missing()) == [0, 1, 2]
 
 
 def test_of_two_that_create_a_store_the_first_wins(partial, path):
     """The second finds it there when it has made its own."""
-    store_module._create(path, layout())
-    assert partial.missing() == [1]
+    create(path, contents_of(path))
+    assert partial.missing() == MIDDLE
     assert list(path.parent.iterdir()) == [path]

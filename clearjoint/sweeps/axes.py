@@ -1,6 +1,7 @@
 """What a sweep varies, and the lanes that come of it."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +60,7 @@ class Axis:
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """What is varied, as a text by which a store knows its own."""
+        """What is varied, for a reader."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -122,6 +123,17 @@ def lanes_of(
             bad[lane] = str(error)
             rows.append(base)
     return _stacked(scene, state, rows, base, bad)
+
+
+def touched(lanes: Lanes, axes: Mapping[str, Axis]) -> Any:
+    """Which leaves of the scene vary or would with further values, as booleans."""
+    scene, state = lanes.scene, lanes.state
+    for axis in axes.values():
+        with suppress(ValueError):
+            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
+    return jax.tree.map(
+        lambda varies, new, base: varies or new is not base, lanes.varied, scene, lanes.scene
+    )
 
 
 def _require_like(same: bool, leaves: list[Any], base: list[Any]) -> None:

@@ -1,4 +1,4 @@
-"""Where two sweeps' layouts differ, in words."""
+"""Why a store can't hold another sweep, in words."""
 
 from collections.abc import Iterator
 from os.path import commonprefix
@@ -6,39 +6,95 @@ from typing import Any
 
 import numpy as np
 
-from .layout import Coordinate, Layout, Variable
+from .layout import Layout, Variable
+from .metadata import Contents
+from .program import RUN
 
 _SHOWN = 60
 _ABSENT = object()
 
 
-def differences(stored: Layout, wanted: Layout) -> list[str]:
-    """A line for each thing that is not the same in both."""
-    there, here = dict(_parts(stored)), dict(_parts(wanted))
-    return [
-        f"{name}: {_difference(there.get(name, _ABSENT), here.get(name, _ABSENT))}"
-        for name in {**there, **here}
-        if not _same(there.get(name, _ABSENT), here.get(name, _ABSENT))
+def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
+    """A line for each thing that a stored sweep has and the wanted one lacks or has otherwise.
+
+    `kept` are the wanted sweep's lanes at the places of the store, -1 where it has none. Further
+    lanes, axes and variables are no difference. What only tells a reader what was run is named
+    where something else differs.
+    """
+    lines = [
+        *_compared(_settings(stored.layout), _settings(wanted.layout)),
+        *_lacking(_parts(stored.layout), _parts(wanted.layout)),
+        *_lost(stored.layout, wanted.layout, kept),
     ]
+    lines += _programs(stored, wanted, only_outputs=bool(lines))
+    lines += _own_numbers(stored, wanted, kept)
+    return lines and [*lines, *_compared(*_common_notes(stored.layout, wanted.layout))]
 
 
-def _parts(layout: Layout) -> Iterator[tuple[str, Any]]:
-    """What has to agree, by name."""
-    yield "axes", ", ".join(axis.name for axis in layout.axes)
-    yield "axes zipped", layout.zipped
-    yield "lanes in a chunk", layout.chunk
-    for name, value in layout.settings.items():
-        yield f"setting {name}", value
-    for kind, coordinates in (("axis", layout.axes), ("coordinate", layout.coordinates)):
-        for coordinate in coordinates:
-            yield from _labels(f"{kind} {coordinate.name}", coordinate)
-    for name, variable in layout.variables.items():
-        yield f"variable {name}", _outline(variable)
+def _settings(layout: Layout) -> dict[str, Any]:
+    settings = {f"setting {name}": value for name, value in layout.settings.items()}
+    return {"lanes in a chunk": layout.chunk, **settings}
 
 
-def _labels(name: str, coordinate: Coordinate) -> Iterator[tuple[str, Any]]:
-    yield name, coordinate.values
-    yield f"unit of {name}", coordinate.unit
+def _parts(layout: Layout) -> dict[str, Any]:
+    """What another layout has to have too, by name."""
+    units = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
+    labels = {f"coordinate {c.name}": c.values for c in layout.coordinates}
+    labels |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
+    variables = {f"variable {name}": _outline(v) for name, v in layout.variables.items()}
+    return {**units, **labels, **variables}
+
+
+def _common_notes(stored: Layout, wanted: Layout) -> tuple[dict[str, Any], dict[str, Any]]:
+    names = [name for name in stored.notes if name in wanted.notes]
+    return {n: stored.notes[n] for n in names}, {n: wanted.notes[n] for n in names}
+
+
+def _lacking(there: dict[str, Any], here: dict[str, Any]) -> Iterator[str]:
+    return _compared(there, {name: here[name] for name in there if name in here})
+
+
+def _compared(there: dict[str, Any], here: dict[str, Any]) -> Iterator[str]:
+    for name in {**there, **here}:
+        one, other = there.get(name, _ABSENT), here.get(name, _ABSENT)
+        if not _same(one, other):
+            yield f"{name}: {_difference(one, other)}"
+
+
+def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
+    """Values of axes, and lanes."""
+    values = {axis.name: axis.values for axis in wanted.axes}
+    for name, there, _ in stored.axes:
+        gone = there[~np.isin(there, values.get(name, there))]
+        if gone.size:
+            yield (
+                f"axis {name}: {gone.size} of {there.size} stored values are none of the "
+                f"{values[name].size} now, first {_shown(gone[0])}"
+            )
+    lost = kept < 0
+    if lost.any():
+        yield (
+            f"lanes: {lost.sum()} of {lost.size} stored lanes, by all the numbers that they start "
+            f"from, are none of the {wanted.lanes} now, first number {lost.argmax()}"
+        )
+
+
+def _programs(stored: Contents, wanted: Contents, only_outputs: bool) -> Iterator[str]:
+    """What is computed otherwise; settings are part of the program of the run."""
+    there, here = stored.identity.programs, wanted.identity.programs
+    for name, program in there.items():
+        if program != here.get(name, program) and not (only_outputs and name == RUN):
+            what = f"variable {name}" if name else "what a step computes"
+            yield f"{what}: its code, as JAX traces it, is other than the one stored"
+
+
+def _own_numbers(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
+    """What outputs have of their own in each lane, such as the times to save at."""
+    there, here = stored.identity.lanes, wanted.identity.lanes
+    for name in (there.keys() & here.keys()) - {RUN}:
+        others = (here[name][kept] != there[name][stored.order])[kept >= 0].sum()
+        if others:
+            yield f"times of {name}: others in {others} of {kept.size} stored lanes"
 
 
 def _outline(variable: Variable) -> str:

@@ -74,6 +74,8 @@ class Layout:
     - `settings`: whatever else decides the numbers; texts, numbers and truth values. Infinities
       and NaN, which JSON lacks, become texts.
     - `zipped`: whether the axes run side by side and have one length, the number of lanes.
+    - `notes`: texts, numbers and truth values that tell a reader what was run. They decide nothing:
+      other names of functions, say, make no other sweep.
 
     **Raises:** `ValueError` if these don't fit together.
     """
@@ -84,10 +86,12 @@ class Layout:
     coordinates: tuple[Coordinate, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     zipped: bool = False
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        settings = {name: _setting(name, value) for name, value in self.settings.items()}
-        object.__setattr__(self, "settings", settings)
+        for part in ("settings", "notes"):
+            plain = {name: _setting(name, value) for name, value in getattr(self, part).items()}
+            object.__setattr__(self, part, plain)
         object.__setattr__(self, "axes", tuple(map(_labels, self.axes)))
         object.__setattr__(self, "coordinates", tuple(map(_labels, self.coordinates)))
         self._check_names()
@@ -163,17 +167,13 @@ class Layout:
             for name, v in self.variables.items()
         }
 
-    def checked(self, chunk: int, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """A chunk's results as arrays, found to have the names, shapes and types announced."""
-        require(
-            0 <= chunk < self.chunks, "chunk", chunk, f"in [0, {self.chunks})", "pass its number"
-        )
+    def checked(self, lanes: int, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """The results of so many lanes, found to have the names, shapes and types announced."""
         expected = set(self.variables)
         require(set(arrays) == expected, "arrays", sorted(arrays), str(sorted(expected)), "rename")
-        span = self.span(chunk)
         found = {name: np.asarray(arrays[name]) for name in self.variables}
         for name, variable in self.variables.items():
-            shape, given = (span.stop - span.start, *variable.shape), found[name]
+            shape, given = (lanes, *variable.shape), found[name]
             same = given.shape == shape and given.dtype == np.dtype(variable.dtype)
             what, wanted = f"{given.dtype}{given.shape}", f"{variable.dtype}{shape}"
             require(same, f"arrays: {name}", what, wanted, "return what the layout announces")
@@ -202,7 +202,7 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
         )
         for name, variable in layout.variables.items()
     }
-    return xr.Dataset(data, coordinates, dict(layout.settings))
+    return xr.Dataset(data, coordinates, {**layout.settings, **layout.notes})
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:

@@ -3,7 +3,7 @@
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -26,15 +26,18 @@ from ..scene import Scene
 from ..simulate import check_precision, check_values, make_formulation, make_method
 from ..steps import Method
 from ..vectors import structured
-from .axes import Axis, Lanes, lanes_of
-from .describe import describe, scene_settings, structure_setting, versions
+from .axes import Axis, Lanes, lanes_of, touched
+from .describe import describe, number_notes, structure_note, versions
 from .execution import run_chunks
+from .identity import Identity, row_digests, run_digests
 from .layout import RESULT, Coordinate, Layout
 from .outputs import Saved, Section
+from .program import RUN
+from .program import programs as programs_of
 from .progress import lane_progress
 from .starts import checked_starts
 from .store import SweepMemory, SweepStore
-from .task import Results, Work, joined
+from .task import Chunks, Results, Work, joined
 from .variables import variables_of
 
 Output = AbstractReduction | Saved | Section
@@ -82,7 +85,9 @@ def sweep(
       `DissipatedEnergy`, `Statistics`, or a subclass of `AbstractReduction`), one `Saved`, and
       `Section`. The final state, result code, time reached, and steps are always kept.
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
-      computes only what is missing. `open_sweep(path)` reads it, finished or not.
+      computes only what is missing or damaged, so that values of axes, axes and outputs can be
+      added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
+      texts or names. `open_sweep(path)` reads it, finished or not.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`, to which chunks
       are handed; unless given, all `devices` of this process share the lanes.
     - `chunk`: lanes in a chunk of the store, and of what an executor gets.
@@ -97,18 +102,21 @@ def sweep(
     outputs = {} if outputs is None else outputs
     _check_outputs(outputs, ledger)
     settings = {
-        "end_time": end_time,
         "start_time": start_time,
         "rtol": rtol,
         "atol": atol,
+        "landing_tolerance": landing_tolerance,
+        "ledger": ledger,
+        "max_steps": max_steps,
+    }
+    notes = {
+        "end_time": end_time,
         "solver": solver,
         "controller": controller,
         "first_step": first_step,
         "method: coordinates": coordinates,
         "stabilisation": stabilisation,
-        "landing_tolerance": landing_tolerance,
-        "ledger": ledger,
-        "max_steps": max_steps,
+        **{f"output {name}": output for name, output in outputs.items()},
     }
     layout = Layout(
         tuple(
@@ -116,10 +124,12 @@ def sweep(
         ),
         chunk,
         *variables_of(scene, outputs),
-        settings=_described(scene, state, axes, outputs, settings),
-        zipped=zipped,
+        {name: describe(value) for name, value in settings.items()} | versions(),
+        zipped,
+        {name: describe(value) for name, value in notes.items()},
     )
     lanes = lanes_of(scene, state, axes, layout.values())
+    layout = replace(layout, notes={**layout.notes, **_lane_notes(lanes, axes)})
     check_values(scene, state, rtol, atol, first_step, landing_tolerance)
     coordinates = JointCoordinates() if coordinates is None else coordinates
     lanes, redundant = checked_starts(lanes, start_time, coordinates)
@@ -127,8 +137,13 @@ def sweep(
     method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
     common = _common(lanes, method, outputs, start_time, max_steps)
     tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
-    work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables, chunk)
-    store = SweepMemory(layout) if path is None else SweepStore.open(path, layout)
+    if path is None:
+        store = SweepMemory(layout)
+    else:
+        identity = _identity(common, axes, lanes, tasks)
+        common = replace(common, programs=tuple(identity.programs.items()))
+        store = SweepStore.open(path, layout, identity)
+    work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     _compute(work, store, executor, devices, progress)
     results = store.dataset()
     _report_failures(results, lanes)
@@ -177,25 +192,26 @@ def _check_outputs(outputs: Mapping[str, Output], ledger: bool) -> None:
     require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
 
 
-def _described(
-    scene: Scene,
-    state: State,
-    axes: Mapping[str, Axis],
-    outputs: Mapping[str, Output],
-    settings: Mapping[str, Any],
-) -> dict[str, str]:
-    """All that decides the numbers, as texts. What an axis varies is described by its values."""
-    for axis in axes.values():
-        with suppress(ValueError):
-            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
+def _lane_notes(lanes: Lanes, axes: Mapping[str, Axis]) -> dict[str, str]:
+    """What the lanes have in common, and what makes them differ."""
+    states = jax.tree.map(lambda all_of: bool((all_of != all_of[0]).any()), lanes.states)
     return {
-        **{name: describe(value) for name, value in settings.items()},
         **{f"axis {name}": axis.described() for name, axis in axes.items()},
-        **{f"output {name}": describe(output) for name, output in outputs.items()},
-        "structure": structure_setting(scene),
-        **scene_settings(scene, state),
-        **versions(),
+        "structure": structure_note(lanes.scene),
+        **number_notes(lanes.scene, lanes.varied, "scene"),
+        **number_notes(lanes.state, states, "state"),
     }
+
+
+def _identity(common: Common, axes: Mapping[str, Axis], lanes: Lanes, tasks: Task) -> Identity:
+    """By what the store knows the sweep."""
+    form = structured(lanes.scene, touched(lanes, axes))
+    start_time = float(common.start_time)
+    programs = programs_of(common.plan, form, lanes.state, start_time, common.channels)
+    digests = {RUN: run_digests(lanes, tasks)}
+    if tasks.save_at is not None:
+        digests[common.saved] = row_digests([tasks.save_at])
+    return Identity(programs, digests)
 
 
 def _tasks(
@@ -248,34 +264,33 @@ def _compute(
 ) -> None:
     """Run what the store lacks."""
     missing = store.missing()
-    spans = {chunk: range(*store.layout.span(chunk).indices(len(work))) for chunk in missing}
-    left = sum(len(span) for span in spans.values())
+    left = sum(map(len, missing.values()))
     with lane_progress(len(work), len(work) - left, progress) as bar:
         if executor is not None:
 
             def on_done(chunk: int, results: Results) -> None:
-                store.write(chunk, results)
-                bar.update(len(spans[chunk]))
+                store.write(chunk, missing[chunk], results)
+                bar.update(len(missing[chunk]))
 
-            run_chunks(work, missing, executor, on_done)
+            run_chunks(Chunks(work, missing), missing, executor, on_done)
         elif missing:
+            chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
             collected: dict[int, dict[int, Results]] = {chunk: {} for chunk in missing}
             done = len(work) - left
 
             def on_ended(lane: int, results: Results) -> None:
                 nonlocal done
                 done += 1
-                chunk = lane // work.chunk
+                chunk = chunk_of[lane]
                 collected[chunk][lane] = results
-                if len(collected[chunk]) == len(spans[chunk]):
+                if len(collected[chunk]) == len(missing[chunk]):
                     rows = collected.pop(chunk)
-                    store.write(chunk, joined([rows[k] for k in spans[chunk]]))
+                    store.write(chunk, missing[chunk], joined([rows[k] for k in missing[chunk]]))
 
             def on_progress(lanes: float) -> None:
                 bar.update(int(done + lanes) - bar.n)
 
-            lanes = [lane for span in spans.values() for lane in span]
-            work.run(lanes, on_ended, devices=devices, on_progress=on_progress)
+            work.run(list(chunk_of), on_ended, devices=devices, on_progress=on_progress)
 
 
 def _report_failures(results: xr.Dataset, lanes: Lanes) -> None:

@@ -31,7 +31,7 @@ class Work:
     - `common`, `tasks`: what they share, and each one's own (host arrays, lanes in front).
     - `bodies`: names in the order of the variables' dimension "body".
     - `bad`: numbers of those whose parameters no scene can have; they are not run.
-    - `variables`: what is reported of a lane; `chunk`: lanes in a chunk.
+    - `variables`: what is reported of a lane.
     """
 
     common: Common
@@ -39,17 +39,9 @@ class Work:
     bodies: tuple[str, ...]
     bad: frozenset[int]
     variables: Mapping[str, Variable]
-    chunk: int
 
     def __len__(self) -> int:
         return len(self.tasks.end_time)
-
-    def __call__(self, chunk: int) -> Results:
-        """The results of a chunk, computed on this process's devices."""
-        span = range(chunk * self.chunk, min((chunk + 1) * self.chunk, len(self)))
-        found: dict[int, Results] = {}
-        self.run(span, lambda lane, results: found.update({lane: results}))
-        return joined([found[lane] for lane in span])
 
     def run(
         self,
@@ -103,6 +95,20 @@ class Work:
             name: np.asarray(results[name], variable.dtype)
             for name, variable in self.variables.items()
         }
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """The work in chunks; `lanes` are the numbers of those to run in each."""
+
+    work: Work
+    lanes: Mapping[int, Sequence[int]]
+
+    def __call__(self, chunk: int) -> Results:
+        """The results of a chunk's lanes, computed on this process's devices."""
+        found: dict[int, Results] = {}
+        self.work.run(self.lanes[chunk], lambda lane, results: found.update({lane: results}))
+        return joined([found[lane] for lane in self.lanes[chunk]])
 
 
 def extent(devices: Sequence[Any] | None = None) -> Extent:
