@@ -22,6 +22,7 @@ from .fields import (
     require_positive,
     require_range,
 )
+from .readable import AbstractReadable
 from .restitution import delivered_restitution
 from .smoothing import positive_power, ramp
 from .vectors import Scalar, Vector
@@ -53,7 +54,7 @@ class Gap:
         return self.bearing_radius - self.clearance
 
 
-class AbstractStiffness(eqx.Module):
+class AbstractStiffness(AbstractReadable):
     """The generalised stiffness K of a law."""
 
     @abc.abstractmethod
@@ -113,7 +114,7 @@ def _as_stiffness(value: Any) -> AbstractStiffness:
     return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))
 
 
-class AbstractContactLaw(eqx.Module):
+class AbstractContactLaw(AbstractReadable):
     """A normal force law.
 
     A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed

@@ -29,6 +29,7 @@ from .fields import quantity, require_positive
 from .joint_coordinates import JointCoordinates
 from .joints.base import Contact, Row
 from .linear import AbstractSolver, Exact, LeastNorm, inner
+from .readable import AbstractReadable
 from .scene import Scene
 from .several import total
 from .vectors import Scalar, Vector, add, is_zero
@@ -38,7 +39,7 @@ Closed = dict[str, dict[str, Scalar]]
 """Whether each contact is closed, by joint and contact."""
 
 
-class AbstractStabilisation(eqx.Module):
+class AbstractStabilisation(AbstractReadable):
     """What keeps the constraints satisfied in spite of integration error."""
 
     @abc.abstractmethod

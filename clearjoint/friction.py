@@ -3,16 +3,16 @@
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from .fields import concrete, quantity, require, require_positive
+from .readable import AbstractReadable
 from .smoothing import norm_and_direction
 from .vectors import Scalar, Vector
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(AbstractReadable):
     """Tangential force against the slip, as a multiple of the normal force.
 
     A subclass gives the ratio of friction to normal force as a function of the slip speed; it must

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-import equinox as eqx
-
 from ..contact import AbstractContactLaw, AbstractHertzianLaw, Gap, GivenStiffness
 from ..fields import quantity, require, require_positive
+from ..readable import AbstractReadable
 from ..vectors import Scalar
 
 
-class AbstractAxialPolicy(eqx.Module):
+class AbstractAxialPolicy(AbstractReadable):
     """The declared axial behaviour of a clearance joint."""
 
 

@@ -8,11 +8,11 @@ import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 
 from ..bodies import Motion, Wrench
 from ..contact import AbstractContactLaw, Gap
+from ..readable import AbstractReadable
 from ..vectors import Scalar, Vector
 from .freedoms import AbstractFreedom
 
@@ -37,7 +37,7 @@ class Row:
     time_rate: Scalar = 0.0
 
 
-class AbstractElement(eqx.Module):
+class AbstractElement(AbstractReadable):
     """Anything in a scene that names bodies."""
 
     @abc.abstractmethod
