@@ -1,5 +1,6 @@
 """The store of a sweep: labels, resuming, refusals, and kill -9 at any moment."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -303,6 +304,33 @@ def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
         assert process.wait() == -signal.SIGKILL
     assert not path.exists()
     assert SweepStore.open(path, layout()).missing() == [0, 1, 2]
+
+
+def test_what_killed_processes_have_left_goes_and_what_is_being_made_stays(path):
+    with python(CREATE_AND_DIE, path) as process:
+        process.wait()
+    (left,) = path.parent.iterdir()
+    store = SweepStore.open(path, layout())
+    assert sorted(path.parent.iterdir()) == [left, path]
+    piece = path / "result" / "c" / "0.abc.partial"
+    piece.parent.mkdir(exist_ok=True)
+    piece.write_bytes(b"half")
+    long_ago = time.time() - 2 * store_module.ABANDONED_AFTER
+    for remains in (left, piece):
+        os.utime(remains, (long_ago, long_ago))
+    assert SweepStore.open(path, layout()).missing() == store.missing() == [0, 1, 2]
+    assert list(path.parent.iterdir()) == [path] and not piece.exists()
+
+
+def test_a_store_that_cannot_be_made_leaves_nothing(path, monkeypatch):
+    def interrupted(making, layout):
+        making.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store_module, "write_layout", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        SweepStore.open(path, layout())
+    assert list(path.parent.iterdir()) == []
 
 
 def test_of_two_that_create_a_store_the_first_wins(partial, path):

@@ -8,10 +8,13 @@ harmless, also by two processes at once. Nothing of the metadata changes after c
 happens under another name.
 """
 
+import glob
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +25,9 @@ import zarr
 from .differences import differences
 from .layout import PENDING, RESULT, Layout, dataset
 from .metadata import read_layout, write_layout
+
+ABANDONED_AFTER = 3600.0
+"""Age, s, from which on nobody works at what is not yet under its name: that takes a second."""
 
 
 class SweepMemory:
@@ -60,6 +66,7 @@ class SweepStore:
         settings are others.
         """
         path = Path(path)
+        _remove_remains(path)
         if not path.exists():
             _create(path, layout)
         found = differences(read_layout(path), layout)
@@ -142,13 +149,23 @@ def _values(group: zarr.Group, name: str) -> np.ndarray:
 def _create(path: Path, layout: Layout) -> None:
     """Make the store under another name, so that it is there as a whole or not at all."""
     making = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
-    write_layout(making, layout)
     try:
+        write_layout(making, layout)
         making.rename(path)
     except OSError:
-        if not path.exists():
+        if not path.exists():  # Else another process was first.
             raise
-        shutil.rmtree(making)  # Another process was first.
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+
+
+def _remove_remains(path: Path) -> None:
+    """Remove what processes that were killed while they made or wrote this store have left."""
+    made = path.parent.glob(f".{glob.escape(path.name)}.*.partial")
+    for left in (*made, *(path / RESULT).rglob("*.partial")):
+        with suppress(FileNotFoundError):
+            if time.time() - left.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 def _flush(path: Path) -> None:
@@ -162,8 +179,11 @@ def _replace(path: Path, content: bytes) -> None:
     """Write a file that is there with all its content or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     writing = path.with_name(f"{path.name}.{uuid.uuid4().hex}.partial")
-    with writing.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    writing.replace(path)
+    try:
+        with writing.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        writing.replace(path)
+    finally:
+        writing.unlink(missing_ok=True)
