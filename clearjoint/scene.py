@@ -1,21 +1,22 @@
 """The scene: bodies, joints, forces and gravity, by name."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
-
-import equinox as eqx
 
 from .bodies import GROUND, Body
 from .contact import AbstractContactLaw
-from .fields import optional_quantity, require, require_shape
+from .fields import named, optional_quantity, require, require_shape
 from .joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
     AbstractElement,
     AbstractForce,
 )
+from .readable import AbstractReadable
 
 
-class Scene(eqx.Module):
+class Scene(AbstractReadable):
     """A mechanism: a PyTree whose numbers may change without compiling anew.
 
     **Arguments:**
@@ -29,18 +30,25 @@ class Scene(eqx.Module):
     """
 
     bodies: dict[str, Body]
-    joints: dict[str, AbstractConstraint | AbstractContactJoint] = eqx.field(default_factory=dict)
-    forces: dict[str, AbstractForce] = eqx.field(default_factory=dict)
+    joints: dict[str, AbstractConstraint | AbstractContactJoint]
+    forces: dict[str, AbstractForce]
     gravity: Any = optional_quantity("m/s^2")
 
+    def __init__(
+        self,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
+        forces: Mapping[str, AbstractForce] = MappingProxyType({}),
+        gravity: Any = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
+        self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
+        self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
+        self.gravity = gravity
+
     def __check_init__(self):
-        require(
-            isinstance(self.bodies, dict) and len(self.bodies) > 0,
-            "bodies",
-            self.bodies,
-            "a dictionary with at least one body",
-            "pass {name: Body(...)}",
-        )
+        remedy = "pass {name: Body(...)}"
+        require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
             GROUND not in self.bodies,
             "bodies",
@@ -51,9 +59,9 @@ class Scene(eqx.Module):
         _check_kinds("bodies", self.bodies, Body)
         _check_kinds("joints", self.joints, (AbstractConstraint, AbstractContactJoint))
         _check_kinds("forces", self.forces, AbstractForce)
-        for family in ("joints", "forces"):
-            for name, element in getattr(self, family).items():
-                self._check_names(f"{family}[{name!r}]", element)
+        for argument in ("joints", "forces"):
+            for name, element in getattr(self, argument).items():
+                self._check_names(f"{argument}[{name!r}]", element)
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
@@ -83,15 +91,8 @@ class Scene(eqx.Module):
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
-def _check_kinds(argument: str, family: dict[str, Any], kinds: Any) -> None:
-    for name, element in family.items():
-        require(
-            isinstance(name, str) and name != "",
-            argument,
-            name,
-            "named by non-empty strings",
-            "name every element",
-        )
+def _check_kinds(argument: str, elements: dict[str, Any], kinds: Any) -> None:
+    for name, element in elements.items():
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         require(
             isinstance(element, allowed),
