@@ -119,9 +119,21 @@ class AbstractContactLaw(AbstractReadable):
 
     A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
     of the present contact, found at the true onset and kept to the separation.
+
+    `force_jumps`: whether the force may be other than zero right after the onset or before the
+    separation, as that of a parallel damper is. What follows of it, derivatives above all, is then
+    taken into account, for one more evaluation a step. A class that has a `force` of its own and
+    says nothing is taken to jump: declare ``force_jumps = False`` for one that begins and ends at
+    zero.
     """
 
     has_memory: eqx.AbstractClassVar[bool]
+    force_jumps = True
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        if "force" in cls.__dict__ and "force_jumps" not in cls.__dict__:
+            cls.force_jumps = True
 
     @abc.abstractmethod
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
@@ -155,6 +167,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
     stiffness: eqx.AbstractVar[AbstractStiffness]
     exponent: eqx.AbstractVar[float]
     smoothing: eqx.AbstractVar[Any]
+    force_jumps = False
 
     @abc.abstractmethod
     def damping_factor(self) -> Scalar:
@@ -232,6 +245,7 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Any = optional_quantity("m")
     has_memory = False
+    force_jumps = False
 
     def __check_init__(self):
         require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
@@ -255,6 +269,7 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     restitution: eqx.AbstractVar[Any]
     entry_speed_floor: eqx.AbstractVar[Any]
     has_memory = True
+    force_jumps = False
 
     def __check_init__(self):
         require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")

@@ -12,6 +12,7 @@ PACKAGE = Path(clearjoint.__file__).parent
 FLOORS = (
     (
         "vectors",
+        "continuity",
         "several",
         "rotations",
         "smoothing",
