@@ -1,5 +1,6 @@
 """Rigid bodies, their motion, and the state of a system."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from .fields import (
     as_number,
     caution_unless,
     concrete,
+    named,
     quantity,
     require,
     require_euler_parameters,
@@ -18,6 +20,7 @@ from .fields import (
     require_positive,
     require_shape,
 )
+from .readable import AbstractReadable
 from .vectors import IDENTITY, ZERO, Matrix, Vector
 
 GROUND = "ground"
@@ -30,7 +33,7 @@ THINNEST = 1e-2
 """Smallest side of that box over the largest."""
 
 
-class Body(eqx.Module):
+class Body(AbstractReadable):
     """A rigid body with its frame at the centre of mass.
 
     **Arguments:**
@@ -119,7 +122,7 @@ def _check_moments(inertia: np.ndarray) -> None:
     )
 
 
-class BodyState(eqx.Module):
+class BodyState(AbstractReadable):
     """Position and velocity of one body, in arrays or in scalar form.
 
     - `position`: (3,) m, centre of mass, global.
@@ -134,7 +137,7 @@ class BodyState(eqx.Module):
     spin: Any = eqx.field(metadata={"unit": "rad/s"})
 
 
-class State(eqx.Module):
+class State(AbstractReadable):
     """State of a system: the bodies by name, and the memory of the contacts that have one.
 
     `memory[joint][contact]` is the entry speed of the present contact in m/s, or zero in flight;
@@ -143,8 +146,18 @@ class State(eqx.Module):
     """
 
     bodies: dict[str, BodyState]
-    memory: dict[str, dict[str, Any]] = eqx.field(default_factory=dict)
-    work: dict[str, Any] = eqx.field(default_factory=dict)
+    memory: dict[str, dict[str, Any]]
+    work: dict[str, Any]
+
+    def __init__(
+        self,
+        bodies: Mapping[str, BodyState],
+        memory: dict[str, dict[str, Any]] | None = None,
+        work: dict[str, Any] | None = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass State({name: body_state(...)})")
+        self.memory = {} if memory is None else memory
+        self.work = {} if work is None else work
 
 
 @jax.tree_util.register_dataclass

@@ -12,12 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from .fields import as_number
+from .readable import AbstractReadable
 
 NAMES = (str, bool, "str", "bool")
 """Annotations of what can't be a number: such fields are static."""
 
 
-class AbstractConverting(eqx.Module):
+class AbstractConverting(AbstractReadable):
     """A PyTree that takes plain numbers, and stores arrays.
 
     A field that a subclass merely annotates becomes

@@ -12,6 +12,7 @@ from jax.core import Tracer
 
 from .bodies import State
 from .family import AbstractFamily
+from .fields import require, require_names
 from .parameters import Place, value_at
 from .scales import AbstractScale, Linear
 from .scene import Scene
@@ -82,6 +83,20 @@ class Parameter:
         elif value is None and isinstance(self.variation, StateNumber):
             value = value_at(state, self.variation.place)
         return self.scale.coordinate(value)
+
+
+PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}'
+
+
+def check_parameters(parameters: Mapping[str, Parameter]) -> None:
+    """Check for a dictionary of parameters by name.
+
+    **Raises:** `ValueError` that names the entry.
+    """
+    require_names("parameters", parameters, PASS_PARAMETERS)
+    for name, parameter in parameters.items():
+        kind, fine = type(parameter).__name__, isinstance(parameter, Parameter)
+        require(fine, f"parameters[{name!r}]", kind, "a Parameter", PASS_PARAMETERS)
 
 
 class ParametrisedScene(AbstractFamily):

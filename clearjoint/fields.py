@@ -5,7 +5,7 @@ keeps its digits whatever JAX's precision setting. Values under a JAX transforma
 a run re-checks what it can (`clearjoint.simulate`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -84,6 +84,31 @@ def require_positive(argument: str, value: Any, remedy: str, *, zero: bool = Fal
         require(
             bool(number >= 0 if zero else number > 0), argument, float(number), expected, remedy
         )
+
+
+def require_count(argument: str, value: Any, remedy: str) -> None:
+    """Check for a whole number of one at least; 2.0 is none, nor is a truth value."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    require(whole and bool(value > 0), argument, value, "a whole number, positive", remedy)
+
+
+def require_names(argument: str, given: Any, remedy: str) -> None:
+    """Check for a dictionary whose keys are texts, none of them empty."""
+    kind = type(given).__name__
+    require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
+    for name in given:
+        fine = isinstance(name, str) and name != ""
+        require(fine, argument, name, "named by non-empty strings", "name every element")
+
+
+def named(argument: str, given: Any, remedy: str) -> dict[str, Any]:
+    """A dictionary of one's own, of any mapping whose keys `require_names` accepts.
+
+    For classes with an ``__init__`` of their own: JAX, which sorts keys, looks at the arguments of
+    other modules before any check of theirs.
+    """
+    require_names(argument, given, remedy)
+    return dict(given)
 
 
 def require_range(argument: str, value: Any, lower: float, upper: float, remedy: str) -> None:

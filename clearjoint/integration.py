@@ -7,6 +7,7 @@ import diffrax
 from .bodies import State
 from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation
+from .fields import require_count
 from .joint_coordinates import JointCoordinates
 from .records import require_dense
 from .scene import Scene
@@ -46,6 +47,7 @@ class Integration:
         **Raises:** `ValueError` for a scene, state or setting that no run can use.
         """
         check_precision(False)
+        require_count("max_steps", self.max_steps, "give a number of steps")
         check_values(scene, state, self.rtol, self.atol, None, self.landing_tolerance)
         coordinates = JointCoordinates() if self.coordinates is None else self.coordinates
         redundant = check_structure(scene, state, start_time, coordinates)

@@ -13,12 +13,29 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .fields import require
+from .fields import require, require_names
 from .measurements import Measurements, Series
 from .reductions import Quantity
 from .units import to_si
 
 Missing = Literal["refuse", "drop"]
+
+_OF_A_LINE = (
+    "comment",
+    "compression",
+    "delimiter",
+    "dialect",
+    "encoding",
+    "engine",
+    "escapechar",
+    "quotechar",
+    "quoting",
+    "sep",
+    "skip_blank_lines",
+    "skipinitialspace",
+    "skiprows",
+)
+"""Options of `pandas.read_csv` that say how a line is read."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +64,12 @@ class _Column:
 
     def numbers(self) -> np.ndarray:
         """The values as numbers; NaN what is none."""
-        dated = self.values.dtype.kind in "mM"
+        kind = self.values.dtype.kind
         remedy = "subtract the first and divide by a second"
-        require(not dated, self.place, self.values.dtype, "numbers, not dates", remedy)
+        require(kind not in "mM", self.place, self.values.dtype, "numbers, not dates", remedy)
+        if kind in "bO":
+            plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
+            self.require_each(plain, "a number, not a truth value", "write 0 and 1 if so meant")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
@@ -87,7 +107,7 @@ def read_csv(
     dimension, for text and NaN, times that don't rise, and noise that is not positive.
     """
     table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
-    headers = [_split(header) for header in table.columns]
+    headers = [_split(header) for header in _headers(path, table, options)]
     names = [name for name, _ in headers]
     file = f"{str(path)!r}"
 
@@ -153,11 +173,33 @@ def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
                 f"pandas says: {str(error).strip()} Pass `sep`, `decimal`, `comment` or `skiprows` "
                 "as it needs."
             ) from error
+        except pd.errors.EmptyDataError as error:
+            raise ValueError(
+                f"File {str(path)!r} must have a header and rows, but nothing is in it."
+            ) from error
+        except UnicodeDecodeError as error:
+            raise ValueError(
+                f"File {str(path)!r} must be {error.encoding} text, but its byte "
+                f'0x{error.object[error.start]:02x} is none: pass encoding="latin-1", or the '
+                "encoding it has."
+            ) from error
+
+
+def _headers(path: str | Path, table: pd.DataFrame, options: dict[str, Any]) -> list[Any]:
+    """The headers as they stand in the file, where pandas numbers those that stand there twice;
+    those that the caller gives, if any."""
+    if not {"header", "names"}.isdisjoint(options) or not len(table.columns):
+        return list(table.columns)
+    kept = {k: v for k, v in options.items() if k in _OF_A_LINE}
+    first = _read(path, {"skipinitialspace": True, **kept, "header": None, "nrows": 1})
+    return first.iloc[0].tolist()
 
 
 def _checked(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
+    remedy = "pass cj.Channel(quantity, noise=...)"
+    require_names("channels", channels, remedy)
     for name, channel in channels.items():
-        kind, remedy = type(channel).__name__, "pass cj.Channel(quantity, noise=...)"
+        kind = type(channel).__name__
         require(isinstance(channel, Channel), f"channels[{name!r}]", kind, "a Channel", remedy)
         yield name, channel
 

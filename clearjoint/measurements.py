@@ -9,14 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .fields import as_number, concrete, require
-from .quantities.base import AbstractQuantity
+from .fields import as_number, concrete, named, require
+from .quantities.base import check_quantity
+from .readable import AbstractReadable
 from .reductions import Quantity
 from .scene import Scene
 from .units import to_si
 
 
-class Series(eqx.Module):
+class Series(AbstractReadable):
     """Samples of one channel, in SI.
 
     **Arguments:**
@@ -132,7 +133,7 @@ def require_each(
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
 
 
-class Measurements(eqx.Module):
+class Measurements(AbstractReadable):
     """Series by name.
 
     **Arguments:** `series`: a dictionary of `Series`, at least one.
@@ -140,13 +141,13 @@ class Measurements(eqx.Module):
 
     series: dict[str, Series]
 
-    def __check_init__(self):
-        fine = isinstance(self.series, Mapping) and len(self.series) > 0
+    def __init__(self, series: Mapping[str, Series]):
         remedy = 'pass for example {"probe": cj.Series(...)}'
-        require(fine, "series", self.series, "a dictionary with at least one Series", remedy)
-        for name, series in self.series.items():
-            kind = type(series).__name__
-            require(isinstance(series, Series), f"series[{name!r}]", kind, "a Series", remedy)
+        self.series = named("series", series, remedy)
+        require(len(series) > 0, "series", {}, "a dictionary with at least one Series", remedy)
+        for name, one in self.series.items():
+            kind = type(one).__name__
+            require(isinstance(one, Series), f"series[{name!r}]", kind, "a Series", remedy)
 
     def __getitem__(self, name: str) -> Series:
         return self.series[name]
@@ -179,11 +180,7 @@ class Measurements(eqx.Module):
         **Raises:** `ValueError` that names the series, and lists what there is.
         """
         for name, series in self.series.items():
-            if isinstance(series.channel, AbstractQuantity):
-                try:
-                    series.channel.check(scene)
-                except ValueError as error:
-                    raise ValueError(f"Series {name!r}: {error}") from error
+            check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
         """`Series.with_noise`, of all."""

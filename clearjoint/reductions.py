@@ -15,6 +15,8 @@ import jax.numpy as jnp
 from .conversion import AbstractConverting
 from .fields import require
 from .instant import Instant
+from .quantities.base import check_quantity, require_known
+from .scene import Scene
 from .vectors import Scalar
 
 Quantity = Callable[[Instant], Scalar]
@@ -52,6 +54,15 @@ class AbstractReduction(AbstractConverting):
     """
 
     needs_ledger: ClassVar[bool] = False
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the reduction names: what its quantities do, unless a
+        subclass tells more.
+
+        **Raises:** `ValueError` that lists what there is.
+        """
+        for name, value in vars(self).items():
+            check_quantity(name, value, scene)
 
     @abc.abstractmethod
     def start(self, now: Instant) -> Any:
@@ -227,6 +238,10 @@ class ImpactCount(AbstractReduction):
     """
 
     joint: str = eqx.field(static=True)
+
+    def check(self, scene: Scene) -> None:
+        """The joint must be there, and have contacts."""
+        require_known("joint", self.joint, scene.contact_joints())
 
     def _touching(self, now: Instant) -> dict[str, Scalar]:
         return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}

@@ -9,7 +9,7 @@ import numpy as np
 class RESULTS(eqx.Enumeration):
     """Result codes; `RESULTS[code]` is the message."""
 
-    successful = ""
+    successful = "The run reached its end time."
     max_steps_reached = (
         "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances, "
         "or continue from the state reached."

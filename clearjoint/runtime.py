@@ -16,6 +16,8 @@ from typing import Any
 
 import jax
 
+from .fields import require_count
+
 _BACKEND_OPTIONS = (
     ("xla_cpu_use_multi_output_fusion", "true"),
     ("xla_cpu_small_while_loop_byte_threshold", "10000000"),
@@ -34,9 +36,15 @@ _said = False
 
 
 def default_cache() -> Path:
-    """Folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-    return Path(os.environ.get("CLEARJOINT_CACHE", str(Path(base) / "clearjoint")))
+    """Folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache folder.
+
+    A variable that is empty is as none, and so is an ``XDG_CACHE_HOME`` that is no absolute path
+    (XDG Base Directory Specification).
+    """
+    if own := os.environ.get("CLEARJOINT_CACHE"):
+        return Path(own)
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
 
 
 def xla_flags(present: str = "") -> str:
@@ -58,7 +66,7 @@ def settings(devices: int | None = None, cache: str | os.PathLike | None = None)
     return {
         "JAX_ENABLE_X64": "1",
         "XLA_FLAGS": xla_flags(os.environ.get("XLA_FLAGS", "")),
-        "JAX_NUM_CPU_DEVICES": str(devices or os.cpu_count() or 1),
+        "JAX_NUM_CPU_DEVICES": str(os.cpu_count() or 1 if devices is None else devices),
         "JAX_COMPILATION_CACHE_DIR": str(cache or default_cache()),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
     }
@@ -76,6 +84,8 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
 
     **Raises:** `RuntimeError` if JAX has already started.
     """
+    if devices is not None:
+        require_count("devices", devices, "give a number of CPU devices, or None")
     variables = settings(devices, cache)
     devices = int(variables["JAX_NUM_CPU_DEVICES"])
     late = os.environ.get("XLA_FLAGS") != variables["XLA_FLAGS"]

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .fields import require, require_finite
+from .fields import require, require_positive, require_shape
 from .vectors import Scalar
 
 
@@ -74,14 +74,16 @@ class Linear(AbstractScale):
     unit: float = 1.0
     stride: ClassVar[float] = math.inf
 
+    def __post_init__(self) -> None:
+        require_positive("unit", self.unit, "give the size of a typical change")
+
     def value(self, coordinate: Scalar) -> Scalar:
         """unit times coordinate."""
         return self.unit * coordinate
 
     def coordinate(self, value: Any) -> float:
         """value over unit."""
-        require_finite("value", value)
-        return float(value) / self.unit
+        return _finite(value) / self.unit
 
     def vague(self, coordinate: float) -> float:
         """The unit and the value itself, whichever is larger."""
@@ -104,8 +106,9 @@ class Log(AbstractScale):
 
     def coordinate(self, value: Any) -> float:
         """log(value)."""
-        require(float(value) > 0.0, "value", float(value), "positive", "take a Linear() scale")
-        return math.log(float(value))
+        number = _finite(value)
+        require(number > 0.0, "value", number, "positive", "take a Linear() scale")
+        return math.log(number)
 
     def called(self, name: str) -> str:
         """A logarithm."""
@@ -121,6 +124,8 @@ class Bounded(AbstractScale):
     stride: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("low", "high"):
+            require_shape(name, getattr(self, name), (), "pass a single number")
         require(
             self.low < self.high, "high", self.high, f"above low = {self.low}", "swap the bounds"
         )
@@ -131,10 +136,11 @@ class Bounded(AbstractScale):
 
     def coordinate(self, value: Any) -> float:
         """log((value - low)/(high - value))."""
-        inside = self.low < float(value) < self.high
+        number = _finite(value)
+        inside = self.low < number < self.high
         bounds = f"between {self.low} and {self.high}"
-        require(inside, "value", float(value), bounds, "start inside the bounds, or widen them")
-        return math.log((float(value) - self.low) / (self.high - float(value)))
+        require(inside, "value", number, bounds, "start inside the bounds, or widen them")
+        return math.log((number - self.low) / (self.high - number))
 
     def vague(self, coordinate: float) -> float:
         """That of a value which may be anywhere between the bounds alike: pi/sqrt(3)."""
@@ -143,3 +149,8 @@ class Bounded(AbstractScale):
     def called(self, name: str) -> str:
         """A logit."""
         return f"logit {name}"
+
+
+def _finite(value: Any) -> float:
+    require_shape("value", value, (), "pass a single number")
+    return float(value)

@@ -1,8 +1,9 @@
 """The scene: bodies, joints, forces and gravity, by name."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -12,6 +13,7 @@ from .fields import (
     caution_above,
     caution_unless,
     concrete,
+    named,
     optional_quantity,
     require,
     require_shape,
@@ -22,6 +24,7 @@ from .joints.base import (
     AbstractElement,
     AbstractForce,
 )
+from .readable import AbstractReadable
 
 FARTHEST = 100.0
 """Distance of a body's point from its centre of mass, over the radius of gyration, beyond which one
@@ -30,7 +33,7 @@ STRONGEST_GRAVITY = 1e3
 """Likewise the acceleration of gravity, m/s^2."""
 
 
-class Scene(eqx.Module):
+class Scene(AbstractReadable):
     """A mechanism: a PyTree whose numbers may change without compiling anew.
 
     **Arguments:**
@@ -44,18 +47,25 @@ class Scene(eqx.Module):
     """
 
     bodies: dict[str, Body]
-    joints: dict[str, AbstractConstraint | AbstractContactJoint] = eqx.field(default_factory=dict)
-    forces: dict[str, AbstractForce] = eqx.field(default_factory=dict)
+    joints: dict[str, AbstractConstraint | AbstractContactJoint]
+    forces: dict[str, AbstractForce]
     gravity: Any = optional_quantity("m/s^2")
 
+    def __init__(
+        self,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
+        forces: Mapping[str, AbstractForce] = MappingProxyType({}),
+        gravity: Any = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
+        self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
+        self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
+        self.gravity = gravity
+
     def __check_init__(self):
-        require(
-            isinstance(self.bodies, dict) and len(self.bodies) > 0,
-            "bodies",
-            self.bodies,
-            "a dictionary with at least one body",
-            "pass {name: Body(...)}",
-        )
+        remedy = "pass {name: Body(...)}"
+        require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
             GROUND not in self.bodies,
             "bodies",
@@ -117,15 +127,8 @@ class Scene(eqx.Module):
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
-def _check_kinds(argument: str, family: dict[str, Any], kinds: Any) -> None:
-    for name, element in family.items():
-        require(
-            isinstance(name, str) and name != "",
-            argument,
-            name,
-            "named by non-empty strings",
-            "name every element",
-        )
+def _check_kinds(argument: str, elements: dict[str, Any], kinds: Any) -> None:
+    for name, element in elements.items():
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         require(
             isinstance(element, allowed),

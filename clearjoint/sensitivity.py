@@ -20,15 +20,17 @@ import numpy as np
 from .bodies import State
 from .dense_output import look_inside, projected
 from .dynamics import Projection
-from .estimands import Parameter, coordinates_of, parametrised
+from .estimands import Parameter, check_parameters, coordinates_of, parametrised
 from .family import AbstractFamily
+from .fields import require, require_names
 from .instant import Instant
 from .integration import Integration
+from .quantities.base import check_quantity
 from .reductions import Quantity
 from .results import RESULTS
 from .scene import Scene
-from .simulate import check_times
 from .solution import SimulationError
+from .spans import check_span, checked_times
 from .stepping import attempt, not_tried, running
 from .steps import Attempt, Method, Step, Variables
 from .tangents import look_at_tangents, start_with_tangents
@@ -163,10 +165,12 @@ def sensitivities(
 
     **Raises:** `ValueError` for arguments that no run can use.
     """
+    check_outputs(outputs, scene)
+    check_parameters(parameters)
     integration = Integration() if integration is None else integration
     method = integration.method(scene, state, start_time)
-    asked = check_times(start_time, end_time, times)
-    assert asked is not None
+    check_span(start_time, end_time)
+    asked = checked_times(start_time, end_time, times, "times")
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
     span = (jnp.asarray(t, float) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
@@ -196,6 +200,20 @@ def sensitivities(
             f"The run ended at t = {result.time:.9g} s: {RESULTS[found.result]}", result
         )
     return result
+
+
+def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
+    """Check that outputs are functions by name, and that the scene has what they name.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
+    require_names("outputs", outputs, example)
+    require(len(outputs) > 0, "outputs", {}, "not empty", example)
+    for name, output in outputs.items():
+        expected = "a scalar function of an Instant"
+        require(callable(output), f"outputs[{name!r}]", output, expected, example)
+        check_quantity(f"Output {name!r}", output, scene)
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:

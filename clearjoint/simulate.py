@@ -12,7 +12,7 @@ from .assembly import check_names, require_assembled, require_certain, require_r
 from .bodies import State
 from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation, Baumgarte, Formulation
-from .fields import concrete, recheck, require, require_positive
+from .fields import concrete, recheck, require, require_count, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
 from .joint_coordinates import JointCoordinates
@@ -24,6 +24,7 @@ from .scene import Scene
 from .segments import begin
 from .solution import SimulationError, Solution
 from .solvers import default_controller, ready_solver
+from .spans import check_span, checked_times
 from .steps import Method
 from .structure import constraint_report
 from .vectors import structured
@@ -106,12 +107,15 @@ def simulate(
     solution so far, for a run that fails.
     """
     check_precision(allow_float32)
+    require_count("max_steps", max_steps, "give a number of steps")
     _check_adjoint(adjoint)
     traced = _is_traced((scene, state, end_time, start_time))
     coordinates = JointCoordinates() if coordinates is None else coordinates
     names: tuple[str, ...] = ()
     if not traced:
-        save_at = check_times(start_time, end_time, save_at)
+        check_span(start_time, end_time)
+        if save_at is not None:
+            save_at = checked_times(start_time, end_time, save_at, "save_at")
         check_values(scene, state, rtol, atol, first_step, landing_tolerance)
         names = check_structure(scene, state, start_time, coordinates)
     if redundant is None:
@@ -240,36 +244,6 @@ def check_values(
         "positive unless `atol` is",
         "no step is without error; give a relative tolerance such as 1e-6",
     )
-
-
-def check_times(start: Any, end: Any, save_at: Any) -> np.ndarray | None:
-    """Check the span of a run in s, and the times to save at, if there are any."""
-    require(
-        bool(np.isfinite(end)) and bool(end > start),
-        "end_time",
-        end,
-        f"finite and after start_time = {start}",
-        "give times in s",
-    )
-    if save_at is None:
-        return None
-    times = np.asarray(save_at, dtype=np.float64)
-    fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
-    require(
-        fine and bool((np.diff(times) >= 0).all()),
-        "save_at",
-        times,
-        "a rising one-dimensional array of finite times",
-        "sort the times",
-    )
-    require(
-        bool(times[0] >= start) and bool(times[-1] <= end),
-        "save_at",
-        [times[0], times[-1]],
-        f"between start_time = {start} and end_time = {end}",
-        "leave out the times outside",
-    )
-    return times
 
 
 def check_structure(

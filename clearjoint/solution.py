@@ -7,10 +7,11 @@ import equinox as eqx
 from .bodies import State
 from .dynamics import Formulation
 from .impact_table import Impacts
+from .readable import AbstractReadable
 from .results import RESULTS
 
 
-class Trajectory(eqx.Module):
+class Trajectory(AbstractReadable):
     """States over time: `times` (N,) s, and `states` with the times in front of each array."""
 
     times: Any
@@ -20,7 +21,7 @@ class Trajectory(eqx.Module):
         return self.times.shape[0]
 
 
-class Solution(eqx.Module):
+class Solution(AbstractReadable):
     """The outcome of `clearjoint.simulate`.
 
     - `saved`: the states at the requested times that were reached (all of them if successful), or

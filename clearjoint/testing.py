@@ -1,6 +1,7 @@
 """Conformance checks for laws and joints of one's own. Each raises an ``AssertionError`` that says
 what is wrong; call them from a test."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from .bodies import Motion
 from .contact import AbstractContactLaw, Gap
+from .continuity import jumps
 from .coordinates import row_rate
 from .friction import AbstractFriction
 from .joints.base import AbstractConstraint, Row
@@ -20,6 +22,8 @@ from .vectors import EulerParameters, Vector, unpack
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
+EDGE = 1e-9
+"""How near to where the force begins, m and as a part of the reach, a jump is that of the onset."""
 
 
 def _require(condition: Any, message: str) -> None:
@@ -30,13 +34,17 @@ def _require(condition: Any, message: str) -> None:
 def check_law(
     law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
 ) -> None:
-    """Check a normal law: sign, onset, energy, dissipation, derivatives, and behaviour under vmap.
+    """Check a normal law: sign, onset, energy, dissipation, derivatives, jumps, and behaviour under
+    vmap.
+
+    A force may jump where contact begins or ends, as that of a parallel damper does, unless the law
+    declares that it does not (`AbstractContactLaw.force_jumps`); a `UserWarning` tells of it. It
+    must not jump elsewhere, where no step lands.
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
     """
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
-    grid = [jnp.asarray(v) for v in np.meshgrid(DEPTHS, RATES, ENTRY_SPEEDS, indexing="ij")]
-    depth, rate, entry = (axis.ravel() for axis in grid)
+    depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
     def force(depth: Any, rate: Any, entry: Any, law: AbstractContactLaw) -> Any:
         return law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
@@ -59,6 +67,55 @@ def check_law(
     _require(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
     _check_energy(elastic, energy)
     _check_derivatives(force, law, depth, rate, entry)
+    _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
+
+
+def _check_jumps(force: Callable[..., Any], law: AbstractContactLaw) -> None:
+    left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
+    right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
+    sizes, places = jumps(lambda depth: force(depth, rate, entry, law), left, right)
+    reach = jnp.asarray(law.reach(), float)
+    at_edge = jnp.abs(places + reach) <= EDGE * jnp.maximum(reach, EDGE)
+    inside = jnp.where(at_edge, 0.0, sizes)
+    k = int(jnp.argmax(jnp.abs(inside)))
+    _require(
+        inside[k] == 0.0,
+        f"The force jumps by {inside[k]:.3g} N inside of the contact, at a depth of "
+        f"{places[k]:.3g} m and a rate of {rate[k]:.3g} m/s: no step lands there; smooth it.",
+    )
+    depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
+    fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
+    by_rate, rates = jumps(lambda rate: force(depth, rate, entry_of_rate, law), slow, fast)
+    k = int(jnp.argmax(jnp.abs(by_rate)))
+    _require(
+        by_rate[k] == 0.0,
+        f"The force jumps by {by_rate[k]:.3g} N with the rate, at {rates[k]:.3g} m/s and a depth "
+        f"of {depth[k]:.3g} m: no step lands there; smooth it.",
+    )
+    _tell_of_edge(law, jnp.where(at_edge, sizes, 0.0), rate)
+
+
+def _tell_of_edge(law: AbstractContactLaw, sizes: Any, rate: Any) -> None:
+    """Say what the force does where contact begins and ends, from its jumps there at some rates."""
+    k = int(jnp.argmax(jnp.abs(sizes)))
+    if sizes[k] == 0.0:
+        return
+    said = (
+        f"The force jumps by {sizes[k]:.3g} N where contact begins or ends, at a rate of "
+        f"{rate[k]:.3g} m/s"
+    )
+    _require(law.force_jumps, f"{said}, but the law declares `force_jumps = False`.")
+    warnings.warn(
+        f"{said}. Steps land there and sensitivities have the jump's own term, but plain "
+        "differentiation of `simulate` has not. If it is not meant, let the damping grow with the "
+        "depth.",
+        stacklevel=4,
+    )
+
+
+def _grid(*rows: tuple[float, ...]) -> list[Any]:
+    """All combinations of the rows' values, a flat array for each row."""
+    return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 
 def _check_energy(elastic: Callable[[Any], Any], energy: Callable[[Any], Any]) -> None:
@@ -100,6 +157,9 @@ def check_friction(friction: AbstractFriction) -> None:
     ratios = jax.vmap(friction.ratio)(speeds)
     _require(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
     _require(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
+    sizes, places = jumps(jax.vmap(friction.ratio), speeds[:-1], speeds[1:])
+    k = int(jnp.argmax(jnp.abs(sizes)))
+    _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
 
     def force(slip: Any) -> Any:
         return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x

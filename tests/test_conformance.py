@@ -1,5 +1,6 @@
 """The conformance kit accepts every law and joint of ours and refuses broken ones."""
 
+import warnings
 from typing import Any
 
 import equinox as eqx
@@ -28,7 +29,9 @@ STEEL = cj.RavnStiffness(207e9, 0.3)
     ],
 )
 def test_laws_conform(law):
-    check_law(law)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_law(law)
 
 
 class GonthierLaw(AbstractDampedLaw):
@@ -98,9 +101,106 @@ def test_broken_laws_are_refused(law, complaint):
         check_law(law(STEEL))
 
 
+class Buffer(cj.AbstractContactLaw):
+    """A spring with a damper beside it (Kelvin-Voigt), clamped at zero: it jumps at the onset."""
+
+    stiffness: Any = quantity("N/m")
+    damping: Any = quantity("N s/m")
+    preload: Any = quantity("N", default=0.0)
+    ahead: Any = quantity("m", default=0.0)
+    has_memory = False
+
+    def reach(self):
+        return self.ahead
+
+    def force(self, gap, entry_speed):
+        pushed = self.elastic_force(gap) + self.damping * gap.rate
+        return jnp.where(gap.depth + self.ahead > 0.0, jnp.maximum(pushed, 0.0), 0.0)
+
+    def elastic_force(self, gap):
+        return self.stiffness * jnp.maximum(gap.depth, 0.0)
+
+    def stored_energy(self, gap):
+        return 0.5 * self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+
+class DeniedBuffer(Buffer):
+    """One that declares what is not so."""
+
+    force_jumps = False
+
+
+class Pushing(Buffer):
+    """A preload, which jumps at the separation too."""
+
+    def elastic_force(self, gap):
+        return super().elastic_force(gap) + jnp.where(gap.depth > 0.0, self.preload, 0.0)
+
+    def stored_energy(self, gap):
+        stored = super().stored_energy(gap) + self.preload * gap.depth
+        return jnp.where(gap.depth > 0.0, stored, 0.0)
+
+
+class Stepped(Pulling):
+    """Harder on the way in from a depth on: a jump where no step lands."""
+
+    has_memory = False
+
+    def force(self, gap, entry_speed):
+        harder = (gap.depth > 3e-7) & (gap.rate > 0.0)
+        return self.elastic_force(gap) * jnp.where(harder, 1.2, 1.0)
+
+
+class Bilinear(Stepped):
+    """Softer on the way out: a jump where the rate turns."""
+
+    def force(self, gap, entry_speed):
+        return self.elastic_force(gap) * jnp.where(gap.rate > 0.0, 1.2, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "jump"),
+    [
+        (Buffer(1e8, 50.0), "by 50 N where contact begins or ends, at a rate of 1 m/s"),
+        (Buffer(1e8, 50.0, ahead=1e-7), "by 50 N where contact begins or ends"),
+        (Buffer(1e8, 1e-3), "by 0.001 N where contact begins or ends"),
+        (Pushing(1e8, 0.0, 20.0), "by 20 N where contact begins or ends"),
+    ],
+)
+def test_laws_that_jump_at_the_onset_are_told_of(law, jump):
+    with pytest.warns(UserWarning, match=jump):
+        check_law(law)
+
+
+def test_a_jump_that_the_law_denies_is_refused():
+    with pytest.raises(AssertionError, match="by 50 N .* declares `force_jumps = False`"):
+        check_law(DeniedBuffer(1e8, 50.0))
+
+
+@pytest.mark.parametrize(
+    ("law", "complaint"),
+    [
+        (Stepped, "inside of the contact, at a depth of 3e-07 m"),
+        (Bilinear, "with the rate, at .* m/s"),
+    ],
+)
+def test_jumps_where_no_step_lands_are_refused(law, complaint):
+    with pytest.raises(AssertionError, match=complaint):
+        check_law(law(STEEL))
+
+
 @pytest.mark.parametrize("friction", [cj.RegularisedCoulomb(0.1), cj.Ambrosio(0.1)])
 def test_friction_conforms(friction):
     check_friction(friction)
+
+
+def test_friction_with_a_step_is_refused():
+    class Sticky(cj.AbstractFriction):
+        def ratio(self, slip_speed):
+            return jnp.where(slip_speed < 2e-3, slip_speed, 0.1)
+
+    with pytest.raises(AssertionError, match=r"jumps by 0.098 at 0.002 m/s"):
+        check_friction(Sticky())
 
 
 def test_jumping_friction_is_refused():

@@ -105,6 +105,10 @@ BARE = "t,p\n0,1\n1,2\n"
         (GOOD, cj.Channel(PROBE.quantity, -1.0), r"^In column 'p' .*`noise of 'p'\[0\]` must be"),
         (GOOD, cj.Channel(PROBE.quantity), r"`noise` must be one standard deviation, but is None"),
         (GOOD.replace("p [mm]", "t [s]"), PROBE, "`time` must be once in '.*', but is 't'"),
+        ("t,p [mm],p [mm]\n0,1,5\n", PROBE, "`channels` must be once in '.*', but is 'p': rename"),
+        ("t,p [mm]\n0,True\n1,False\n", PROBE, "^Row 1 of column 'p' .* not a truth value"),
+        ("t,p [mm]\n0,\n1,True\n", PROBE, "^Row 2 of column 'p' .* not a truth value, but is True"),
+        ("", PROBE, "^File '.*rig.csv' must have a header and rows, but nothing is in it"),
         (GOOD, PROBE.quantity, r"`channels\['p'\]` must be a Channel, but is 'JournalOffset'"),
         (GOOD.replace("1,2", "1,0,2,5"), PROBE, r"^File '.*rig.csv' must have as many fields"),
         ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass `sep`, `decimal`"),
@@ -115,6 +119,24 @@ BARE = "t,p\n0,1\n1,2\n"
 def test_files_that_are_not_right_are_refused(written, text, channel, message):
     with pytest.raises(ValueError, match=message):
         cj.read_csv(written(text), {"p": channel})
+
+
+def test_text_that_is_not_utf8_names_the_file_and_the_remedy(tmp_path):
+    path = tmp_path / "rig.csv"
+    path.write_bytes("t,p [µm]\n0,1\n".encode("latin-1"))
+    with pytest.raises(ValueError, match=r'^File .*rig.csv.* byte 0xb5 .*encoding="latin-1"'):
+        cj.read_csv(path, {"p": PROBE})
+    data = cj.read_csv(path, {"p": PROBE}, encoding="latin-1")
+    np.testing.assert_allclose(data["p"].values, [1e-6], rtol=1e-14)
+
+
+def test_a_column_twice_is_no_fault_where_it_is_not_read(written):
+    text = "# a rig\nt;a [m];p [mm];a [m]\n0;1;2;3\n"
+    data = cj.read_csv(written(text), {"p": PROBE}, sep=";", comment="#")
+    np.testing.assert_allclose(data["p"].values, [2e-3], rtol=1e-14)
+    named = written("0,1\n1,2\n")
+    data = cj.read_csv(named, {"p": PROBE}, names=["t", "p [mm]"])
+    np.testing.assert_allclose(data["p"].values, [1e-3, 2e-3], rtol=1e-14)
 
 
 def test_missing_times_and_unknown_choices_are_refused(written):

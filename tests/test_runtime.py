@@ -42,6 +42,24 @@ def options(flags):
     return dict(option.split("=") for option in words[0].split(","))
 
 
+@pytest.mark.parametrize("base", ["", "cache"])
+def test_a_cache_folder_that_is_empty_or_relative_is_as_none(base, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("CLEARJOINT_CACHE", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", base)
+    assert runtime.default_cache() == tmp_path / ".cache" / "clearjoint"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    assert runtime.default_cache() == tmp_path / "own" / "clearjoint"
+    monkeypatch.setenv("CLEARJOINT_CACHE", "here")
+    assert str(runtime.default_cache()) == "here"
+
+
+@pytest.mark.parametrize("devices", [0, 2.5, "4"])
+def test_devices_are_a_whole_number(devices):
+    with pytest.raises(ValueError, match="`devices` must be a whole number, positive"):
+        runtime.configure(devices)
+
+
 def test_flags_turn_both_options_on():
     flags = runtime.xla_flags()
     assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"}

@@ -1,5 +1,6 @@
 """The store of a sweep: labels, resuming, refusals, and kill -9 at any moment."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 import xarray as xr
 from fake_sweep import complete, compute, fill, large_layout, layout, opened, results
 
+from clearjoint.sweeps import metadata
 from clearjoint.sweeps import store as store_module
 from clearjoint.sweeps.layout import Coordinate, Layout, Variable
 from clearjoint.sweeps.metadata import contents_of, create
@@ -337,6 +339,29 @@ def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
         assert process.wait() == -signal.SIGKILL
     assert not path.exists()
     assert list(opened(path, layout()).missing()) == [0, 1, 2]
+
+
+def test_what_killed_processes_have_left_goes_and_what_is_being_made_stays(path):
+    with python(CREATE_AND_DIE, path) as process:
+        process.wait()
+    (left,) = path.parent.iterdir()
+    store = opened(path, layout())
+    assert sorted(path.parent.iterdir()) == [left, path]
+    long_ago = time.time() - 2 * metadata.ABANDONED_AFTER
+    os.utime(left, (long_ago, long_ago))
+    assert opened(path, layout()).missing() == store.missing()
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_store_that_cannot_be_made_leaves_nothing(path, monkeypatch):
+    def interrupted(making, contents):
+        making.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(metadata, "_write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        opened(path, layout())
+    assert list(path.parent.iterdir()) == []
 
 
 def test_of_two_that_create_a_store_the_first_wins(partial, path):

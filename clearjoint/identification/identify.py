@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from ..bodies import State
 from ..estimands import Parameter
-from ..fields import require, require_positive
+from ..fields import require, require_count, require_positive
 from ..integration import Integration
 from ..measurements import Measurements
 from ..results import RESULTS
@@ -19,7 +19,7 @@ from .fit import Fit, Search, Window
 from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
 from .passes import Passes, coarser, lowest
-from .residuals import Evaluated, Experiment, Samples, evaluate, experiment, samples
+from .residuals import Evaluated, Experiment, Samples, check_start, evaluate, experiment, samples
 from .screening import Screened, Screening
 from .starts import Guess, Starts, start_coordinates
 
@@ -242,7 +242,9 @@ def _check(
         )
         expected = "of the channels and times of the first"
         require(same, f"measurements[{k}]", list(one.series), expected, "fit it by itself")
-    ends = [start_time, *grow, first.times()[-1]]
+    times = first.times()
+    check_start(start_time, times)
+    ends = [start_time, *grow, times[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     require(
         rising,
@@ -251,5 +253,5 @@ def _check(
         f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s",
         "leave out the last sample's time, which comes last by itself",
     )
-    require(max_iterations > 0, "max_iterations", max_iterations, "positive", "allow one run")
+    require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")

@@ -11,7 +11,7 @@ import optax
 
 from ..bodies import State
 from ..estimands import Parameter, coordinates_of
-from ..fields import require
+from ..fields import require, require_count
 from ..integration import Integration
 from ..reductions import Quantity
 from ..results import RESULTS
@@ -59,7 +59,7 @@ def minimise(
 
     **Raises:** `ValueError` for arguments that no run can use, and if the first run fails.
     """
-    require(iterations > 0, "iterations", iterations, "positive", "allow one run")
+    require_count("iterations", iterations, "allow one run")
     optimiser = optax.adam(0.05) if optimiser is None else optimiser
     times = np.asarray(times, dtype=float)
     runs = experiment(scene, state, parameters, outputs, times, start_time, integration)

@@ -25,6 +25,7 @@ import numpy as np
 
 from ..bodies import State
 from ..estimands import Parameter
+from ..fields import require_count, require_positive
 from ..integration import Integration
 from ..measurements import Measurements
 from ..scene import Scene
@@ -95,6 +96,10 @@ def identify_by_shots(
 
     **Raises:** `ValueError` for arguments that no fit can use.
     """
+    measurements.check(scene)
+    require_count("max_iterations", max_iterations, "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    require_positive("continuity", continuity, "give a gap in m, far below the clearance")
     problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
     at = problem.begin(row)

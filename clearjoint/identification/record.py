@@ -9,7 +9,7 @@ import numpy as np
 
 from ..fields import require
 from ..measurements import Measurements
-from .residuals import Samples, samples
+from .residuals import Samples, check_start, samples
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Record:
 
     def __init__(self, measurements: Measurements, boundaries: Sequence[float], start_time: float):
         self._times = measurements.times()
+        check_start(start_time, self._times)
         self.cuts = np.array([start_time, *boundaries, self._times[-1]], float)
         require(
             len(boundaries) > 0 and bool((np.diff(self.cuts) > 0.0).all()),

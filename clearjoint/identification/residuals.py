@@ -19,15 +19,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..bodies import State
-from ..estimands import Parameter, ParametrisedScene, parametrised
+from ..estimands import (
+    PASS_PARAMETERS,
+    Parameter,
+    ParametrisedScene,
+    check_parameters,
+    parametrised,
+)
 from ..fields import require
 from ..integration import Integration
 from ..measurements import Measurements
 from ..reductions import Quantity
 from ..results import RESULTS
 from ..scene import Scene
-from ..sensitivity import Sampled, padded, sampled_compiled
-from ..simulate import check_times
+from ..sensitivity import Sampled, check_outputs, padded, sampled_compiled
+from ..spans import check_span, checked_times
 from ..steps import Method
 
 UNREACHED = 1e6
@@ -74,13 +80,14 @@ def experiment(
     integration: Integration | None,
 ) -> Experiment:
     """The runs of a scene over parameters, looked at by outputs at rising times, s."""
-    remedy = 'pass for example {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance)}'
-    require(len(parameters) > 0, "parameters", dict(parameters), "at least one Parameter", remedy)
+    check_parameters(parameters)
+    require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
+    check_outputs(outputs, scene)
     integration = Integration() if integration is None else integration
     method = integration.method(scene, state, start_time)
     end_time = float(np.max(times))
-    times = check_times(start_time, end_time, times)
-    assert times is not None
+    check_span(start_time, end_time)
+    times = checked_times(start_time, end_time, times, "times")
     family = parametrised(scene, state, parameters, np.zeros(len(parameters)))
     return Experiment(
         method,
@@ -92,6 +99,13 @@ def experiment(
         jnp.asarray(integration.max_steps, int),
         tuple(outputs),
     )
+
+
+def check_start(start_time: float, times: np.ndarray) -> None:
+    """Check that a run begins before the first of the rising times of samples, or with it."""
+    expected = f"no later than the first sample, at {times[0]} s"
+    remedy = "start earlier, or leave samples out: measurements.between(...)"
+    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
 
 
 @eqx.filter_custom_jvp

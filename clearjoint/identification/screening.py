@@ -17,7 +17,7 @@ import numpy as np
 from scipy import stats
 from tqdm import tqdm
 
-from ..fields import require
+from ..fields import require, require_count
 from .level_sets import among, apart, evenly, level, reach
 from .side_by_side import SideBySide
 from .starts import half_widths
@@ -69,8 +69,7 @@ class Screening:
 
     def __post_init__(self) -> None:
         for name in ("number", "finish", "rounds", "smoothing", "passes"):
-            value = getattr(self, name)
-            require(value > 0, name, value, "positive", "leave it at its default")
+            require_count(name, getattr(self, name), "leave it at its default")
         sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
         remedy = "pass how far the guess may be off, and leave out what is not in doubt"

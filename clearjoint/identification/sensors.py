@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..fields import as_number, require
-from ..quantities.base import AbstractQuantity
+from ..fields import as_number, require, require_names
+from ..quantities.base import check_quantity
 from ..reductions import Quantity
 from ..scene import Scene
 
@@ -59,15 +59,6 @@ class Sensor:
         _check(self.channels, self.times, given)
         object.__setattr__(self, "noise", given * np.ones(len(self.times)))
 
-    def check(self, scene: Scene) -> None:
-        """Check that a scene has what the channels name.
-
-        **Raises:** `ValueError` that lists what there is.
-        """
-        for channel in self.channels:
-            if isinstance(channel, AbstractQuantity):
-                channel.check(scene)
-
 
 def _check(channels: tuple[Any, ...], times: np.ndarray, noise: np.ndarray) -> None:
     functions = len(channels) > 0 and all(callable(channel) for channel in channels)
@@ -97,16 +88,15 @@ def as_sensors(sensors: Any, scene: Scene) -> dict[str, Sensor]:
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
     filled = isinstance(given, Mapping) and len(given) > 0
     require(filled, "sensors", given, "a dictionary with a sensor at least", remedy)
+    require_names("sensors", given, remedy)
     found = {}
     for name, one in given.items():
         is_series = all(hasattr(one, part) for part in ("channel", "times", "noise"))
         fine = isinstance(one, Sensor) or is_series
         require(fine, f"sensors[{name!r}]", type(one).__name__, "a Sensor or a Series", remedy)
         found[name] = one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
-        try:
-            found[name].check(scene)
-        except ValueError as error:
-            raise ValueError(f"Sensor {name!r}: {error}") from error
+        for channel in found[name].channels:
+            check_quantity(f"Sensor {name!r}", channel, scene)
     return found
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..bodies import State
-from ..estimands import Parameter, parametrised
+from ..estimands import Parameter, check_parameters, parametrised
 from ..family import AbstractFamily
 from ..integration import Integration
 from ..measurements import Measurements
@@ -52,6 +52,7 @@ class Shooting:
         start_time: float,
         integration: Integration | None,
     ):
+        check_parameters(parameters)
         integration = Integration() if integration is None else integration
         self.method: Method = integration.method(scene, state, start_time)
         self.base = parametrised(scene, state, parameters, np.zeros(len(parameters)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..bodies import State
 from ..estimands import Parameter
-from ..fields import require
+from ..fields import require, require_count
 from ..scene import Scene
 
 Guess = Mapping[str, float]
@@ -31,7 +31,7 @@ class Starts:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require(self.number > 0, "number", self.number, "positive", "ask for one start at least")
+        require_count("number", self.number, "ask for one start at least")
 
     def around(self, first: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Coordinates (number, p) of the starts around those of the first (p,)."""
@@ -63,10 +63,13 @@ def start_coordinates(
     **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.
     """
     names = tuple(parameters)
-    guesses = [guess or {}] if guess is None or isinstance(guess, Mapping) else list(guess)
+    several = isinstance(guess, Sequence)
+    guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
     rows = []
     for one in guesses:
+        kind, remedy = type(one).__name__, "pass {parameter: value}, or a list of these"
+        require(isinstance(one, Mapping), "guess", kind, "values by name", remedy)
         _require_known("guess", one, names)
         rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
     given = np.array(rows)

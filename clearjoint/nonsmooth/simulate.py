@@ -12,15 +12,17 @@ from ..coordinates import AbstractCoordinates
 from ..dynamics import Formulation
 from ..fields import concrete, recheck, require, require_positive, require_range
 from ..joint_coordinates import JointCoordinates
+from ..readable import AbstractReadable
 from ..results import RESULTS
 from ..scene import Scene
-from ..simulate import check_precision, check_structure, check_times, make_formulation
+from ..simulate import check_precision, check_structure, make_formulation
 from ..solution import SimulationError, Trajectory
+from ..spans import check_span, checked_times
 from ..vectors import Scalar, Structured, pack, structured, unpack
 from .midpoint import ContactStep, Rigid, advanced
 
 
-class ContactTotals(eqx.Module):
+class ContactTotals(AbstractReadable):
     """What a rigid contact did since the start.
 
     - `impacts`: steps with an impulse that follow one without. A contact that rolls may hop, which
@@ -39,7 +41,7 @@ class ContactTotals(eqx.Module):
     penetration: Any
 
 
-class NonsmoothSolution(eqx.Module):
+class NonsmoothSolution(AbstractReadable):
     """The outcome of `clearjoint.simulate_nonsmooth`.
 
     - `time`, `final`, `result`: as of `Solution`.
@@ -115,7 +117,9 @@ def simulate_nonsmooth(
         recheck(scene)
         check_names(scene, state)
         require_positive("step", step, "give the longest step in s")
-        save_at = check_times(start_time, end_time, save_at)
+        check_span(start_time, end_time)
+        if save_at is not None:
+            save_at = checked_times(start_time, end_time, save_at, "save_at")
         names = check_structure(scene, state, start_time, coordinates)
     formulation = make_formulation(
         coordinates, None, bool(names) if redundant is None else redundant

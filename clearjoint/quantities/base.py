@@ -60,6 +60,19 @@ class AbstractQuantity(eqx.Module):
         """
 
 
+def check_quantity(place: str, function: Any, scene: Scene) -> None:
+    """Check that a scene has what a quantity names; of other functions nothing is known.
+
+    **Raises:** `ValueError` that says where the quantity stands, by `place`, and lists what there
+    is.
+    """
+    if isinstance(function, AbstractQuantity):
+        try:
+            function.check(scene)
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from error
+
+
 def require_known(argument: str, name: Any, known: Collection[str]) -> None:
     """Check that a name is one of those that a scene has."""
     expected = f"one of the scene's {sorted(known)}"

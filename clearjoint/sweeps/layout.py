@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..fields import require, require_finite
+from ..fields import require, require_count, require_finite, require_names
 
 LANE = "lane"
 RESULT = "result"
@@ -108,8 +108,9 @@ class Layout:
         further -= {c.name for c in self.coordinates}
         names = [LANE, *(c.name for c in labelled), *self.variables, *further]
         twice = sorted({name for name in names if names.count(name) > 1})
+        check_array_names("variables", self.variables, "name every result")
         require(not twice, "axes", twice, "names that occur once", "rename the axis")
-        require(self.chunk > 0, "chunk", self.chunk, "positive", "pass 1 or more lanes")
+        require_count("chunk", self.chunk, "pass 1 or more lanes")
         sizes = [c.values.size for c in self.axes]
         count = len(set(sizes)) if self.zipped else len(sizes)
         remedy = "pass at least one axis; those zipped need equally many values"
@@ -203,6 +204,15 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
         for name, variable in layout.variables.items()
     }
     return xr.Dataset(data, coordinates, {**layout.settings, **layout.notes})
+
+
+def check_array_names(argument: str, given: Mapping[str, Any], remedy: str) -> None:
+    """Check for a dictionary whose names can be those of arrays in a store's folder."""
+    require_names(argument, given, remedy)
+    for name in given:
+        fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
+        expected = 'named without a slash, and with neither "." nor "__" in front'
+        require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:

@@ -1,9 +1,12 @@
 """What a sweep's Zarr store holds, as metadata and labels: written before any result, and read."""
 
+import glob
 import os
 import shutil
+import time
 import uuid
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,6 +36,8 @@ _OWN = (
 )
 """Attributes of the store that are no settings of the sweep."""
 _ROOT = "zarr.json"
+ABANDONED_AFTER = 3600.0
+"""Age, s, from which on nobody works at what is not yet under its name: that takes a second."""
 
 
 class Contents(NamedTuple):
@@ -54,13 +59,14 @@ def create(path: Path, contents: Contents) -> None:
     """Make a store without results, as a whole or not at all; nothing if another process was
     first."""
     making = _beside(path)
-    _write(making, contents)
     try:
+        _write(making, contents)
         making.rename(path)
     except OSError:
         if not path.exists():
             raise
-        shutil.rmtree(making)
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
 
 
 def extend(path: Path, contents: Contents) -> None:
@@ -69,12 +75,22 @@ def extend(path: Path, contents: Contents) -> None:
     Its chunks stay as they are; until the last file is replaced it reads as before.
     """
     making = _beside(path)
-    _write(making, contents)
-    files = [file.relative_to(making) for file in making.rglob("*") if file.is_file()]
-    for file in sorted(files, key=lambda file: file == Path(_ROOT)):
-        (path / file).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(making / file, path / file)
-    shutil.rmtree(making)
+    try:
+        _write(making, contents)
+        files = [file.relative_to(making) for file in making.rglob("*") if file.is_file()]
+        for file in sorted(files, key=lambda file: file == Path(_ROOT)):
+            (path / file).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(making / file, path / file)
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+
+
+def remove_remains(path: Path) -> None:
+    """Remove what processes that were killed while they made or extended this store have left."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+        with suppress(FileNotFoundError):
+            if time.time() - left.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(left)
 
 
 def contents_of(path: Path) -> Contents:

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ..fields import require
+from ..fields import as_number, require, require_count
+from ..quantities.base import check_quantity
 from ..records import Crossing
-from ..reductions import Quantity
+from ..reductions import AbstractReduction, Quantity
 from ..scene import Scene
+from .layout import check_array_names
 
 Channels = Mapping[str, tuple[Quantity, str]]
 """Quantities with their units, by name."""
+PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,15 @@ class Saved:
     def __post_init__(self) -> None:
         _check_channels(self.channels)
 
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the channels name."""
+        _check_quantities(self.channels, scene)
+
     def at(self, scene: Scene) -> np.ndarray:
         """The times of a lane."""
         times = self.times(scene) if isinstance(self.times, Callable) else self.times
-        times = np.asarray(times, dtype=float)
+        times = np.asarray(times)
+        times = times if times.dtype.kind == "f" else np.asarray(as_number(times))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
         require(
             fine and bool((np.diff(times) >= 0).all()),
@@ -67,11 +75,46 @@ class Section:
 
     def __post_init__(self) -> None:
         _check_channels(self.channels)
-        require(self.count > 0, "count", self.count, "positive", "pass a number of crossings")
+        require_count("count", self.count, "pass a number of crossings")
         object.__setattr__(self, "condition", Crossing(self.crossing, self.after))
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the crossing and the channels name."""
+        check_quantity("crossing", self.crossing, scene)
+        _check_quantities(self.channels, scene)
+
+
+Output = AbstractReduction | Saved | Section
+
+
+def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
+    """Check that outputs can be kept, and that the scene has what they name.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    check_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
+    for name, output in outputs.items():
+        require(
+            isinstance(output, Output),
+            f"outputs[{name!r}]",
+            output,
+            "a reduction, a Saved or a Section",
+            "subclass AbstractReduction, or pass one of clearjoint's",
+        )
+        needs = isinstance(output, AbstractReduction) and output.needs_ledger
+        require(
+            ledger or not needs, "ledger", ledger, f"True for outputs[{name!r}]", "pass ledger=True"
+        )
+        try:
+            output.check(scene)
+        except ValueError as error:
+            raise ValueError(f"Output {name!r}: {error}") from error
+    saves = [name for name, output in outputs.items() if isinstance(output, Saved)]
+    require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
 
 
 def _check_channels(channels: Channels) -> None:
+    check_array_names("channels", channels, PASS_CHANNELS)
     fine = bool(channels) and all(
         isinstance(pair, tuple)
         and len(pair) == 2
@@ -84,7 +127,12 @@ def _check_channels(channels: Channels) -> None:
         "channels",
         channels,
         "a (quantity, unit) pair by name",
-        'pass for example {"x": (Position("slider", "x"), "m")}',
+        PASS_CHANNELS,
     )
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
+
+
+def _check_quantities(channels: Channels, scene: Scene) -> None:
+    for name, (quantity, _) in channels.items():
+        check_quantity(f"channel {name!r}", quantity, scene)

@@ -27,7 +27,7 @@ from .chunks import DAMAGED, MISSING, chunk_file, opened, read
 from .differences import differences
 from .identity import Identity, places
 from .layout import PENDING, RESULT, Layout, dataset
-from .metadata import Contents, contents_of, create, extend
+from .metadata import Contents, contents_of, create, extend, remove_remains
 from .program import RUN
 
 _NAMED = 5
@@ -73,6 +73,7 @@ class SweepStore:
         settings are none of this.
         """
         path = Path(path)
+        remove_remains(path)
         if not path.exists():
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
         stored = contents_of(path)

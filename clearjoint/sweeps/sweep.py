@@ -15,7 +15,7 @@ import xarray as xr
 from ..bodies import State
 from ..coordinates import AbstractCoordinates
 from ..dynamics import AbstractStabilisation
-from ..fields import require
+from ..fields import require, require_count
 from ..joint_coordinates import JointCoordinates
 from ..lanes import Plan
 from ..pool import Common, Task
@@ -24,14 +24,15 @@ from ..reductions import AbstractReduction
 from ..results import result_numbers
 from ..scene import Scene
 from ..simulate import check_precision, check_values, make_formulation, make_method
+from ..spans import checked_times
 from ..steps import Method
 from ..vectors import structured
 from .axes import Axis, Lanes, lanes_of, touched
 from .describe import describe, number_notes, structure_note, versions
 from .execution import run_chunks
 from .identity import Identity, row_digests, run_digests
-from .layout import RESULT, Coordinate, Layout
-from .outputs import Saved, Section
+from .layout import RESULT, Coordinate, Layout, check_array_names
+from .outputs import Output, Saved, Section, check_outputs
 from .program import RUN
 from .program import programs as programs_of
 from .progress import lane_progress
@@ -40,7 +41,6 @@ from .store import SweepMemory, SweepStore
 from .task import Chunks, Results, Work, joined
 from .variables import variables_of
 
-Output = AbstractReduction | Saved | Section
 CHUNK = 256
 
 
@@ -100,7 +100,9 @@ def sweep(
     """
     check_precision(False)
     outputs = {} if outputs is None else outputs
-    _check_outputs(outputs, ledger)
+    _check_axes(axes)
+    check_outputs(outputs, scene, ledger)
+    require_count("max_steps", max_steps, "give a number of steps")
     settings = {
         "start_time": start_time,
         "rtol": rtol,
@@ -175,21 +177,12 @@ def _common(
     return Common(plan, form, np.asarray(start_time, dtype=float), capacity, channels, saved)
 
 
-def _check_outputs(outputs: Mapping[str, Output], ledger: bool) -> None:
-    for name, output in outputs.items():
-        require(
-            isinstance(output, Output),
-            f"outputs[{name!r}]",
-            output,
-            "a reduction, a Saved or a Section",
-            "subclass AbstractReduction, or pass one of clearjoint's",
-        )
-        needs = isinstance(output, AbstractReduction) and output.needs_ledger
-        require(
-            ledger or not needs, "ledger", ledger, f"True for outputs[{name!r}]", "pass ledger=True"
-        )
-    saves = [name for name, output in outputs.items() if isinstance(output, Saved)]
-    require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
+def _check_axes(axes: Mapping[str, Axis]) -> None:
+    remedy = 'pass for example {"clearance": cj.Axis(place, values)}'
+    check_array_names("axes", axes, remedy)
+    for name, axis in axes.items():
+        kind = type(axis).__name__
+        require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
 
 
 def _lane_notes(lanes: Lanes, axes: Mapping[str, Axis]) -> dict[str, str]:
@@ -244,15 +237,8 @@ def _save_times(
     rows = [saved.at(scene) for scene in scenes]
     counts = sorted({len(row) for row in rows})
     require(len(counts) == 1, "times", counts, "equally many in all lanes", "repeat the last one")
-    times = np.stack(rows)
-    require(
-        bool((times[:, 0] >= start_time).all()) and bool((times[:, -1] <= ends).all()),
-        "times",
-        [times.min(), times.max()],
-        "between start_time and end_time",
-        "leave out the times outside",
-    )
-    return times
+    spans = zip(rows, ends, strict=True)
+    return np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
 
 
 def _compute(
