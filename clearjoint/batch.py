@@ -1,14 +1,13 @@
 """Continuous batching, the host's part: who sits in the pool, and what was recorded.
 
 When the lanes that are left no longer fill the places of a device, the host takes the results of
-those that have ended, and waiting ones come into the pool. Where one lane has much more left than
-the others, they go on in a program with few places; what a lane computes does not depend on their
-number.
+those that have ended, and waiting ones come into the pool. However few lanes are left, they go on
+in the same program: one with fewer places, which is compiled anew, rounds otherwise.
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -28,12 +27,7 @@ from .pool import (
     harvest,
     replaced,
 )
-from .runtime import SlowRunNotice
-
-LONG = 10_000
-"""Attempts still to go from which on another program, of few places, is worth its compilation."""
-BALANCE = 0.7
-"""Share of the places that the work left must fill, if the longest lane advanced all the time."""
+from .runtime import SlowRunNotice, mesh_devices
 
 
 @dataclass(frozen=True)
@@ -54,9 +48,9 @@ class Batch:
     """
 
     def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
-        self._tasks, self._wide = tasks, extent
-        self._narrow = replace(extent, places=extent.few)
-        self._mesh = Mesh(np.array(devices), ("lanes",))
+        self._tasks, self._extent = tasks, extent
+        self._busy = len(devices)
+        self._mesh = Mesh(np.array(mesh_devices(devices)), ("lanes",))
         self._across = NamedSharding(self._mesh, ACROSS)
         everywhere = NamedSharding(self._mesh, PartitionSpec())
         self._common = jax.tree.map(
@@ -82,7 +76,7 @@ class Batch:
         the pool come to, by the share of their time that is done.
         """
         waiting = deque(lanes)
-        sitting = np.full(self._wide.pool * self._mesh.size, -1)
+        sitting = self.empty_pool()
         seats = None
         while waiting or (sitting >= 0).any():
             fresh = self._filled(sitting, waiting)
@@ -90,10 +84,14 @@ class Batch:
             seats, finished = self._advance_until_few(seats, sitting, bool(waiting), on_progress)
             self._take(seats, sitting, finished, on_ended)
 
+    def empty_pool(self) -> np.ndarray:
+        """The number of the lane in each seat of all devices: none."""
+        return np.full(self._extent.pool * self._mesh.size, -1)
+
     def _filled(self, sitting: np.ndarray, waiting: deque[int]) -> np.ndarray:
-        """Put waiting lanes into empty seats, in turn on each device; which seats they are."""
+        """Put waiting lanes into empty seats, in turn on each busy device; which seats they are."""
         fresh = np.zeros(sitting.size, bool)
-        for k in np.arange(sitting.size).reshape(self._mesh.size, -1).T.ravel():
+        for k in np.arange(sitting.size).reshape(self._mesh.size, -1)[: self._busy].T.ravel():
             if waiting and sitting[k] < 0:
                 sitting[k], fresh[k] = waiting.popleft(), True
         return fresh
@@ -117,28 +115,19 @@ class Batch:
         than it takes; in that, lanes that have ended stay as they are.
         """
         taken, notice = sitting >= 0, SlowRunNotice()
-        extent = following = self._narrow if taken.sum() <= self._narrow.places else self._wide
+        constants = self._common, self._extent, self._mesh
         report: Any
-        seats, *report = advance((self._common, extent, self._mesh), seats)
+        seats, *report = advance(constants, seats)
         few = False
         while not few:
-            seats, *next_report = advance((self._common, following, self._mesh), seats)
-            left = self._read(report, sitting, extent).reshape(self._mesh.size, -1)
+            seats, *next_report = advance(constants, seats)
+            left = self._read(report, sitting).reshape(self._mesh.size, -1)[: self._busy]
             on_progress(self._progress(report[0], sitting))
             notice.check()
-            report, extent = next_report, following
-            if extent is self._wide and self._is_uneven(left):
-                following = self._narrow
+            report = next_report
             lanes = (left > 0.0).sum(axis=1)
-            few = lanes.max() == 0 or (waiting and lanes.min() < self._wide.places)
-        return seats, taken & (self._read(report, sitting, extent) <= 0.0)
-
-    def _is_uneven(self, left: np.ndarray) -> bool:
-        """Whether a lane has so much more left than the others that few places get it done sooner:
-        a turn of a lane is cheaper with many beside it, a turn of all with few."""
-        longest = left.max(axis=1)
-        fills = left.sum(axis=1) >= BALANCE * self._wide.places * longest
-        return bool(longest.max() > LONG) and not bool(fills[longest.argmax()])
+            few = lanes.max() == 0 or (waiting and lanes.min() < self._extent.places)
+        return seats, taken & (self._read(report, sitting) <= 0.0)
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
         """Lanes' worth of simulated time in the pool."""
@@ -147,11 +136,11 @@ class Batch:
         share = np.where(np.asarray(status.left) > 0.0, share, 1.0)
         return float(share[sitting >= 0].sum())
 
-    def _read(self, report: Any, sitting: np.ndarray, extent: Extent) -> np.ndarray:
+    def _read(self, report: Any, sitting: np.ndarray) -> np.ndarray:
         """Add what was recorded to the logs, and count the turns; the attempts each lane may still
         need."""
         status, pages = report
-        self.turns += int(np.asarray(status.turns).sum()) * extent.places
+        self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
         for name, counts in pages.counts.items():
             counts = np.asarray(counts)
             if not counts.any():
@@ -159,7 +148,7 @@ class Batch:
             rows, seats = np.asarray(pages.rows[name]), np.asarray(pages.seats)
             slices = counts.shape[0] // self._mesh.size
             for number, place in np.argwhere(counts):
-                seat = seats[number, place] + number // slices * self._wide.pool
+                seat = seats[number, place] + number // slices * self._extent.pool
                 log = self._logs.setdefault((name, int(sitting[seat])), [])
                 log.append(rows[number, place, : counts[number, place]])
         return np.asarray(status.left)

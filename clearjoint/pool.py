@@ -7,7 +7,9 @@ of a pool end at about the same time.
 
 Each device has a pool and places of its own and the same program; devices never speak to each
 other, and a turn is elementwise in the lanes. So a lane's numbers depend neither on how many
-devices there are nor on who runs beside it.
+devices there are nor on who runs beside it, or whether anyone does. But a program for one device
+alone is compiled by other passes and rounds otherwise, so that a lonely CPU device has an idle one
+beside it (`clearjoint.runtime`).
 """
 
 from collections.abc import Callable
@@ -34,15 +36,13 @@ UNKNOWN_SHARE = 0.02
 class Extent(eqx.Module):
     """How the lanes share a device.
 
-    - `pool`: lanes that have begun; `places`: lanes that advance in a slice, or `few` where that
-      ends sooner.
+    - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
     - `turns`: of a slice, unless all lanes have ended or wait before; `slices`: before the host
       looks again.
     """
 
     pool: int = eqx.field(static=True)
     places: int = eqx.field(static=True)
-    few: int = eqx.field(static=True)
     turns: int = eqx.field(default=256, static=True)
     slices: int = eqx.field(default=8, static=True)
 

@@ -11,6 +11,7 @@ function.
 import os
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,9 @@ _BACKEND_OPTIONS = (
 )
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
 _EXTRA = "--xla_backend_extra_options="
+LEAST_DEVICES = 2
+"""CPU devices that JAX shows at least. XLA compiles what runs on one device by other passes than
+what runs on several, and the last bits of results then depend on the number of devices."""
 SLOW_AFTER = 10.0
 """Seconds of stepping after which a run says what settings are missing."""
 
@@ -33,6 +37,8 @@ _SHARED = (
     "jax_persistent_cache_min_compile_time_secs",
 )
 _said = False
+_idle = 0
+"""How many of the devices that JAX shows are there for its programs only, and compute nothing."""
 
 
 def default_cache() -> Path:
@@ -66,7 +72,7 @@ def settings(devices: int | None = None, cache: str | os.PathLike | None = None)
     return {
         "JAX_ENABLE_X64": "1",
         "XLA_FLAGS": xla_flags(os.environ.get("XLA_FLAGS", "")),
-        "JAX_NUM_CPU_DEVICES": str(os.cpu_count() or 1 if devices is None else devices),
+        "JAX_NUM_CPU_DEVICES": str(max(devices or os.cpu_count() or 1, LEAST_DEVICES)),
         "JAX_COMPILATION_CACHE_DIR": str(cache or default_cache()),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
     }
@@ -79,51 +85,92 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
 
     **Arguments:**
 
-    - `devices`: CPU devices that JAX shows; one a core unless given.
+    - `devices`: CPU devices that share the lanes of sweeps; one a core, and two at least, unless
+      given. JAX shows so many, and two if it is one, the second of which stays idle.
     - `cache`: folder of the persistent compilation cache; `default_cache()` unless given.
 
     **Raises:** `RuntimeError` if JAX has already started.
     """
+    global _idle
     if devices is not None:
         require_count("devices", devices, "give a number of CPU devices, or None")
     variables = settings(devices, cache)
-    devices = int(variables["JAX_NUM_CPU_DEVICES"])
+    shown = int(variables["JAX_NUM_CPU_DEVICES"])
     late = os.environ.get("XLA_FLAGS") != variables["XLA_FLAGS"]
-    if late or jax.config.jax_num_cpu_devices != devices:  # pyright: ignore
+    if late or jax.config.jax_num_cpu_devices != shown:  # pyright: ignore
         if _started():
             raise RuntimeError(
                 "configure() must be called before JAX computes anything: move the call to the top "
                 "of the program, or set the variables that `python -m clearjoint` prints."
             )
-        jax.config.update("jax_num_cpu_devices", devices)
+        jax.config.update("jax_num_cpu_devices", shown)
+    _idle = shown - (devices or shown)
     os.environ["XLA_FLAGS"] = variables["XLA_FLAGS"]
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
+def busy_devices() -> list[Any]:
+    """The devices that share the lanes of sweeps, unless others are named."""
+    devices = jax.devices()
+    return devices if devices[0].platform != "cpu" else devices[: len(devices) - _idle]
+
+
+def mesh_devices(busy: Sequence[Any]) -> list[Any]:
+    """The devices that a program is compiled for: those that compute, and beside one CPU device
+    alone an idle one, if JAX shows one."""
+    others = [d for d in jax.local_devices(backend=busy[0].platform) if d not in busy]
+    needed = LEAST_DEVICES - len(busy) if busy[0].platform == "cpu" else 0
+    return [*busy, *others[: max(needed, 0)]]
+
+
+def program_kind(busy: Sequence[Any]) -> str:
+    """What the bits of results depend on beside all settings: the kind of device, and whether a
+    program is compiled for one or for several."""
+    number = "several" if len(mesh_devices(busy)) >= LEAST_DEVICES else "one"
+    return f"{busy[0].platform}, as for {number}"
+
+
 def in_force() -> dict[str, Any]:
     """The settings of this process that its results and its speed depend on, for `adopt`."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
-    return {"XLA_FLAGS": os.environ.get("XLA_FLAGS", ""), **shared}
+    flags = os.environ.get("XLA_FLAGS", "")
+    return {"XLA_FLAGS": flags, **shared, "lonely": _lonely()}
 
 
 def adopt(values: dict[str, Any]) -> None:
     """Set what is in force in another process, unless JAX has already started in this one.
 
-    **Raises:** `RuntimeError` if JAX has started with floats of other length.
+    **Raises:** `RuntimeError` if JAX has started with floats of other length, or on one CPU device
+    only where the other process has several.
     """
+    global _idle
     if not _started():
         os.environ["XLA_FLAGS"] = values["XLA_FLAGS"]
         for name in _SHARED:
             jax.config.update(name, values[name])
+        if not values["lonely"] and jax.config.jax_num_cpu_devices < LEAST_DEVICES:  # pyright: ignore
+            jax.config.update("jax_num_cpu_devices", LEAST_DEVICES)
+            _idle = 1
     elif jax.config.jax_enable_x64 != values["jax_enable_x64"]:  # pyright: ignore
-        raise RuntimeError(
-            "JAX has already started in this worker process with `jax_enable_x64` "
-            f"{jax.config.jax_enable_x64}, but the sweep needs {values['jax_enable_x64']}: "  # pyright: ignore
-            "take fresh workers, or start these with the variables that `python -m clearjoint` "
-            "prints."
-        )
+        _refuse("jax_enable_x64", jax.config.jax_enable_x64, values["jax_enable_x64"])  # pyright: ignore
+    elif _lonely() and not values["lonely"]:
+        _refuse("jax_num_cpu_devices", 1, f"{LEAST_DEVICES} or more")
+
+
+def _lonely() -> bool:
+    """Whether this process computes on one CPU device and JAX shows no other."""
+    busy = busy_devices()
+    return busy[0].platform == "cpu" and len(mesh_devices(busy)) < LEAST_DEVICES
+
+
+def _refuse(setting: str, present: Any, needed: Any) -> None:
+    raise RuntimeError(
+        f"JAX has already started in this worker process with `{setting}` {present}, but the sweep "
+        f"needs {needed}: take fresh workers, or start these with the variables that "
+        "`python -m clearjoint` prints."
+    )
 
 
 def _started() -> bool:

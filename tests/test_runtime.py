@@ -113,7 +113,7 @@ def test_module_prints_exports_that_a_shell_understands(printed):
     assert dict(zip(sorted(SETTINGS), printed.stdout.split("\n"), strict=False)) == {
         "JAX_ENABLE_X64": "1",
         "XLA_FLAGS": runtime.xla_flags("--xla_dump_to=/tmp/x"),
-        "JAX_NUM_CPU_DEVICES": str(os.cpu_count()),
+        "JAX_NUM_CPU_DEVICES": str(max(os.cpu_count() or 1, runtime.LEAST_DEVICES)),
         "JAX_COMPILATION_CACHE_DIR": "/tmp/a cache",
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
     }
@@ -146,6 +146,22 @@ def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses()
     assert cache == "/tmp/clearjoint-test"
     assert flags == runtime.xla_flags()
     assert "before JAX computes" in refusal and "python -m clearjoint" in refusal
+
+
+ALONE = """
+import clearjoint, jax
+from clearjoint.runtime import busy_devices, mesh_devices, program_kind
+clearjoint.configure(devices=1)
+print(len(jax.devices()), len(busy_devices()), len(mesh_devices(busy_devices())))
+print(program_kind(busy_devices()))
+"""
+
+
+def test_one_device_has_an_idle_one_beside_it():
+    """So that its program is that of several."""
+    assert python(ALONE) == ["2 1 2", "cpu, as for several"]
+    said = python(ALONE.replace("clearjoint.configure(devices=1)", ""))
+    assert said == ["1 1 1", "cpu, as for one"]
 
 
 TOO_LATE = """

@@ -11,7 +11,6 @@ from clearjoint.identification.side_by_side import SideBySide
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
 TIMES = np.linspace(0.1, 20.0, 200)
 LANES = 12
-"""More than fill the program for few, so that all tests share one."""
 FAR = {"stiffness": 20.0}
 CHANNEL = cj.quantities.Position("mass", "x")
 PARAMETERS = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}

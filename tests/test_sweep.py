@@ -48,6 +48,18 @@ def grid():
     )
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_neither_devices_nor_the_number_of_lanes_change_a_bit(grid, count):
+    """Of fifteen lanes on one device, four alone, on one and on two."""
+    kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
+    axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
+    devices = jax.devices()[:count]
+    found = cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, ledger=True, devices=devices)
+    expected = grid.sel(kept)
+    for name in found.data_vars:
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+
+
 @pytest.fixture(scope="module")
 def pairs(grid):
     """Each lane and the single run with its settings."""

@@ -21,6 +21,7 @@ from fake_sweep import complete, layout, results
 
 import clearjoint as cj
 from clearjoint.fields import quantity
+from clearjoint.runtime import busy_devices, program_kind
 from clearjoint.sweeps.execution import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
 from clearjoint.sweeps.progress import lane_progress
@@ -78,7 +79,8 @@ def settings(chunk):
     """What is in force where it runs, and the process."""
     folder = jax.config.jax_compilation_cache_dir
     words = np.array([str(jax.numpy.zeros(1).dtype), os.environ["XLA_FLAGS"], folder])
-    return {"words": words, "pid": np.array(os.getpid())}
+    kind = np.array(program_kind(busy_devices()))
+    return {"words": words, "pid": np.array(os.getpid()), "program": kind}
 
 
 def get_the_settings_of_this_one(executor) -> None:
@@ -87,6 +89,7 @@ def get_the_settings_of_this_one(executor) -> None:
     here = ["float64", os.environ["XLA_FLAGS"], jax.config.jax_compilation_cache_dir]
     assert found[0]["words"].tolist() == here
     assert found[0]["pid"] != os.getpid()
+    assert found[0]["program"] == program_kind(busy_devices()) == "cpu, as for several"
 
 
 def test_processes_get_the_settings_of_this_one(processes):
@@ -331,16 +334,21 @@ here = in_force()
 jax.numpy.zeros(1)
 adopt(here | {"XLA_FLAGS": "--something"})
 assert in_force() == here
-try:
-    adopt(here | {"jax_enable_x64": True})
-except RuntimeError as error:
-    print(error)
+for needed in ({"jax_enable_x64": True}, {"lonely": False}):
+    try:
+        adopt(here | needed)
+    except RuntimeError as error:
+        print(error)
 """
 
 
 def test_worker_where_jax_runs_with_other_floats_is_refused():
     """Other settings than those that decide the numbers are left as they are."""
-    kept = {name: value for name, value in os.environ.items() if "XLA" not in name}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not {"XLA", "JAX"} & set(name.split("_"))
+    }
     done = subprocess.run(
         [sys.executable, "-c", STARTED_OTHERWISE],
         env=kept,
@@ -349,7 +357,9 @@ def test_worker_where_jax_runs_with_other_floats_is_refused():
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "jax_enable_x64" in done.stdout and "fresh workers" in done.stdout
+    floats, devices = done.stdout.splitlines()
+    assert "jax_enable_x64" in floats and "fresh workers" in floats
+    assert "jax_num_cpu_devices" in devices and "fresh workers" in devices
 
 
 def test_progress_counts_lanes_and_tells_the_time_left():

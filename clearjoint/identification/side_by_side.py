@@ -16,6 +16,7 @@ import numpy as np
 from ..batch import Batch, Ended
 from ..lanes import Plan
 from ..pool import Common, Task
+from ..runtime import busy_devices
 from ..sweeps.task import extent
 from ..vectors import structured
 from .residuals import UNREACHED, Experiment, Samples
@@ -72,7 +73,7 @@ class SideBySide:
             if len(waiting) == TOGETHER:
                 take()
 
-        devices = jax.devices()
+        devices = busy_devices()
         batch = Batch(self._common, self._tasks(coordinates, count), devices, extent(devices))
         batch.run(range(len(coordinates)), on_ended)
         if waiting:

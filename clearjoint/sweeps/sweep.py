@@ -22,6 +22,7 @@ from ..pool import Common, Task
 from ..records import require_dense
 from ..reductions import AbstractReduction
 from ..results import result_numbers
+from ..runtime import busy_devices, program_kind
 from ..scene import Scene
 from ..simulate import check_precision, check_values, make_formulation, make_method
 from ..spans import checked_times
@@ -110,6 +111,7 @@ def sweep(
         "landing_tolerance": landing_tolerance,
         "ledger": ledger,
         "max_steps": max_steps,
+        "program": program_kind(busy_devices() if devices is None else devices),
     }
     notes = {
         "end_time": end_time,

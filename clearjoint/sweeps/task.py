@@ -4,16 +4,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 import numpy as np
 
 from ..batch import Batch, Ended
 from ..pool import Common, Extent, Task
 from ..results import RESULTS, result_number
+from ..runtime import busy_devices
 from .layout import RESULT, Variable
 
-ON_CPU = Extent(pool=256, places=64, few=8)
-ON_ACCELERATOR = Extent(pool=8192, places=8192, few=512)
+ON_CPU = Extent(pool=256, places=64)
+ON_ACCELERATOR = Extent(pool=8192, places=8192)
 FINAL = {
     "position": ("component", "m"),
     "orientation": ("parameter", "1"),
@@ -55,7 +55,8 @@ class Work:
         for lane in lanes:
             if lane in self.bad:
                 on_ended(lane, self._refused(lane))
-        batch = Batch(self.common, self.tasks, devices or jax.devices(), extent(devices))
+        devices = busy_devices() if devices is None else devices
+        batch = Batch(self.common, self.tasks, devices, extent(devices))
         batch.run(
             [lane for lane in lanes if lane not in self.bad],
             lambda ended: on_ended(ended.lane, self._results(ended)),
@@ -113,7 +114,7 @@ class Chunks:
 
 def extent(devices: Sequence[Any] | None = None) -> Extent:
     """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
-    return ON_CPU if (devices or jax.devices())[0].platform == "cpu" else ON_ACCELERATOR
+    return ON_CPU if (devices or busy_devices())[0].platform == "cpu" else ON_ACCELERATOR
 
 
 def variable_name(output: str, key: str) -> str:

@@ -10,7 +10,7 @@ LANES, SPAN = (64, 256, 1024, 4096), 0.5
 """Lanes, and simulated time of each, s."""
 RODS = (1, 2, 4, 8, 16)
 WARM = 256
-"""Lanes of the sweep before, at most: enough for both programs, of many places and of few."""
+"""Lanes of the sweep before, at most."""
 QUICK_LANES, QUICK_SPAN, QUICK_RODS = (16,), 0.01, (1,)
 
 
