@@ -15,7 +15,7 @@ from .bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
 from .cautions import LeftBearingWarning, caution, quiet
 from .dynamics import Formulation, Unstabilised, evaluate_smooth
 from .fields import caution_unless, require
-from .joints.base import AbstractConstraint
+from .joints.base import AbstractConstraint, AbstractContactJoint
 from .rotations import rotation_matrix
 from .scene import Scene
 from .vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
@@ -24,6 +24,8 @@ OUTSIDE = 1e-6
 """Penetration beyond which `assemble` puts a journal into the middle of its bearing, m."""
 FAR_OUTSIDE = 1e-2
 """Penetration at the start, over the deepest that makes sense, beyond which one is warned."""
+
+HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 
 Depths = dict[str, dict[str, float]]
 """Penetrations by joint and contact, m; negative inside."""
@@ -121,20 +123,31 @@ def warn_of_journals_outside(
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     found: dict[str, tuple[float, float]] = {}
     for times, states in (*kept, last):
-        motions = {name: _motions(body) for name, body in states.bodies.items()}
-        for name, joint in joints.items():
-            excess = joint.slid_out({GROUND: GROUND_MOTION, **motions})
-            if excess is not None and (excess > 0.0).any():
+        for name, excess in slid_out(joints, states.bodies).items():
+            if (excess > 0.0).any():
                 first = int(np.argmax(excess > 0.0))
                 seen = float(times[first]), float(excess[first])
                 found[name] = min(seen, found.get(name, seen))
     for name, (when, excess) in found.items():
         caution(
             f"The journal of joint {name!r} has slid out of its bearing, which nothing hinders: at "
-            f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. Give "
-            "the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints.",
+            f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. "
+            f"{HOLD_IT}",
             LeftBearingWarning,
         )
+
+
+def slid_out(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, np.ndarray]:
+    """How far the journals of joints that don't hold them are beyond their bearings, (N,) m.
+
+    **Arguments:** joints in scalar form, of numpy numbers or arrays (N,); states of the bodies with
+    the N in front.
+    """
+    motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
+    excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
+    return {name: np.asarray(excess) for name, excess in excesses.items() if excess is not None}
 
 
 def _motions(body: BodyState) -> Motion:

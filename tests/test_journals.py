@@ -2,14 +2,16 @@
 
 import warnings
 
+import jax
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from clearjoint.fields import as_number
-from clearjoint.journals import depths, warn_of_journals_outside
+from clearjoint.journals import depths, slid_out, warn_of_journals_outside
 from clearjoint.running import segment_compiled
 from clearjoint.simulate import check_structure
+from clearjoint.sweeps.axes import lanes_of
 
 CLEARANCE, HALF = 0.5e-3, 0.25
 ROD = cj.Body(1.0, (1e-3, 2e-2, 2e-2))
@@ -160,3 +162,21 @@ def test_a_journal_in_its_bearing_is_not_warned_of():
 def test_a_journal_that_is_held_does_not_leave(axial):
     joint = rocker(axial=axial).joints["pin"]
     assert joint.slid_out({}) is None
+
+
+def test_lanes_of_other_lengths_and_points_have_their_own_ends():
+    """The rod's end at z = -0.04, less what the lane moves the bearing by, in journals of 20 mm."""
+    scene, state = sliding()
+    axes = {"point": cj.Axis(lambda s: s.joints["pin"].bearing_point[2], [0.0, -0.03])}
+    lanes = lanes_of(scene, state, axes, {"point": axes["point"].values})
+    final = cj.BodyState(*(np.asarray(part)[None] for part in jax.tree.leaves(start(z=-0.04))))
+    excess = slid_out(lanes.contact_joints(), {"rod": final})
+    np.testing.assert_allclose(excess["pin"], [0.02, -0.01], atol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_sweep_tells_in_how_many_lanes_a_journal_has_left_its_bearing():
+    """In 0.1 s it slides 40 mm: beyond journals of 20 and 30 mm, and not of 50."""
+    lengths = cj.Axis(lambda s: s.joints["pin"].journal_length, [0.02, 0.03, 0.05])
+    with pytest.warns(cj.LeftBearingWarning, match=r"In 2 of 3 lanes .*'pin'.* up to 0.02 m"):
+        cj.sweep(*sliding(), 0.1, axes={"length": lengths}, outputs={})
