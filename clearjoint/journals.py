@@ -1,26 +1,31 @@
-"""Where journals are in their bearings at the start of a run, and what puts them there."""
+"""Where journals are in their bearings: at the start of a run, what puts them there, and at its
+end."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .absolute import AbsoluteCoordinates
-from .bodies import BodyState, State
-from .cautions import quiet
+from .bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
+from .cautions import LeftBearingWarning, caution, quiet
 from .dynamics import Formulation, Unstabilised, evaluate_smooth
 from .fields import caution_unless, require
-from .joints.base import AbstractConstraint
+from .joints.base import AbstractConstraint, AbstractContactJoint
+from .rotations import rotation_matrix
 from .scene import Scene
-from .vectors import ZERO, Scalar, pack, unpack
+from .vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
 
 OUTSIDE = 1e-6
 """Penetration beyond which `assemble` puts a journal into the middle of its bearing, m."""
 FAR_OUTSIDE = 1e-2
 """Penetration at the start, over the deepest that makes sense, beyond which one is warned."""
+
+HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 
 Depths = dict[str, dict[str, float]]
 """Penetrations by joint and contact, m; negative inside."""
@@ -104,6 +109,53 @@ def require_in_bearings(scene: Scene, state: State) -> None:
             f"at most {FAR_OUTSIDE * limit:g} m",
             "call assemble(scene, state), which puts the journal into its bearing",
         )
+
+
+def warn_of_journals_outside(
+    scene: Scene, time: Any, final: State, kept: Iterable[tuple[Any, State]]
+) -> None:
+    """Warn of journals that have slid out of their bearings, and when that is first seen.
+
+    **Arguments:** `time` s and `final`: where a run ended, and the state there. `kept`: times (N,)
+    s and the states there, with the times in front.
+    """
+    last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
+    joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
+    found: dict[str, tuple[float, float]] = {}
+    for times, states in (*kept, last):
+        for name, excess in slid_out(joints, states.bodies).items():
+            if (excess > 0.0).any():
+                first = int(np.argmax(excess > 0.0))
+                seen = float(times[first]), float(excess[first])
+                found[name] = min(seen, found.get(name, seen))
+    for name, (when, excess) in found.items():
+        caution(
+            f"The journal of joint {name!r} has slid out of its bearing, which nothing hinders: at "
+            f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. "
+            f"{HOLD_IT}",
+            LeftBearingWarning,
+        )
+
+
+def slid_out(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, np.ndarray]:
+    """How far the journals of joints that don't hold them are beyond their bearings, (N,) m.
+
+    **Arguments:** joints in scalar form, of numpy numbers or arrays (N,); states of the bodies with
+    the N in front.
+    """
+    motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
+    excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
+    return {name: np.asarray(excess) for name, excess in excesses.items() if excess is not None}
+
+
+def _motions(body: BodyState) -> Motion:
+    """A body's motion at several times at once, in numpy, so that nothing is compiled for it."""
+    parts = (body.position, body.orientation, body.velocity, body.spin)
+    columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
+    position, velocity, spin = (Vector(*columns[k]) for k in (0, 2, 3))
+    return Motion(position, rotation_matrix(EulerParameters(*columns[1])), velocity, spin)
 
 
 def _numbers(tree: Any) -> Any:

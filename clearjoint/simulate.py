@@ -16,7 +16,7 @@ from .fields import concrete, recheck, require, require_count, require_positive
 from .impact_table import ImpactCollector
 from .impacts import Landing
 from .joint_coordinates import JointCoordinates
-from .journals import require_in_bearings
+from .journals import require_in_bearings, warn_of_journals_outside
 from .loops import loops_for
 from .results import RESULTS
 from .running import HostLoop, OnePiece
@@ -103,6 +103,10 @@ def simulate(
 
     **Returns:** a `Solution`.
 
+    **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
+    bearing in a state that the run keeps, and when; `UnusualValueWarning` for a start far in the
+    wall of a bearing.
+
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError`, which carries the
     solution so far, for a run that fails.
     """
@@ -140,6 +144,8 @@ def simulate(
     host = HostLoop(form, method, _array(end_time), names)
     collector = ImpactCollector(form, formulation) if record_impacts else None
     solution = host.solution(now, save_at, max_steps, collector, record_steps, progress)
+    kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
+    warn_of_journals_outside(scene, solution.time, solution.final, kept)
     if throw and solution.result != RESULTS.successful:
         raise SimulationError(
             f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",

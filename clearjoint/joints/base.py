@@ -240,6 +240,12 @@ class AbstractContactJoint(AbstractElement):
         run ends there. None by default."""
         return {}
 
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """How far the second body has slid beyond the end of its room, m, negative inside; ``None``
+        where something stops it, and by default. A run warns of it."""
+        del motions
+        return None
+
     def centred(self) -> AbstractConstraint | None:
         """The ideal joint that holds the second body in the middle of its room; ``None``, the
         default, where there is no middle. `assemble` takes it for a body that is outside."""

@@ -248,6 +248,18 @@ class ClearanceJoint(AbstractContactJoint):
         axes = self.bearing_axis, self.journal_axis
         return turning_about_axes(self.pair(), bearing, journal, *axes)
 
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """How far an axially free journal is beyond a bearing as long as itself."""
+        if not self._is_free():
+            return None
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        height = self._offset(bearing, journal).dot(bearing.direction(unit(self.bearing_axis)))
+        return abs(height) - self.journal_length
+
+    def _is_free(self) -> bool:
+        """Whether nothing holds the journal along the axis."""
+        return not self.axial.holds_centre and self.axial.shoulder_law() is None
+
     def centred(self) -> AbstractConstraint:
         """A revolute joint, or a cylindrical one if the journal is axially free."""
         return self._ideal(self.bearing_point)
@@ -264,8 +276,7 @@ class ClearanceJoint(AbstractContactJoint):
 
     def _ideal(self, centre: Any) -> AbstractConstraint:
         """An ideal joint about a centre in the bearing's body, m."""
-        is_free = not self.axial.holds_centre and self.axial.shoulder_law() is None
-        kind = CylindricalJoint if is_free else RevoluteJoint
+        kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:

@@ -12,6 +12,7 @@ from ..coordinates import AbstractCoordinates
 from ..dynamics import Formulation
 from ..fields import concrete, recheck, require, require_positive, require_range
 from ..joint_coordinates import JointCoordinates
+from ..journals import warn_of_journals_outside
 from ..readable import AbstractReadable
 from ..results import RESULTS
 from ..scene import Scene
@@ -131,6 +132,9 @@ def simulate_nonsmooth(
         structured(scene), formulation, state, stops, jnp.asarray(step, dtype=float), chosen
     )
     solution = _solution(run, stops, save_at, formulation, names, traced)
+    if not traced:
+        kept = [] if solution.saved is None else [(solution.saved.times, solution.saved.states)]
+        warn_of_journals_outside(scene, solution.time, solution.final, kept)
     if throw and not traced and solution.result != RESULTS.successful:
         raise SimulationError(
             f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",

@@ -12,9 +12,11 @@ from ..assembly import check_names
 from ..bodies import State
 from ..cautions import quiet
 from ..fields import as_number, recheck_changes, require, require_finite
+from ..joints.base import AbstractContactJoint
 from ..parameters import Place
 from ..scene import Scene
 from ..variations import AbstractVariation, Change, MadeByFunction, SceneNumber, StateNumber
+from ..vectors import Vector, unpack
 from .describe import describe
 
 
@@ -87,6 +89,18 @@ class Lanes:
     scenes: Any
     states: Any
     bad: dict[int, str]
+
+    def contact_joints(self) -> dict[str, AbstractContactJoint]:
+        """The joints with contacts, in scalar form; numbers that vary have the lanes' values."""
+
+        def scalar(base: Any, all_of: Any) -> Any:
+            if all_of is None:
+                return None if base is None else unpack(np.asarray(base))
+            return Vector(*all_of.T) if all_of.shape[1:] == (3,) else all_of
+
+        names = self.scene.contact_joints()
+        scenes = {name: self.scenes.joints[name] for name in names}
+        return jax.tree.map(scalar, names, scenes, is_leaf=lambda node: node is None)
 
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""

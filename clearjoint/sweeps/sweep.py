@@ -12,11 +12,13 @@ import jax
 import numpy as np
 import xarray as xr
 
-from ..bodies import State
+from ..bodies import BodyState, State
+from ..cautions import LeftBearingWarning, caution
 from ..coordinates import AbstractCoordinates
 from ..dynamics import AbstractStabilisation
 from ..fields import require, require_count
 from ..joint_coordinates import JointCoordinates
+from ..journals import HOLD_IT, slid_out
 from ..lanes import Plan
 from ..pool import Common, Task
 from ..records import require_dense
@@ -151,6 +153,7 @@ def sweep(
     _compute(work, store, executor, devices, progress)
     results = store.dataset()
     _report_failures(results, lanes)
+    _report_journals_outside(results, lanes)
     return results
 
 
@@ -293,3 +296,21 @@ def _report_failures(results: xr.Dataset, lanes: Lanes) -> None:
             f"{counts.total()} of {results[RESULT].size} lanes failed: {failed}.{example}",
             stacklevel=3,
         )
+
+
+def _report_journals_outside(results: xr.Dataset, lanes: Lanes) -> None:
+    """Warn of journals that are outside their bearings at the end of a lane."""
+    parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
+    columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
+    bodies = {
+        str(name): BodyState(*(column[:, k] for column in columns))
+        for k, name in enumerate(results["body"].values)
+    }
+    for name, excess in slid_out(lanes.contact_joints(), bodies).items():
+        count = int(np.count_nonzero(excess > 0.0))
+        if count:
+            caution(
+                f"In {count} of {excess.size} lanes the journal of joint {name!r} has slid out of "
+                f"its bearing at the end, by up to {np.nanmax(excess):.3g} m. {HOLD_IT}",
+                LeftBearingWarning,
+            )
