@@ -133,6 +133,7 @@ FLOORS = (
         "identification.multiple_shooting",
         "identification.minimise",
         "plot.style",
+        "plot.observed",
         "plot.motion",
         "plot.cycle",
         "plot.forces",
