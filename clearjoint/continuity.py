@@ -40,7 +40,5 @@ def jumps(function: Callable[[Any], Any], left: Any, right: Any) -> tuple[Any, A
     scale = jnp.maximum(jnp.abs(start[2]), jnp.abs(start[3]))
     sizes = jnp.where(jnp.abs(high - low) > ROUNDING * scale, high - low, 0.0)
     largest = jnp.argmax(jnp.abs(sizes), axis=0)[None]
-    return (
-        jnp.take_along_axis(sizes, largest, axis=0)[0],
-        jnp.take_along_axis(places, largest, axis=0)[0],
-    )
+    found = [jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, places)]
+    return found[0], found[1]

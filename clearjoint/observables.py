@@ -33,7 +33,8 @@ class ContactObservation(eqx.Module):
     """One contact over time; arrays with the times in front.
 
     - `penetration` m and `penetration_rate` m/s (eqs 13 and 21); `eccentricity` m (eq. 11; ``None``
-      for a shoulder).
+      for a shoulder), and `offset`, (N, 3) m, the base's centre in the bearing's own frame, which
+      moves with it: across its axis and along it (``None`` likewise).
     - `normal_force` N; `friction_force` (N, 3) on the journal, global, N, or ``None``.
     - `normal`: (N, 3) from bearing axis to contact; `point_on_bearing`, `point_on_journal`: (N, 3)
       global, m.
@@ -42,6 +43,7 @@ class ContactObservation(eqx.Module):
     penetration: Any
     penetration_rate: Any
     eccentricity: Any | None
+    offset: Any | None
     normal_force: Any
     friction_force: Any | None
     normal: Any
@@ -175,13 +177,15 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         observed[name] = {}
         for label, force in family.items():
             gap = force.contact.gap
-            eccentricity = None
+            eccentricity = offset = None
             if isinstance(joint, ClearanceJoint) and label in BASES:
                 eccentricity = gap.depth + joint.clearance
+                offset = pack(joint.journal_offset(dynamics.motions, label))
             observed[name][label] = ContactObservation(
                 gap.depth,
                 gap.rate,
                 eccentricity,
+                offset,
                 force.normal_force,
                 None if force.friction is None else pack(force.friction),
                 pack(force.contact.normal),

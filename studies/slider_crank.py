@@ -149,7 +149,7 @@ def orbit(settings: Settings, clearance: Run) -> Figure:
     """The journal's orbit in the bearing, whose axes stay parallel to the global ones."""
     figure = Figure(figsize=(4.8, 5.0), layout="constrained")
     axes = figure.subplots()
-    plot.orbit_in_contact(clearance.shown, PIN, "V", settings.clearance, axes=axes)
+    plot.orbit_in_contact(clearance.shown, PIN, "V", settings.clearance, section=plot.XY, axes=axes)
     return figure
 
 
@@ -161,7 +161,7 @@ def poincare(settings: Settings, clearance: Run) -> Figure:
     acceleration = clearance.strobe.accelerations["slider"].linear[:, 0] * 1e-3
     labels = ("slider velocity, m/s", "slider acceleration, km/s²")
     plot.poincare_map(velocity, acceleration, labels, axes=left)
-    journal = plot.eccentricity_vectors(clearance.strobe, PIN, "V") * 1e3
+    journal = plot.eccentricity_vectors(clearance.strobe, PIN, "V", plot.XY) * 1e3
     labels = ("eccentricity along X, mm", "eccentricity along Y, mm")
     plot.poincare_map(*journal.T, labels, axes=right)
     plot.clearance_circle(right, settings.clearance)

@@ -227,7 +227,7 @@ def orbits(revolutions: int) -> Figure:
     for (clearance, speed), axes in zip(ORBITS, figure.subplots(1, 3), strict=True):
         settings = Settings(clearance, RESTITUTION, speed)
         shown = simulate(settings, clearance, revolutions).shown
-        plot.orbit_in_contact(shown, PIN, "V", clearance, axes=axes)
+        plot.orbit_in_contact(shown, PIN, "V", clearance, section=plot.XY, axes=axes)
         axes.get_legend().remove()
         axes.set_title(f"{clearance * 1e6:g} µm, {speed:g} 1/min", fontsize="medium")
     handles = figure.axes[0].get_legend_handles_labels()

@@ -144,6 +144,7 @@ FLOORS = (
         "identification.multiple_shooting",
         "identification.minimise",
         "plot.style",
+        "plot.observed",
         "plot.motion",
         "plot.cycle",
         "plot.forces",

@@ -67,7 +67,45 @@ def test_against_has_units_points_and_crosses():
     assert np.isnan(y[2]) and np.isfinite(np.delete(y, 2)).all()
     assert x[0] == pytest.approx(0.05) and y[0] == pytest.approx(5e3 * 5e-5**0.4 * 1.4)
     assert crosses.get_xdata() == pytest.approx(CLEARANCES[[2]] * 1e3)
-    assert legend(axes) == ["failed or pending: 1"]
+    assert legend(axes) == ["peak force, restitution 0.4", "failed or pending: 1"]
+    assert crosses.get_color() == points.get_color()
+
+
+def test_four_on_one_axes_differ_in_colour_and_text():
+    data, axes = dataset().drop_sel(clearance=CLEARANCES[[2, 5]]), None
+    for restitution in RESTITUTIONS[:4]:
+        axes = plot.against(data.sel(restitution=restitution), "peak_force", axes=axes)
+    assert len({line.get_color() for line in axes.get_lines()}) == 4
+    expected = [f"peak force, restitution {r:.4g}" for r in RESTITUTIONS[:4]]
+    assert legend(axes) == expected
+    assert labels(axes) == ("clearance, mm", "peak force, N")
+    plot.against(data.isel(restitution=4), "peak_force", label="last", colour="k", axes=axes)
+    assert legend(axes)[-1] == "last" and axes.get_lines()[-1].get_color() == "k"
+
+
+def test_what_is_added_keeps_the_units_that_are_drawn():
+    data = failing()
+    data["mean_force"] = (1e4 * data["peak_force"]).assign_attrs(units="N")
+    data["energy"] = data["peak_force"].assign_attrs(units="J")
+    axes = plot.against(data, "peak_force")
+    plot.against(data, "mean_force", axes=axes)
+    assert labels(axes) == ("clearance, mm", "peak force, mean force, N")
+    drawn = [line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "o"]
+    assert drawn[1] == pytest.approx(1e4 * drawn[0])
+    with pytest.raises(ValueError, match="unit is that of 'peak force, mean force, N', but is 'J'"):
+        plot.against(data, "energy", axes=axes)
+    two = plot.convergence(data, "peak_force")
+    plot.convergence(data, "mean_force", axes=two)
+    assert len({line.get_color() for line in two.get_lines()}) == 2
+
+
+def test_a_logarithm_ends_where_values_are_negative():
+    data = failing()
+    data["force"] = (data["peak_force"] ** 4).assign_attrs(units="N")
+    data["change"] = (-data["peak_force"]).assign_attrs(units="N")
+    axes = plot.against(data, "force")
+    assert axes.get_yscale() == "log"
+    assert plot.against(data, "change", axes=axes).get_yscale() == "linear"
 
 
 def test_against_another_axis_takes_a_plain_number():

@@ -17,6 +17,7 @@ from .cycle import poincare_map as poincare_map
 from .fits import correlations as correlations
 from .fits import fitted as fitted
 from .forces import contact_and_reaction as contact_and_reaction
+from .forces import contact_forces as contact_forces
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .frames import animate_journal as animate_journal

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from ..fields import require
 from .labels import shown
 from .outcomes import ended_well, mark_failed, of_lanes, only_axis
-from .style import BLUE, axes_or_new, dress, inside
+from .style import axes_or_new, dress, inside, next_colour
 
 Bounds = tuple[float, float]
 """Smallest and largest value of a parameter to take, in the unit of the data set."""
@@ -20,7 +20,7 @@ def convergence(
     *,
     within: Bounds | None = None,
     label: str | None = None,
-    colour: str = BLUE,
+    colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """A deviation against a parameter that tends to zero, and the rate at which it follows.
@@ -29,14 +29,16 @@ def convergence(
 
     - `dataset`, `variable`, `axis`: as in `against`; failed lanes are crosses likewise.
     - `within`: where the rate is fitted and its line drawn; over all lanes unless given.
-    - `label`, `colour`: what to call these points in front of the rate; pass axes already drawn to
-      compare.
+    - `label`, `colour`: what to call these points in front of the rate, and their colour, one that
+      the axes do not have yet unless given; pass axes already drawn to compare.
 
     **Returns:** the axes, logarithmic both ways.
     """
     axis = only_axis(dataset, axis)
     axes = axes_or_new(axes)
-    x, y = shown(dataset[axis]), shown(of_lanes(dataset, variable, (axis,)))
+    colour = next_colour(axes) if colour is None else colour
+    x = shown(dataset[axis], axes.get_xlabel())
+    y = shown(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
     chosen = inside(dataset[axis].values, within)
     rate, factor = _power_law(x.values[chosen], y.values[chosen])
     text = f"rate {round(rate, 2) + 0.0:.2f}"
@@ -45,7 +47,7 @@ def convergence(
     ends = np.array([x.values[chosen].min(), x.values[chosen].max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
     axes.set(xscale="log", yscale="log")
-    mark_failed(axes, x.values, ended_well(dataset).values)
+    mark_failed(axes, x.values, ended_well(dataset).values, colour)
     axes.legend(frameon=False)
     return dress(axes, x.label, y.label)
 

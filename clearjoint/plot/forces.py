@@ -4,8 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..impact_table import Impacts
+from ..joints.clearance import BASES
 from ..observables import Observation
-from .style import Window, axes_or_new, dress, inside, lines
+from . import observed
+from .style import Window, axes_or_new, dress, inside, lines, show
 
 
 def contact_and_reaction(
@@ -30,8 +32,8 @@ def contact_and_reaction(
     axes = axes_or_new(axes)
     shown = inside(observation.times, window)
     times = observation.times[shown] * 1e3
-    force = observation.contacts[contact[0]][contact[1]].normal_force[shown]
-    load = np.linalg.norm(observation.reactions[reaction[0]][reaction[1]].force[shown], axis=1)
+    force = observed.contact(observation, *contact).normal_force[shown]
+    load = np.linalg.norm(observed.reaction(observation, *reaction).force[shown], axis=1)
     curves = {
         f"contact force at base {contact[1]}: peak {force.max():.0f} N": force,
         f"reaction at the {reaction[0]}: peak {load.max():.0f} N": load,
@@ -41,6 +43,40 @@ def contact_and_reaction(
     axes.set_ylim(0.0, 1.3 * max(force.max(), load.max()))
     axes.legend(loc="upper center", frameon=False)
     return dress(axes, "time, ms", "force, N")
+
+
+def contact_forces(
+    observation: Observation,
+    joint: str,
+    *,
+    window: Window | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Normal forces of all contacts of a joint over time.
+
+    **Arguments:**
+
+    - `observation`: along every accepted step, or at instants that resolve the impacts.
+    - `joint`: name of the clearance joint.
+    - `window`: instants between which to draw, s; the whole observation unless given.
+
+    **Returns:** the axes; time in ms, force in N or kN.
+    """
+    axes = axes_or_new(axes)
+    times = observation.times * 1e3
+    shown = show(axes, times, None if window is None else (1e3 * window[0], 1e3 * window[1]))
+    family = observed.contacts(observation, joint)
+    forces = {name: np.asarray(seen.normal_force)[shown] for name, seen in family.items()}
+    peak = max(force.max(initial=0.0) for force in forces.values())
+    factor, unit = (1e-3, "kN") if peak >= 1e4 else (1.0, "N")
+    for (name, force), (colour, style) in zip(forces.items(), lines(), strict=False):
+        label = f"base {name}" if name in BASES else name
+        look = {"color": colour, "linestyle": style, "linewidth": 1.2}
+        axes.plot(times[shown], force * factor, label=label, **look)
+    axes.set_ylim(bottom=0.0)
+    columns = min(len(forces), 4)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
+    return dress(axes, "time, ms", f"normal force, {unit}")
 
 
 def hysteresis(
@@ -78,7 +114,7 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
-    seen = observation.contacts[impacts.joint[index]][impacts.contact[index]]
+    seen = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     shown = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
     depth = np.maximum(seen.penetration[shown], 0.0)
     return np.pad(depth, 1), np.pad(seen.normal_force[shown], 1)

@@ -12,7 +12,7 @@ from matplotlib.patches import Annulus, Circle
 
 from ..joints.clearance import BASES
 from ..observables import Observation
-from .journal import XY, eccentricity_vectors
+from .journal import eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
@@ -29,7 +29,7 @@ def journal_frames(
     clearance: float,
     instants: Instants,
     *,
-    section: Mapping[str, Any] = XY,
+    section: Mapping[str, Any] | None = None,
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
@@ -76,7 +76,7 @@ def animate_journal(
     file: str | Path,
     instants: Instants,
     *,
-    section: Mapping[str, Any] = XY,
+    section: Mapping[str, Any] | None = None,
     frames_per_second: int = 15,
 ) -> None:
     """Write an animation of both bases of the journal in the bearing, as a GIF.
@@ -132,7 +132,11 @@ class Picture:
 
 
 def _drawn(
-    observation: Observation, joint: str, base: str, clearance: float, section: Mapping[str, Any]
+    observation: Observation,
+    joint: str,
+    base: str,
+    clearance: float,
+    section: Mapping[str, Any] | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offsets as drawn, (N, 2) in bearing radii, and whether the base touches, (N,)."""
     vectors = eccentricity_vectors(observation, joint, base, section)

@@ -8,10 +8,13 @@ from matplotlib.axes import Axes
 
 from ..joints.clearance import BASES
 from ..observables import Observation
+from .observed import contact
 from .style import BLUE, DARK, Window, axes_or_new, dress, inside, lines
 
 XY: Mapping[str, Any] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is Z."""
+OWN = ("the bearing's x", "the bearing's y")
+"""What points to the right and upwards in the bearing's own cross-section."""
 
 
 def eccentricities(
@@ -36,7 +39,7 @@ def eccentricities(
     shown = inside(observation.times, window)
     times = observation.times[shown] * 1e3
     for base, (colour, style) in zip(BASES, lines(), strict=False):
-        values = np.asarray(observation.contacts[joint][base].eccentricity)[shown] * 1e3
+        values = np.asarray(contact(observation, joint, base).eccentricity)[shown] * 1e3
         axes.plot(times, values, color=colour, linestyle=style, linewidth=1.5, label=f"base {base}")
     axes.axhline(clearance * 1e3, color="black", linewidth=1.0, label="clearance")
     axes.set_xlim(times[0], times[-1])
@@ -46,14 +49,17 @@ def eccentricities(
 
 
 def eccentricity_vectors(
-    observation: Observation, joint: str, base: str, section: Mapping[str, Any] = XY
+    observation: Observation, joint: str, base: str, section: Mapping[str, Any] | None = None
 ) -> np.ndarray:
     """Vector from the bearing's axis to a base, in the bearing's cross-section, (N, 2) m.
 
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, global, by
-    their labels: (3,) each, or (N, 3) for a bearing that moves.
+    their labels: (3,) each, or (N, 3) for a bearing that moves. The bearing's own x and y, which
+    move with it, unless given; those of a bearing whose axis is its body's z are the body's.
     """
-    seen = observation.contacts[joint][base]
+    seen = contact(observation, joint, base)
+    if section is None:
+        return np.asarray(seen.offset)[:, :2]
     vectors = seen.normal * np.asarray(seen.eccentricity)[:, None]
     along = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
     return np.stack(along, axis=1)
@@ -64,7 +70,7 @@ def journal_orbit(
     joint: str,
     clearance: float,
     *,
-    section: Mapping[str, Any] = XY,
+    section: Mapping[str, Any] | None = None,
     window: Window | None = None,
     axes: Axes | None = None,
 ) -> Axes:
@@ -93,7 +99,7 @@ def orbit_in_contact(
     base: str,
     clearance: float,
     *,
-    section: Mapping[str, Any] = XY,
+    section: Mapping[str, Any] | None = None,
     window: Window | None = None,
     axes: Axes | None = None,
 ) -> Axes:
@@ -106,10 +112,10 @@ def orbit_in_contact(
     axes = axes_or_new(axes, (4.8, 5.0))
     shown = inside(observation.times, window)
     orbit = eccentricity_vectors(observation, joint, base, section)[shown] * 1e3
-    touching = observation.contacts[joint][base].penetration[shown] > 0.0
-    contact = np.where(touching[:, None], orbit, np.nan)
+    touching = contact(observation, joint, base).penetration[shown] > 0.0
+    pressed = np.where(touching[:, None], orbit, np.nan)
     axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
-    axes.plot(*contact.T, color=DARK, linewidth=1.8, label="in contact")
+    axes.plot(*pressed.T, color=DARK, linewidth=1.8, label="in contact")
     return _dress_orbit(axes, clearance, section)
 
 
@@ -123,8 +129,8 @@ def clearance_circle(axes: Axes, clearance: float) -> Axes:
     return axes
 
 
-def _dress_orbit(axes: Axes, clearance: float, section: Mapping[str, Any]) -> Axes:
+def _dress_orbit(axes: Axes, clearance: float, section: Mapping[str, Any] | None) -> Axes:
     clearance_circle(axes, clearance)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
-    right, up = section
+    right, up = OWN if section is None else section
     return dress(axes, f"eccentricity along {right}, mm", f"eccentricity along {up}, mm")

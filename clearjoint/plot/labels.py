@@ -8,6 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from ..fields import require
+
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa")
 """Units that take a prefix, also in front of a quotient: mm/s."""
@@ -27,13 +29,50 @@ class Shown(NamedTuple):
     factor: float
 
 
-def shown(data: xr.DataArray) -> Shown:
-    """A variable's values with the SI prefix that brings the largest between 1 and 1000."""
+def shown(data: xr.DataArray, drawn: str = "") -> Shown:
+    """A variable's values with the SI prefix that brings the largest between 1 and 1000.
+
+    **Arguments:** `drawn`: the label of an axis on which values are drawn already. Of the same unit
+    they keep its prefix, and the label has both names.
+
+    **Raises:** `ValueError` if that axis is in another unit.
+    """
     values = np.asarray(data.values, dtype=float)
-    exponent, unit = _shown_unit(values, data.attrs.get("units", "1"))
+    given = data.attrs.get("units", "1")
+    exponent, unit = _shown_unit(values, given)
     name = str(data.name).replace("_", " ")
+    if drawn:
+        names, exponent, unit = _drawn_unit(drawn, given)
+        name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return Shown(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
+
+
+def _drawn_unit(label: str, unit: str) -> tuple[str, int, str]:
+    """Names in an axis' label, the power of ten of the prefix of its unit, and this unit."""
+    text = unit.replace("^2", "²").replace("^3", "³")
+    if text == "1":
+        return label, 0, text
+    names, _, there = label.rpartition(", ")
+    exponents = {PREFIXES[exponent] + text: exponent for exponent in PREFIXES}
+    expected, remedy = f"of an axis whose unit is that of {label!r}", "draw it into axes of its own"
+    require(there in exponents, "axes", unit, expected, remedy)
+    return names, exponents[there], there
+
+
+def chosen(dataset: xr.Dataset, variable: str, axis: str) -> str:
+    """What to call one output of a sweep in a legend: its name, and where other axes of the sweep
+    have been selected."""
+    places = [c for name, c in dataset.coords.items() if c.ndim == 0 and name != axis]
+    marks = [shown(place) for place in places]
+    texts = [_at(mark) for mark in marks]
+    return ", ".join([variable.replace("_", " "), *texts])
+
+
+def _at(place: Shown) -> str:
+    """A coordinate's name, value and unit."""
+    name, _, unit = place.label.partition(", ")
+    return f"{name} {float(place.values):.4g} {unit}".strip()
 
 
 def _shown_unit(values: np.ndarray, unit: str) -> tuple[int, str]:
@@ -55,12 +94,15 @@ def suits_logarithm(values: np.ndarray) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """Make each axis logarithmic if that suits its values, with ticks that a reader can read."""
+    """Make each axis logarithmic if that suits its values, with ticks that a reader can read; one
+    that is so already linear if they are not all positive."""
     for axis, values in ((axes.xaxis, x), (axes.yaxis, y)):
+        scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
         if suits_logarithm(values):
-            scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
             scale("log")
             tick_logarithm(axis, values)
+        elif bool((values <= 0.0).any()):
+            scale("linear")
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..fields import require
 from ..observables import Observation
 from ..solution import Trajectory
-from .style import Window, axes_or_new, dress, inside, lines
+from .observed import acceleration_of, centre_of
+from .style import Window, axes_or_new, dress, inside, lines, show
 
 COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
 
@@ -17,6 +19,7 @@ def position(
     body: str,
     component: str = "Y",
     *,
+    window: Window | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """One coordinate of a body's centre of mass over time (Fig. 14a).
@@ -25,14 +28,17 @@ def position(
 
     - `trajectories`: of each run, by its label; later ones are drawn over earlier ones.
     - `component`: "X", "Y" or "Z" of the global frame.
+    - `window`: instants between which to draw, s; all there are unless given.
 
     **Returns:** the axes; time in s, position in m.
     """
     curves = {
-        label: (trajectory.times, _centre(trajectory, body)[:, COMPONENTS[component]])
+        label: (trajectory.times, centre_of(trajectory, body)[:, _number(component)])
         for label, trajectory in trajectories.items()
     }
-    return dress(_over_time(curves, axes), "time, s", f"{component}-position of {body}'s centre, m")
+    return dress(
+        _over_time(curves, axes, window), "time, s", f"{component}-position of {body}'s centre, m"
+    )
 
 
 def acceleration(
@@ -40,6 +46,7 @@ def acceleration(
     body: str,
     component: str = "Y",
     *,
+    window: Window | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """One component of the acceleration of a body's centre of mass over time (Fig. 14b).
@@ -49,15 +56,16 @@ def acceleration(
     - `observations`: of each run, by its label; along every accepted step, so that no peak is
       missed. Later ones are drawn over earlier ones.
     - `component`: "X", "Y" or "Z" of the global frame.
+    - `window`: instants between which to draw, s; all there are unless given.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
     """
     curves = {
-        label: (seen.times, seen.accelerations[body].linear[:, COMPONENTS[component]])
+        label: (seen.times, acceleration_of(seen, body)[:, _number(component)])
         for label, seen in observations.items()
     }
     return dress(
-        _over_time(curves, axes, width=1.0),
+        _over_time(curves, axes, window, width=1.0),
         "time, s",
         f"{component}-acceleration of {body}'s centre, m/s²",
     )
@@ -82,9 +90,9 @@ def path(
     **Returns:** the axes, of equal scale; positions in m. A dot marks the beginning.
     """
     axes = axes_or_new(axes, (5.0, 5.0))
-    right, up = (COMPONENTS[name] for name in plane)
+    right, up = map(_number, plane)
     for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
-        centre = _centre(trajectory, body)[inside(np.asarray(trajectory.times), window)]
+        centre = centre_of(trajectory, body)[inside(np.asarray(trajectory.times), window)]
         axes.plot(
             centre[:, right],
             centre[:, up],
@@ -99,14 +107,21 @@ def path(
 
 
 def _over_time(
-    curves: Mapping[str, tuple[np.ndarray, np.ndarray]], axes: Axes | None, width: float = 1.5
+    curves: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    axes: Axes | None,
+    window: Window | None,
+    width: float = 1.5,
 ) -> Axes:
     axes = axes_or_new(axes)
     for (label, (times, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(times, values, color=colour, linestyle=style, linewidth=width, label=label)
+        now = show(axes, np.asarray(times), window)
+        look = {"color": colour, "linestyle": style, "linewidth": width}
+        axes.plot(np.asarray(times)[now], values[now], label=label, **look)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(curves), frameon=False)
     return axes
 
 
-def _centre(trajectory: Trajectory, body: str) -> np.ndarray:
-    return np.asarray(trajectory.states.bodies[body].position)
+def _number(component: str) -> int:
+    known = tuple(COMPONENTS)
+    require(component in known, "component", component, f"one of {known}", "name one of them")
+    return COMPONENTS[component]

@@ -48,7 +48,7 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     return str(dims[0])
 
 
-def mark_failed(axes: Axes, places: np.ndarray, well: np.ndarray) -> None:
+def mark_failed(axes: Axes, places: np.ndarray, well: np.ndarray, colour: str = VERMILLION) -> None:
     """Crosses at the foot of the axes where lanes did not run to their end."""
     missing = places[~well]
     if missing.size:
@@ -56,7 +56,7 @@ def mark_failed(axes: Axes, places: np.ndarray, well: np.ndarray) -> None:
             missing,
             np.full(missing.shape, 0.02),
             "x",
-            color=VERMILLION,
+            color=colour,
             transform=axes.get_xaxis_transform(),
             clip_on=False,
             label=f"failed or pending: {missing.size}",

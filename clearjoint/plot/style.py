@@ -25,6 +25,13 @@ def lines() -> Iterator[tuple[str, str]]:
         yield from LINES
 
 
+def next_colour(axes: Axes) -> str:
+    """The first of the colours in which no line is drawn on the axes; once all are, the one of the
+    fewest lines."""
+    drawn = [line.get_color() for line in axes.get_lines()]
+    return min((colour for colour, _ in LINES), key=drawn.count)
+
+
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
     """The given axes, or those of a new figure of the given size in inches."""
     if axes is not None:
@@ -40,6 +47,20 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     return axes
+
+
+def show(axes: Axes, times: np.ndarray, window: Window | None) -> np.ndarray:
+    """Let axes over time end at the window; which of the (N,) rising times to draw, those next to
+    it included, so that curves reach its edges. All of them without one.
+
+    **Arguments:** `window` and `times` in the unit of the axes.
+    """
+    if window is None:
+        return np.full(np.shape(times), True)
+    axes.set_xlim(*window)
+    first, last = np.searchsorted(times, window[0], "right") - 1, np.searchsorted(times, window[1])
+    number = np.arange(len(times))
+    return (number >= first) & (number <= last)
 
 
 def inside(times: np.ndarray, window: Window | None) -> np.ndarray:

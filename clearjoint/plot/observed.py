@@ -1,0 +1,61 @@
+"""What there is of a body, a contact or a reaction, by names that may be wrong."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from ..fields import require
+from ..observables import ContactObservation, Load, Observation
+from ..solution import Trajectory
+
+
+def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
+    """What was observed of all contacts of a joint.
+
+    **Raises:** `ValueError` that lists what there is.
+    """
+    _require_known("joint", joint, observation.contacts)
+    return observation.contacts[joint]
+
+
+def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
+    """What was observed of one contact of a joint.
+
+    **Raises:** `ValueError` that lists what there is.
+    """
+    family = contacts(observation, joint)
+    _require_known("contact", label, family)
+    return family[label]
+
+
+def reaction(observation: Observation, joint: str, body: str) -> Load:
+    """What an ideal joint does to a body.
+
+    **Raises:** `ValueError` that lists what there is.
+    """
+    _require_known("joint", joint, observation.reactions)
+    _require_known("body", body, observation.reactions[joint])
+    return observation.reactions[joint][body]
+
+
+def acceleration_of(observation: Observation, body: str) -> np.ndarray:
+    """Acceleration of a body's centre of mass, (N, 3) global, m/s^2.
+
+    **Raises:** `ValueError` that lists what there is.
+    """
+    _require_known("body", body, observation.accelerations)
+    return np.asarray(observation.accelerations[body].linear)
+
+
+def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
+    """A body's centre of mass, (N, 3) global, m.
+
+    **Raises:** `ValueError` that lists what there is.
+    """
+    _require_known("body", body, trajectory.states.bodies)
+    return np.asarray(trajectory.states.bodies[body].position)
+
+
+def _require_known(argument: str, name: str, known: Collection[str]) -> None:
+    expected = f"one of those observed, {sorted(known)}"
+    require(name in known, argument, name, expected, "correct the name")
