@@ -1,5 +1,6 @@
 """The programs of a sweep: all code that decides a lane's numbers is in them."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import diffrax
@@ -11,6 +12,7 @@ import clearjoint as cj
 from clearjoint.lanes import Plan
 from clearjoint.simulate import make_formulation, make_method
 from clearjoint.sweeps.program import RUN, programs
+from clearjoint.sweeps.task import Chunks
 from clearjoint.vectors import structured
 
 
@@ -119,6 +121,13 @@ def test_settings_make_another_program(usual):
     assert of(*pendulum(axial=cj.FixedAxially())) != of(
         *pendulum(axial=cj.FixedAxially()), stabilisation=cj.Baumgarte(5.0, 6.0)
     )
+
+
+def test_a_worker_that_would_run_other_code_refuses():
+    common = SimpleNamespace(programs=((RUN, "this"),))
+    work: Any = SimpleNamespace(common=common)
+    with pytest.raises(RuntimeError, match="other code than the process that made the sweep"):
+        Chunks(work, {0: [0]}, lambda: {RUN: "other"})(0)
 
 
 def test_numbers_of_scene_and_state_are_none_of_the_program(usual):

@@ -9,12 +9,25 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
-from rotor import END, OUTPUTS, angle, rotor, spin, stiffness_axis, swept
+from rotor import (
+    END,
+    INERTIA,
+    OUTPUTS,
+    SPEED,
+    TorsionSpring,
+    angle,
+    rotor,
+    spin,
+    stiffness_axis,
+    swept,
+)
 
 import clearjoint as cj
+from clearjoint.bodies import Wrench
 from clearjoint.sweeps import sweep as sweeping
 from clearjoint.sweeps.store import SweepStore
 from clearjoint.sweeps.task import Work
@@ -80,6 +93,71 @@ def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, w
     xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
     assert computed == []
     xr.testing.assert_identical(cj.open_sweep(path), whole)
+
+
+def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
+    """Also where the place is named by another function."""
+    computed = []
+
+    def run(work, lanes, *args, run=Work.run, **options):
+        computed.append(list(lanes))
+        return run(work, lanes, *args, **options)
+
+    monkeypatch.setattr(Work, "run", run)
+    swept(STIFFNESS[2:19], chunk=CHUNK, outputs=FEW, path=path)
+    other = cj.Axis(lambda here: here.forces["spring"].stiffness, STIFFNESS)
+    found = cj.sweep(
+        *rotor(),
+        END,
+        {"stiffness": other},
+        FEW,
+        path=path,
+        chunk=CHUNK,
+        zipped=True,
+        devices=jax.devices()[:1],
+        progress=False,
+    )
+    assert computed == [list(range(17)), [0, 1, 19]]
+    for name in few.data_vars:
+        np.testing.assert_array_equal(found[name], few[name])
+    xr.testing.assert_identical(cj.open_sweep(path), found)
+
+
+GAIN = 1.0
+
+
+class Geared(TorsionSpring):
+    """A spring whose stiffness is that of the scene and a global's."""
+
+    def wrenches(self, motions, t):
+        found = super().wrenches(motions, t)[self.body]
+        return {self.body: Wrench(found.force, found.moment * GAIN)}
+
+
+def geared(path):
+    """Final spins, and those by the closed form."""
+    scene, state = rotor()
+    scene = cj.Scene(
+        scene.bodies,
+        scene.joints,
+        forces={"spring": Geared("rotor", 10.0)},
+        gravity=(0.0, 0.0, 0.0),
+    )
+    stiffness = np.array([5.0, 10.0])
+    axes = {"stiffness": stiffness_axis(stiffness)}
+    found = cj.sweep(scene, state, END, axes, path=path, rtol=1e-9, progress=False)
+    expected = SPEED * np.cos(np.sqrt(GAIN * stiffness / INERTIA) * END)
+    return found.final_spin.sel(body="rotor", component="z").values, expected
+
+
+def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
+    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
+    monkeypatch.setitem(globals(), "GAIN", 2.0)
+    with pytest.raises(ValueError, match="what a step computes: its code, as JAX traces it"):
+        geared(tmp_path / "one.zarr")
+    np.testing.assert_allclose(*geared(tmp_path / "two.zarr"), atol=1e-6)
+    monkeypatch.setitem(globals(), "GAIN", 1.0)
+    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
 
 
 KILLED = """

@@ -1,12 +1,12 @@
 """What a sweep's Zarr store holds, as metadata and labels: written before any result, and read."""
 
 import glob
-import os
 import shutil
 import time
 import uuid
 import warnings
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,15 +58,12 @@ class Contents(NamedTuple):
 def create(path: Path, contents: Contents) -> None:
     """Make a store without results, as a whole or not at all; nothing if another process was
     first."""
-    making = _beside(path)
-    try:
-        _write(making, contents)
-        making.rename(path)
-    except OSError:
-        if not path.exists():
-            raise
-    finally:
-        shutil.rmtree(making, ignore_errors=True)
+    with _made(path, contents) as making:
+        try:
+            making.rename(path)
+        except OSError:
+            if not path.exists():
+                raise
 
 
 def extend(path: Path, contents: Contents) -> None:
@@ -74,15 +71,10 @@ def extend(path: Path, contents: Contents) -> None:
 
     Its chunks stay as they are; until the last file is replaced it reads as before.
     """
-    making = _beside(path)
-    try:
-        _write(making, contents)
+    with _made(path, contents) as making:
         files = [file.relative_to(making) for file in making.rglob("*") if file.is_file()]
         for file in sorted(files, key=lambda file: file == Path(_ROOT)):
-            (path / file).parent.mkdir(parents=True, exist_ok=True)
-            os.replace(making / file, path / file)
-    finally:
-        shutil.rmtree(making, ignore_errors=True)
+            _move(making / file, path / file)
 
 
 def remove_remains(path: Path) -> None:
@@ -144,8 +136,20 @@ def _opened(path: Path) -> tuple[zarr.Group, dict[str, Any]]:
     return group, attrs
 
 
-def _beside(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+def _move(file: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    file.replace(to)
+
+
+@contextmanager
+def _made(path: Path, contents: Contents) -> Iterator[Path]:
+    """A store beside a path, of which nothing stays there."""
+    making = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        _write(making, contents)
+        yield making
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
 
 
 def _write(path: Path, contents: Contents) -> None:

@@ -4,6 +4,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -36,8 +37,7 @@ from .execution import run_chunks
 from .identity import Identity, row_digests, run_digests
 from .layout import RESULT, Coordinate, Layout, check_array_names
 from .outputs import Output, Saved, Section, check_outputs
-from .program import RUN
-from .program import programs as programs_of
+from .program import RUN, programs
 from .progress import lane_progress
 from .starts import checked_starts
 from .store import SweepMemory, SweepStore
@@ -144,13 +144,14 @@ def sweep(
     common = _common(lanes, method, outputs, start_time, max_steps)
     tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
     if path is None:
-        store = SweepMemory(layout)
+        trace, store = None, SweepMemory(layout)
     else:
-        identity = _identity(common, axes, lanes, tasks)
-        common = replace(common, programs=tuple(identity.programs.items()))
-        store = SweepStore.open(path, layout, identity)
+        trace = _trace(common, axes, lanes)
+        found = trace()
+        common = replace(common, programs=tuple(found.items()))
+        store = SweepStore.open(path, layout, _identity(found, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
-    _compute(work, store, executor, devices, progress)
+    _compute(work, store, trace, executor, devices, progress)
     results = store.dataset()
     _report_failures(results, lanes)
     _report_journals_outside(results, lanes)
@@ -201,15 +202,19 @@ def _lane_notes(lanes: Lanes, axes: Mapping[str, Axis]) -> dict[str, str]:
     }
 
 
-def _identity(common: Common, axes: Mapping[str, Axis], lanes: Lanes, tasks: Task) -> Identity:
-    """By what the store knows the sweep."""
+def _trace(common: Common, axes: Mapping[str, Axis], lanes: Lanes) -> Callable[[], dict[str, str]]:
+    """A function that tells what the lanes run, in the process that calls it."""
     form = structured(lanes.scene, touched(lanes, axes))
     start_time = float(common.start_time)
-    programs = programs_of(common.plan, form, lanes.state, start_time, common.channels)
+    return partial(programs, common.plan, form, lanes.state, start_time, common.channels)
+
+
+def _identity(found: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:
+    """By what the store knows the sweep."""
     digests = {RUN: run_digests(lanes, tasks)}
     if tasks.save_at is not None:
         digests[common.saved] = row_digests([tasks.save_at])
-    return Identity(programs, digests)
+    return Identity(found, digests)
 
 
 def _tasks(
@@ -249,6 +254,7 @@ def _save_times(
 def _compute(
     work: Work,
     store: SweepMemory | SweepStore,
+    trace: Callable[[], Mapping[str, str]] | None,
     executor: Any,
     devices: Sequence[Any] | None,
     progress: bool,
@@ -263,7 +269,7 @@ def _compute(
                 store.write(chunk, missing[chunk], results)
                 bar.update(len(missing[chunk]))
 
-            run_chunks(Chunks(work, missing), missing, executor, on_done)
+            run_chunks(Chunks(work, missing, trace), missing, executor, on_done)
         elif missing:
             chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
             collected: dict[int, dict[int, Results]] = {chunk: {} for chunk in missing}

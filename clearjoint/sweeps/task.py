@@ -100,16 +100,41 @@ class Work:
 
 @dataclass(frozen=True)
 class Chunks:
-    """The work in chunks; `lanes` are the numbers of those to run in each."""
+    """The work in chunks.
+
+    - `lanes`: numbers of those to run in each.
+    - `trace`: tells the digests of the programs that this process would run; unless they are those
+      of `work`, it runs other code than the process that made the work.
+    """
 
     work: Work
     lanes: Mapping[int, Sequence[int]]
+    trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> Results:
-        """The results of a chunk's lanes, computed on this process's devices."""
+        """The results of a chunk's lanes, computed on this process's devices.
+
+        **Raises:** `RuntimeError` in a process that runs other code.
+        """
+        self._require_same_code()
         found: dict[int, Results] = {}
         self.work.run(self.lanes[chunk], lambda lane, results: found.update({lane: results}))
         return joined([found[lane] for lane in self.lanes[chunk]])
+
+    def _require_same_code(self) -> None:
+        expected = self.work.common.programs
+        if self.trace is None or expected in _seen:
+            return
+        if tuple(self.trace().items()) != expected:
+            raise RuntimeError(
+                "This worker would run other code than the process that made the sweep, for "
+                "example since a file was edited meanwhile: start both anew."
+            )
+        _seen.add(expected)
+
+
+_seen: set[tuple[tuple[str, str], ...]] = set()
+"""Programs that this process has traced too."""
 
 
 def extent(devices: Sequence[Any] | None = None) -> Extent:
