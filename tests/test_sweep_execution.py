@@ -9,6 +9,7 @@ import threading
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +18,7 @@ import jax
 import numpy as np
 import pytest
 import xarray as xr
-from fake_sweep import complete, layout, results
+from fake_sweep import complete, layout, opened, results
 
 import clearjoint as cj
 from clearjoint.fields import quantity
@@ -25,11 +26,23 @@ from clearjoint.runtime import busy_devices, program_kind
 from clearjoint.sweeps.execution import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
 from clearjoint.sweeps.progress import lane_progress
-from clearjoint.sweeps.store import SweepMemory, SweepStore, open_sweep
+from clearjoint.sweeps.store import SweepMemory, open_sweep
 
 SPAWN = multiprocessing.get_context("spawn")
 MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
 """Twelve chunks of five lanes, the last of three."""
+
+
+def lanes_of(chunk: int) -> range:
+    return range(*MANY.span(chunk).indices(MANY.lanes))
+
+
+def results_of(chunk: int):
+    return results(MANY, lanes_of(chunk))
+
+
+def write(store, chunk: int, arrays) -> None:
+    store.write(chunk, lanes_of(chunk), arrays)
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +53,11 @@ def processes():
 
 @pytest.fixture
 def store(tmp_path):
-    return SweepStore.open(tmp_path / "sweep.zarr", MANY)
+    return opened(tmp_path / "sweep.zarr", MANY)
 
 
 def swept(task, executor, store) -> None:
-    run_chunks(task, store.missing(), executor, store.write)
+    run_chunks(task, store.missing(), executor, partial(write, store))
 
 
 def identical_to_uninterrupted(store) -> None:
@@ -68,7 +81,7 @@ class Decoded:
 def test_processes_compute_a_closure_that_each_decodes_once(processes, store, tmp_path):
     (tmp_path / "decoded").mkdir()
     decoded = Decoded(tmp_path / "decoded")
-    swept(lambda chunk: decoded and results(MANY, chunk), processes, store)
+    swept(lambda chunk: decoded and results_of(chunk), processes, store)
     identical_to_uninterrupted(store)
     pids = [file.name.split()[0] for file in (tmp_path / "decoded").iterdir()]
     assert 1 <= len(pids) == len(set(pids)) <= 2
@@ -100,7 +113,7 @@ def failing(chunk):
     if chunk == 1:
         raise FloatingPointError("lane 7 ran away")
     time.sleep(0.1)
-    return results(MANY, chunk)
+    return results_of(chunk)
 
 
 @pytest.mark.parametrize("kind", ["processes", "threads"])
@@ -115,8 +128,8 @@ def test_error_in_a_chunk_is_named_and_the_others_are_kept(kind, processes, stor
         missing = store.missing()
         assert {0, 2, 3}.isdisjoint(missing) and {1, 11} <= set(missing)
         begun = []
-        swept(lambda chunk: begun.append(chunk) or results(MANY, chunk), threads, store)
-    assert begun == missing
+        swept(lambda chunk: begun.append(chunk) or results_of(chunk), threads, store)
+    assert begun == list(missing)
     identical_to_uninterrupted(store)
 
 
@@ -127,7 +140,7 @@ def killing_itself(folder: Path):
         if chunk == 3 and not (folder / "died").exists():
             (folder / "died").touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return results(MANY, chunk)
+        return results_of(chunk)
 
     return task
 
@@ -273,9 +286,9 @@ def test_few_chunks_are_handed_out_at_a_time(store):
 
     def on_done(chunk, arrays):
         executor.ended += 1
-        store.write(chunk, arrays)
+        write(store, chunk, arrays)
 
-    run_chunks(lambda chunk: results(MANY, chunk), store.missing(), executor, on_done)
+    run_chunks(lambda chunk: results_of(chunk), store.missing(), executor, on_done)
     assert max(executor.ahead) == QUEUED * 2
     identical_to_uninterrupted(store)
 
@@ -287,17 +300,17 @@ def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
         begun.append(chunk)
         if chunk > 0:
             release.wait(10)
-        return results(MANY, chunk)
+        return results_of(chunk)
 
     def interrupted(chunk, arrays):
-        store.write(chunk, arrays)
+        write(store, chunk, arrays)
         raise KeyboardInterrupt
 
     with ThreadPoolExecutor(2) as executor:
         with pytest.raises(KeyboardInterrupt):
             run_chunks(task, store.missing(), executor, interrupted)
         release.set()
-    assert store.missing() == list(range(1, 12))
+    assert list(store.missing()) == list(range(1, 12))
     assert {0, 1} <= set(begun) <= {0, 1, 2}
 
 
@@ -306,7 +319,7 @@ def test_threads_share_the_task_itself(store):
 
     def task(chunk):
         with lock:
-            return results(MANY, chunk)
+            return results_of(chunk)
 
     with ThreadPoolExecutor(2) as executor:
         swept(task, executor, memory)
@@ -401,7 +414,7 @@ def waiting_to_be_killed(folder: Path):
             (folder / "writing").write_text(str(os.getpid()))
             (folder / "writing").rename(folder / "pid")
             time.sleep(60)
-        return results(MANY, chunk)
+        return results_of(chunk)
 
     return task
 
@@ -430,7 +443,7 @@ def test_dask_repeats_a_chunk_that_failed(dask_client, store, tmp_path):
         attempt.touch()
         if chunk == 7 or len(list(tmp_path.glob(f"{chunk} *"))) == 1:
             raise FloatingPointError("lane 7 ran away")
-        return results(MANY, chunk)
+        return results_of(chunk)
 
     with pytest.raises(ChunkError, match="Chunk 7 failed: FloatingPointError: lane 7"):
         swept(task, dask_client, store)
