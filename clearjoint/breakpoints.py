@@ -29,7 +29,9 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
 def next_breakpoint(scene: Scene, t: Scalar) -> Scalar | None:
     """The first breakpoint after a time, infinite if there is none; ``None`` where the scene has
     none at all."""
-    return _extreme(scene, jnp.minimum, jnp.inf, lambda at: jnp.where(_is_after(at, t), at, jnp.inf))
+    return _extreme(
+        scene, jnp.minimum, jnp.inf, lambda at: jnp.where(_is_after(at, t), at, jnp.inf)
+    )
 
 
 def seen(scene: Scene, start: Scalar, t: Scalar) -> Scalar:

@@ -8,7 +8,6 @@ H. Nijmeijer 2004, section 7.3), whoever differentiates it.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp

@@ -244,7 +244,9 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
         final = cj.simulate(cj.put(scene, place, value), state, 0.3, rtol=1e-11).final
         return final.bodies["arm"].position[:2]
 
-    for k, (place, value, step) in enumerate(zip(places.values(), (0.1, 10.0), (1e-4, 1e-2))):
+    for k, (place, value, step) in enumerate(
+        zip(places.values(), (0.1, 10.0), (1e-4, 1e-2), strict=True)
+    ):
         around = [ended(place, value + sign * step) for sign in (1, -1)]
         slopes = [found.derivatives[axis][0, k] for axis in "xy"]
         np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)

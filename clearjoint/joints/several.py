@@ -34,7 +34,12 @@ class SeveralContactJoints(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The laws of each contact."""
         return {
-            label: SeveralContactLaws(self.joint, label, law.has_memory, law.force_jumps)
+            label: SeveralContactLaws(
+                joint=self.joint,
+                label=label,
+                has_memory=law.has_memory,
+                force_jumps=law.force_jumps,
+            )
             for label, law in self.joint.laws().items()
         }
 
