@@ -224,6 +224,7 @@ def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     assert observed.energies["supplied"][1] > 1.0
 
 
+@pytest.mark.slow
 def test_sensitivities_across_a_kink_are_those_of_the_motion():
     """Differences of runs that know of nothing of this; the arm feels the impulse."""
     scene, state = crank_and_arm(RAMP)

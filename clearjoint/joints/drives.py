@@ -59,11 +59,15 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     "supplied" in the energy ledger.
 
     Angles count modulo 2 pi, so that the number of revolutions is unlimited.
+
+    An angle with kinks declares their times as `breakpoints`: there velocities jump, by an impulse
+    of the driver. A run whose driver isn't followed ends with `RESULTS.not_followed`.
     """
 
     @abc.abstractmethod
     def angle(self, t: Scalar) -> Scalar:
-        """The angle in rad at a time in s; JAX must be able to differentiate it twice."""
+        """The angle in rad at a time in s: continuous, and twice differentiable by JAX between the
+        `breakpoints`."""
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The angle less that prescribed."""
