@@ -7,12 +7,13 @@ import diffrax
 from .bodies import State
 from .coordinates import AbstractCoordinates
 from .dynamics import AbstractStabilisation
-from .fields import require_count
+from .fields import require, require_count
 from .joint_coordinates import JointCoordinates
 from .records import require_dense
 from .scene import Scene
 from .simulate import check_precision, check_structure, check_values, make_formulation, make_method
 from .steps import Method
+from .time_decisions import require_declared
 
 LANDING_TOLERANCE = 1e-13
 """m. An onset found this closely leaves no error in the derivative of the entry speed."""
@@ -44,11 +45,20 @@ class Integration:
     def method(self, scene: Scene, state: State, start_time: float = 0.0) -> Method:
         """The method for a scene.
 
-        **Raises:** `ValueError` for a scene, state or setting that no run can use.
+        **Raises:** `ValueError` for a scene, state or setting that no run can use, and for an
+        element that changes with time at instants it doesn't declare as `breakpoints`.
         """
         check_precision(False)
         require_count("max_steps", self.max_steps, "give a number of steps")
         check_values(scene, state, self.rtol, self.atol, None, self.landing_tolerance)
+        require(
+            self.landing_tolerance is not None,
+            "landing_tolerance",
+            None,
+            "a penetration in m",
+            "derivatives hold only where steps land on the begin and end of contacts",
+        )
+        require_declared(scene)
         coordinates = JointCoordinates() if self.coordinates is None else self.coordinates
         redundant = check_structure(scene, state, start_time, coordinates)
         formulation = make_formulation(coordinates, self.stabilisation, bool(redundant))

@@ -35,21 +35,23 @@ def resumed(
     before, or where a contact begins about as long as the last time.
     """
     h = t1 - step.t
+    cut = h < 0.99 * step.intended
     begun = begins(step.reaches, after)
-    entering = jnp.where(keep & step.enters & ~_is_cut(step, t1), h, step.entering)
-    length = uncut(step, t1, proposed)
+    entering = jnp.where(keep & step.enters & ~cut, h, step.entering)
+    length = _uncut(step, cut, proposed)
     length = jnp.where(begun, jnp.minimum(length, 2.0 * entering), length)
     intended = jnp.where(lands, step.intended, jnp.where(keep, length, proposed))
     return intended, jnp.where(keep, begun, step.enters), entering
 
 
-def uncut(step: Step, t1: Scalar, proposed: Scalar) -> Scalar:
-    """The length proposed for the next step; no less than that intended if this one was cut."""
-    return jnp.where(_is_cut(step, t1), jnp.maximum(proposed, step.intended), proposed)
+def resumed_in_time(step: Step, t1: Scalar, keep: Scalar, proposed: Scalar) -> Scalar:
+    """`intended` of the next step where there are breakpoints, but no contacts."""
+    cut = t1 - step.t < 0.99 * step.intended
+    return jnp.where(keep, _uncut(step, cut, proposed), proposed)
 
 
-def _is_cut(step: Step, t1: Scalar) -> Scalar:
-    return t1 - step.t < 0.99 * step.intended
+def _uncut(step: Step, cut: Scalar, proposed: Scalar) -> Scalar:
+    return jnp.where(cut, jnp.maximum(proposed, step.intended), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:

@@ -34,7 +34,7 @@ from .jumps import across_contacts, contacts_jump
 from .projection import off_prescribed
 from .results import RESULTS
 from .scene import Scene
-from .step_length import end_of_step, magnitudes, resumed, uncut
+from .step_length import end_of_step, magnitudes, resumed, resumed_in_time
 from .steps import Attempt, Method, Step, Tangents, TangentsInside, Variables, choose
 from .switches import across_breakpoints, joints_have_breakpoints
 from .trial import Trial, graded_step, may_jump, term_of, tried
@@ -185,7 +185,7 @@ def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reac
         intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
     elif breakpoints(scene):
-        intended = jnp.where(keep, uncut(step, t1, intended), intended)
+        intended = resumed_in_time(step, t1, keep, intended)
         t_next = jnp.where(keep, t1, step.t) + intended
     return Verdict(
         keep, t_next, intended, enters, entering, jumped, controller_state, controller_result

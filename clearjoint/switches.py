@@ -1,4 +1,4 @@
-"""What happens to a motion at a breakpoint: velocities that a driver makes jump, and the derivatives.
+"""A motion at a breakpoint: velocities that a driver makes jump, and the derivatives across it.
 
 As in `clearjoint.jumps`, the state at the end of a step that lands on a breakpoint holds what the
 rates before and after would have made of the time since: nothing, to rounding, but with the
@@ -23,7 +23,7 @@ from .vectors import Scalar
 
 
 class SwitchedForce(AbstractForce):
-    """A force as it is at a time `before`, and of what it changes to the time `after`, a `share`."""
+    """A force as at a time `before`, and a `share` of what it changes by until `after`."""
 
     force: AbstractForce
     before: Scalar

@@ -200,6 +200,38 @@ def test_step_without_memory_finds_no_second_rates():
     assert conditionals(scene(pin(DAMPED))) == conditionals(FREE) + 1
 
 
+class Jumping(Hertz):
+    """Hertz's force, which isn't said to begin at zero."""
+
+    force_jumps = True
+
+
+class Switched(AppliedLoad):
+    """A load that declares a breakpoint."""
+
+    def breakpoints(self):
+        return 0.5
+
+
+def test_jumps_and_breakpoints_are_looked_for_only_where_there_may_be_some():
+    """What follows of them is decided by one more conditional of the step each."""
+
+    def attempted(of):
+        step = started(of)
+        jaxpr = jax.make_jaxpr(lambda of, step: attempt(method(), unpack(of), step, 1.0).step)
+        return primitives(jaxpr(of, step))
+
+    def pushed(kind):
+        return attempted(scene(forces={"push": kind("rod", (1, 0, 0))}))
+
+    for fewer, more in (
+        (attempted(scene(FORCED)), attempted(scene(pin(Jumping(1e9))))),
+        (pushed(AppliedLoad), pushed(Switched)),
+    ):
+        assert fewer - more == Counter()
+        assert more["cond"] == fewer["cond"] + 1
+
+
 def test_ground_is_not_in_the_state():
     step = started(scene(FORCED))
     assert set(step.y.motion) == {"rod"}

@@ -39,7 +39,7 @@ FLOORS = (
         "joints.massless_link",
         "joints.several",
     ),
-    ("scene", "breakpoints", "grouping", "parameters", "variations"),
+    ("scene", "breakpoints", "time_decisions", "grouping", "parameters", "variations"),
     (
         "coordinates",
         "absolute",

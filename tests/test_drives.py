@@ -224,6 +224,7 @@ def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     assert observed.energies["supplied"][1] > 1.0
 
 
+@pytest.mark.slow
 def test_sensitivities_across_a_kink_are_those_of_the_motion():
     """Differences of runs that know of nothing of this; the arm feels the impulse."""
     scene, state = crank_and_arm(RAMP)
@@ -244,7 +245,9 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
         final = cj.simulate(cj.put(scene, place, value), state, 0.3, rtol=1e-11).final
         return final.bodies["arm"].position[:2]
 
-    for k, (place, value, step) in enumerate(zip(places.values(), (0.1, 10.0), (1e-4, 1e-2))):
+    for k, (place, value, step) in enumerate(
+        zip(places.values(), (0.1, 10.0), (1e-4, 1e-2), strict=True)
+    ):
         around = [ended(place, value + sign * step) for sign in (1, -1)]
         slopes = [found.derivatives[axis][0, k] for axis in "xy"]
         np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)

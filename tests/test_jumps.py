@@ -1,4 +1,4 @@
-"""Derivatives across jumps of the force, at the begin and end of contacts and where time decides."""
+"""Derivatives across jumps of the force: at the begin and end of contacts, and in time."""
 
 from typing import Any
 
@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.bodies import Wrench
 from clearjoint.fields import quantity
+from clearjoint.time_decisions import decides_by_time
+from clearjoint.vectors import ZERO, Vector, unpack
 from tests.planes import Plane
 
 Q = cj.quantities
@@ -112,3 +115,136 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     derivatives = [found.derivatives[name][0] for name in outputs]
     np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_plain_derivatives_have_the_jump_too():
+    """Those of the computed steps."""
+    scene, state = dropped(Buffer(*LAWS["both"]))
+
+    def speed(drop):
+        varied = cj.put(scene, lambda s: s.joints["floor"].offset, drop)
+        final = cj.simulate(varied, state, END, rtol=1e-9, landing_tolerance=1e-13).final
+        return final.bodies["ball"].velocity[0]
+
+    wanted = expected(LAWS["both"])[1, 0]
+    forward = jax.jit(jax.jacfwd(speed))(DROP)
+    np.testing.assert_allclose(forward, wanted, rtol=1e-3)
+
+
+class Push(cj.AbstractForce):
+    """A force along X on a body, from a time on; `how` says so in several ways."""
+
+    body: str = eqx.field(static=True)
+    force: Any = quantity("N")
+    start: Any = quantity("s")
+    how: Any = eqx.field(default=jnp.greater_equal, static=True)
+
+    def body_names(self):
+        return (self.body,)
+
+    def breakpoints(self):
+        return self.start
+
+    def wrenches(self, motions, t):
+        force = jnp.where(self.how(t, self.start), self.force, 0.0)
+        return {self.body: Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+class Undeclared(Push):
+    """The same, which doesn't say when."""
+
+    breakpoints = cj.AbstractForce.breakpoints
+
+
+def pushed(*pushes):
+    forces = {f"push {k}": push for k, push in enumerate(pushes)}
+    scene = cj.Scene({"ball": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces=forces)
+    return scene, cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+
+
+def start_of(k):
+    return cj.Parameter(lambda s: s.forces[f"push {k}"].start)
+
+
+def test_switches_in_time_have_their_derivatives():
+    """x = sum F (t - t_s)^2/(2 m); two at one instant, each with its own; either comparison."""
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3, jnp.greater))
+    parameters = {
+        "first": start_of(0),
+        "second": start_of(1),
+        "force": cj.Parameter(lambda s: s.forces["push 0"].force),
+    }
+    outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
+    found = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
+    np.testing.assert_allclose(found.values["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
+    x, v = found.derivatives["x"], found.derivatives["v"]
+    np.testing.assert_allclose(x, [[0, 0, 0], [0, 0, 0], [-1.4, -0.35, 0.1225]], atol=1e-9)
+    np.testing.assert_allclose(v, [[0, 0, 0], [-2, -0.5, 0], [-2, -0.5, 0.35]], atol=1e-9)
+    assert found.accepted < 12
+
+
+@pytest.mark.slow
+def test_plain_derivatives_have_the_switch_too():
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
+
+    def ended(start):
+        varied = cj.put(scene, lambda s: s.forces["push 0"].start, start)
+        return cj.simulate(varied, state, 1.0).final.bodies["ball"].position[0]
+
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
+
+
+def test_a_switch_in_time_that_is_not_declared_is_refused():
+    scene, state = pushed(Undeclared("ball", 4.0, 0.3))
+    outputs = {"x": Q.Position("ball", "x")}
+    with pytest.raises(ValueError, match=r"forces\['push 0'\].*`breakpoints`"):
+        cj.sensitivities(scene, state, 1.0, {"start": start_of(0)}, outputs, [1.0])
+
+
+class Varying(cj.AbstractForce):
+    """A force that is a function of time."""
+
+    function: Any = eqx.field(static=True)
+
+    def body_names(self):
+        return ("ball",)
+
+    def wrenches(self, motions, t):
+        force = self.function(t) * motions["ball"].position.x
+        return {"ball": Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+@pytest.mark.parametrize(
+    ("function", "decides"),
+    [
+        (lambda t: jnp.exp(-t) * jax.jit(jnp.cos)(t) + jnp.tanh(t), False),
+        (lambda t: 3.0, False),
+        (lambda t: jnp.where(t > 0.3, 1.0, 0.0), True),
+        (lambda t: jnp.maximum(t - 0.3, 0.0), True),
+        (lambda t: jnp.sin(t % 0.3), True),
+        (lambda t: jnp.interp(t, jnp.arange(3.0), jnp.arange(3.0)), True),
+        (lambda t: jax.lax.cond(t < 0.3, lambda: 1.0, lambda: 0.0), True),
+        (lambda t: 1.0 * t.astype(int), True),
+    ],
+)
+def test_what_decides_by_time_is_found(function, decides):
+    assert decides_by_time(unpack(Varying(function))) is decides
+
+
+def test_derivatives_need_landing():
+    with pytest.raises(ValueError, match="landing_tolerance"):
+        cj.Integration(landing_tolerance=None).method(*dropped(Buffer(*LAWS["both"])))
+
+
+def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():
+    class Harder(cj.Hertz):
+        def force(self, gap, entry_speed):
+            return super().force(gap, entry_speed) + gap.rate
+
+    class Continuous(Buffer):
+        force_jumps = False
+
+    assert Buffer.force_jumps and Harder.force_jumps and not Continuous.force_jumps
+    laws = cj.Hertz, cj.HuntCrossley, cj.MemorylessHuntCrossley, cj.LankaraniNikravesh
+    assert not any(law.force_jumps for law in laws)

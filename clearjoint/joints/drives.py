@@ -60,6 +60,9 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 
     Angles count modulo 2 pi, so that the number of revolutions is unlimited.
 
+    An angle with kinks declares their times as `breakpoints`: there velocities jump, by an impulse
+    of the driver. A run whose driver isn't followed ends with `RESULTS.not_followed`.
+
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
@@ -83,7 +86,8 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 
     @abc.abstractmethod
     def angle(self, t: Scalar) -> Scalar:
-        """The angle in rad at a time in s; JAX must be able to differentiate it twice."""
+        """The angle in rad at a time in s: continuous, and twice differentiable by JAX between the
+        `breakpoints`."""
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The angle less that prescribed."""

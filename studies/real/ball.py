@@ -136,6 +136,7 @@ class RestitutionOverSpeed(cj.AbstractContactLaw):
     power: Any = quantity("1")
     elastic: cj.Hertz
     has_memory = True
+    force_jumps = False
 
     def force(self, gap: cj.Gap, entry_speed: Scalar | None) -> Scalar:
         """Normal force, N."""

@@ -27,6 +27,7 @@ class CountingLaw(cj.AbstractContactLaw):
 
     law: cj.LankaraniNikravesh
     has_memory = True
+    force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:
         """Normal force, N."""

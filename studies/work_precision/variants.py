@@ -56,6 +56,7 @@ class MemorylessDamping(cj.AbstractContactLaw):
     restitution: Any
     entry_speed: Any
     has_memory = False
+    force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:
         """Normal force, N."""
