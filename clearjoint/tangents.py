@@ -53,10 +53,6 @@ def look_at_tangents(method: Method, tried: Attempt, t: Scalar) -> tuple[Any, An
     """Derivatives of what `look_inside` gives, before it is projected."""
     end, inside, ahead = tried.step.t, tried.tangents, tried.step.tangents
     assert inside is not None and ahead is not None
-
-    def along(information: Any) -> Any:
-        dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **information)
-        return dense.evaluate(dense_time(tried, t))
-
-    y = choose(t >= end, ahead.y, jax.vmap(along)(inside.information))
+    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **inside.information)
+    y = choose(t >= end, ahead.y, dense.evaluate(dense_time(tried, t)))
     return y, choose(t >= end, ahead.memory, inside.memory_start)
