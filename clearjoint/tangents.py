@@ -36,7 +36,7 @@ def start_with_tangents(
         begun, (family.values,), (jnp.eye(count),)
     )
     scene = family.scene(family.values)
-    step = start(method, scene, t0, t_end, first_step, y, memory)
+    step = start(method, scene, t0, t_end, first_step, y, memory, derivatives=True)
 
     def rates(scene: Scene, y: Variables, memory: Memory) -> tuple[Any, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (scene, memory)), None

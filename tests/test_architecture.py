@@ -60,6 +60,7 @@ FLOORS = (
         "dense_output",
         "step_length",
         "trial",
+        "program_size",
         "stepping",
         "tangents",
         "loops",
