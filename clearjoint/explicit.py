@@ -10,9 +10,11 @@ start, t = t0 + h s^2. Forces that begin as (t - t0)^1.5 are smooth in s. In t t
 estimates then miss nearly all of the error, which cost 1e-6 of an impact's energy at rtol 1e-8.
 """
 
+from functools import cache
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,13 +33,14 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     @property
     def interpolation_cls(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """diffrax's dense output of the method."""
+        """The method's dense output."""
         return self._interpolation
 
-    def _interpolation(self, *, t0: Scalar, t1: Scalar, y0: Any, y1: Any, stages: Any) -> Any:
-        h = t1 - t0
-        k = jax.tree.map(lambda *rates: h * jnp.stack(rates), *stages)
-        return self.method.interpolation_cls(t0=t0, t1=t1, y0=y0, y1=y1, k=k)
+    def _interpolation(
+        self, *, t0: Scalar, t1: Scalar, y0: Any, y1: Any, stages: tuple[Any, ...]
+    ) -> "DenseOutput":
+        del y1
+        return DenseOutput(self.method, t0, t1, y0, stages)
 
     def order(self, terms: Any) -> int | None:
         """Order of the method."""
@@ -88,6 +91,39 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return y1, error, information, last, diffrax.RESULTS.successful
 
 
+class DenseOutput(eqx.Module):
+    """diffrax's dense output of a step, in scalar form.
+
+    Its sums over the stages are written out. A reduction of an array would be a loop in the midst
+    of arithmetic, and at each loop XLA's emitter forgets what it has written before: what an
+    acceleration, say, takes of many variables it then wrote again at every use. One derivative of
+    one acceleration of the double pendulum came to 59 MB of LLVM text, now 11, and never compiled.
+    """
+
+    method: diffrax.AbstractERK
+    t0: Scalar
+    t1: Scalar
+    y0: Any
+    stages: tuple[Any, ...]
+
+    def evaluate(self, t: Scalar) -> Any:
+        """The variables at a time."""
+        h = self.t1 - self.t0
+        return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
+
+    def at(self, x: Scalar) -> Any:
+        """The variables at a fraction x of the step."""
+        h = self.t1 - self.t0
+        weights = [h * _horner(row, x) for row in dense_weights(self.method)]
+
+        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
+            for weight, stage in zip(weights, stages, strict=True):
+                y0 = y0 + weight * stage
+            return y0
+
+        return jax.tree.map(leaf, self.y0, *self.stages)
+
+
 def _elapsed(s: float, graded: Any) -> Scalar:
     """The part of a step's time that has passed at a place s in it."""
     return s if graded is None else jnp.where(graded, s * s, s)
@@ -129,6 +165,15 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     return solver
 
 
+def _horner(coefficients: Any, x: Scalar) -> Scalar:
+    """A polynomial without constant term, lowest power first."""
+    value: Scalar = float(coefficients[-1])
+    for coefficient in coefficients[-2:0:-1]:
+        value = value * x + float(coefficient)
+    return value * x
+
+
+@cache
 def dense_weights(method: diffrax.AbstractERK) -> np.ndarray:
     """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
 

@@ -1,6 +1,6 @@
 """The table of impacts, from the record of accepted steps."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import equinox as eqx
@@ -192,14 +192,14 @@ class ImpactCollector:
     """Builds the table from successive pieces of the record, keeping only contacts still open."""
 
     def __init__(self, form: Structured, formulation: Formulation):
-        self._form, self._formulation = form, formulation
+        self._form, self._formulation = form, replace(formulation, ledger=False)
         self._tails: dict[tuple[str, str], tuple[np.ndarray, History]] = {}
         self._rows: list[tuple[Any, ...]] = []
         self._last_row: tuple[np.ndarray, State] | None = None
 
     def add(self, times: np.ndarray, states: State) -> None:
         """Take in a piece of the record, in scalar form."""
-        rows = (times, states)
+        rows = (times, State(states.bodies, states.memory))
         if self._last_row is not None:
             rows = jax.tree.map(lambda a, b: np.concatenate([a, b]), self._last_row, rows)
         # Pieces share a row, since a history looks from each row to the next.

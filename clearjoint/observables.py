@@ -1,6 +1,7 @@
 """What an engineer looks at: contacts, modes, reactions, accelerations, drift and energies."""
 
 import enum
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -18,6 +19,9 @@ from .nonsmooth.simulate import NonsmoothSolution
 from .scene import Scene
 from .solution import Solution, Trajectory
 from .vectors import Scalar, Structured, Vector, pack, structured, unpack
+
+CHUNK = 512
+"""Instants that are observed at once."""
 
 
 class MotionMode(enum.IntEnum):
@@ -130,20 +134,38 @@ def observe(
         "pass `save_at` or `record_steps=True` to simulate()",
     )
     assert trajectory is not None
-    times = np.asarray(trajectory.times)
-    parts = jax.device_get(
-        _observe(structured(scene), solution.formulation, jnp.asarray(times), trajectory.states)
-    )
+    ran, states = solution.formulation, trajectory.states
+    absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
+    rows = np.asarray(trajectory.times), State(states.bodies, states.memory)
+    parts = _in_chunks(lambda part: observe_compiled(structured(scene), absolute, *part), rows)
+    *others, energies = parts
+    energies |= {name: np.asarray(integral) for name, integral in states.work.items()}
     unique = not solution.redundant_constraints
-    return Observation(times, *parts, reactions_unique=unique)
+    return Observation(rows[0], *others, energies, reactions_unique=unique)
+
+
+def _in_chunks(observed: Callable[[Any], Any], rows: Any) -> Any:
+    """What is observed of each row (numpy): of a fixed number at a time, so that their number
+    compiles nothing."""
+    count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
+    parts = []
+    for first in range(0, max(count, 1), CHUNK):
+        part = jax.tree.map(lambda leaf, k=first: _filled(leaf[k : k + CHUNK]), rows)
+        parts.append(jax.device_get(observed(part)))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
+
+
+def _filled(rows: np.ndarray) -> np.ndarray:
+    """The rows, repeated until they are `CHUNK` of them; zeros if there are none."""
+    return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
 @eqx.filter_jit
-def _observe(
-    structure: Structured, formulation: Formulation, times: Any, states: State
+def observe_compiled(
+    structure: Structured, absolute: Formulation, times: Any, states: State
 ) -> tuple[Any, ...]:
+    """What there is to observe at times (N,) s, with N in front, in absolute coordinates."""
     scene = unpack(structure)
-    absolute = eqx.tree_at(lambda f: f.coordinates, formulation, AbsoluteCoordinates())
 
     def at(t: Scalar, state: State) -> tuple[Any, ...]:
         variables = absolute.coordinates.encode(scene, unpack(state.bodies))
@@ -162,7 +184,7 @@ def _observe(
             accelerations,
             drift,
             drift_rate,
-            {**energies, **state.work},
+            energies,
         )
         return jax.tree.map(jnp.asarray, parts)
 

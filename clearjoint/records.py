@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from .dynamics import Formulation, Memory
-from .explicit import UnrolledExplicit, dense_weights, place_in_step
+from .explicit import DenseOutput, UnrolledExplicit, place_in_step
 from .fields import require
 from .instant import Instant
 from .reductions import Quantity
@@ -66,16 +66,9 @@ class Bracket(eqx.Module):
     def inside(self, method: Method, x: Scalar) -> Variables:
         """The variables at a fraction x of the step, by the solver's dense output."""
         assert isinstance(method.solver, UnrolledExplicit)
-        h = self.end.t - self.start.t
-        place = place_in_step(x, self.graded)
-        weights = [h * _horner(row, place) for row in dense_weights(method.solver.method)]
-
-        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
-            for weight, stage in zip(weights, stages, strict=True):
-                y0 = y0 + weight * stage
-            return y0
-
-        return jax.tree.map(leaf, self.start.y, *self.stages)
+        start, end = self.start, self.end
+        dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
+        return dense.at(place_in_step(x, self.graded))
 
     def middle(self, method: Method) -> Row:
         """The row half-way through the step."""
@@ -93,14 +86,6 @@ class Bracket(eqx.Module):
             lambda a, b: jnp.where(ends, a, b), self.end.memory, self.start.memory
         )
         return Row(t, y, memory)
-
-
-def _horner(coefficients: Any, x: Scalar) -> Scalar:
-    """A polynomial without constant term, lowest power first."""
-    value: Scalar = float(coefficients[-1])
-    for coefficient in coefficients[-2:0:-1]:
-        value = value * x + float(coefficient)
-    return value * x
 
 
 class Ring(eqx.Module):

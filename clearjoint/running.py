@@ -19,7 +19,6 @@ from .steps import Method, Step
 from .vectors import Structured, pack, unpack
 
 ATTEMPTS_A_SEGMENT = 50_000
-FEW_SAVES = 64
 SAVES_A_SEGMENT = 512
 
 segment_compiled = eqx.filter_jit(segment)
@@ -139,9 +138,8 @@ class _Waiting:
         """The next times, filled up with the end time."""
         if self._times is None:
             return None
-        size = FEW_SAVES if len(self._times) < FEW_SAVES else SAVES_A_SEGMENT
-        chunk = np.full(size, self._end)
-        following = self._times[self.count :][:size]
+        chunk = np.full(SAVES_A_SEGMENT, self._end)
+        following = self._times[self.count :][:SAVES_A_SEGMENT]
         chunk[: len(following)] = following
         return jnp.asarray(chunk)
 

@@ -36,8 +36,9 @@ from .steps import Attempt, Method, Step, Variables
 from .tangents import look_at_tangents, start_with_tangents
 from .vectors import Scalar
 
-FEW_TIMES, MANY_TIMES = 64, 512
-"""Numbers of times are rounded up to multiples of these, so that other numbers compile nothing."""
+FEW_TIMES, GROWTH = 64, 8
+"""Numbers of times are rounded up to one of 64, 512, 4096, ..., so that hardly another compiles
+anything. A time that is repeated is looked at once, so that those added cost next to nothing."""
 
 
 class Sampled(eqx.Module):
@@ -77,17 +78,34 @@ def followed(
         tried = attempt(method, scene, now[0], t_end, family)
         return tried.step, jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, now[1])
 
-    def sample(now: tuple[Step, Attempt], time: Scalar) -> Any:
+    def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
+        time, is_new = row
         step, last = now = jax.lax.while_loop(
             lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
         )
-        found = _looked_at(method, family, outputs, last, time)
+        found = jax.lax.cond(
+            is_new,
+            lambda: _looked_at(method, family, outputs, last, time),
+            lambda: _nothing(family, outputs),
+        )
         return now, (*found, time <= step.t)
 
-    (step, _), found = jax.lax.scan(sample, (first, last), times)
+    is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
+    (step, _), (*found, reached) = jax.lax.scan(sample, (first, last), (times, is_new))
+    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-    return Sampled(*found, step.t, result, step.attempts, step.accepted), first, step
+    sampled = Sampled(values, derivatives, reached, step.t, result, step.attempts, step.accepted)
+    return sampled, first, step
+
+
+def _nothing(
+    family: AbstractFamily, outputs: Mapping[str, Quantity]
+) -> tuple[dict[str, Scalar], dict[str, Any]]:
+    """What stands in the place of quantities at a time that has been looked at."""
+    along = jnp.zeros(len(family.values))
+    return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
 
 
 def _looked_at(
@@ -221,6 +239,12 @@ def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """The times, and the end time, at least once, as often as makes their number one of few."""
-    count = len(times) + 1
-    size = FEW_TIMES if count <= FEW_TIMES else MANY_TIMES
-    return np.append(times, np.full(1 + -count % size, float(end_time)))
+    return np.append(times, np.full(few(len(times) + 1) - len(times), float(end_time)))
+
+
+def few(count: int) -> int:
+    """The least of few numbers that is not below a number of times."""
+    size = FEW_TIMES
+    while size < count:
+        size *= GROWTH
+    return size

@@ -31,6 +31,7 @@ from .impacts import (
     updated_memory,
 )
 from .jumps import across_contacts, contacts_jump
+from .program_size import shapes_of
 from .projection import off_prescribed
 from .results import RESULTS
 from .scene import Scene
@@ -57,11 +58,13 @@ def start(
     first_step: Scalar | None,
     y: Variables,
     memory: Memory,
+    derivatives: bool = False,
 ) -> Step:
-    """What there is before the first step; `memory` is found unless it is given."""
+    """What there is before the first step; `memory` is found unless it is given. `derivatives` tell
+    that the step will carry them."""
     found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
     memory = memory or initial_memory(scene, found)
-    y = Variables(y.motion, _ledger(method, scene, t0, y, memory))
+    y = Variables(y.motion, _ledger(method, scene, t0, y, memory, derivatives))
     term, args = term_of(method), (scene, memory)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, _error_order(method, term)
@@ -96,10 +99,12 @@ def _error_order(method: Method, term: diffrax.ODETerm) -> Any:
 
 
 def _ledger(
-    method: Method, scene: Scene, t: Scalar, y: Variables, memory: Memory
+    method: Method, scene: Scene, t: Scalar, y: Variables, memory: Memory, derivatives: bool
 ) -> dict[str, Scalar]:
     """The ledger's integrals at the start: those given, and zero for the others the scene has."""
-    _, powers = jax.eval_shape(lambda: state_rates(scene, method.formulation, y.motion, memory, t))
+    _, powers = shapes_of(
+        lambda: state_rates(scene, method.formulation, y.motion, memory, t), derivatives
+    )
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 

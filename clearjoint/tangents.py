@@ -36,7 +36,7 @@ def start_with_tangents(
         begun, (family.values,), (jnp.eye(count),)
     )
     scene = family.scene(family.values)
-    step = start(method, scene, t0, t_end, first_step, y, memory)
+    step = start(method, scene, t0, t_end, first_step, y, memory, derivatives=True)
 
     def rates(scene: Scene, y: Variables, memory: Memory) -> tuple[Any, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (scene, memory)), None
@@ -53,10 +53,6 @@ def look_at_tangents(method: Method, tried: Attempt, t: Scalar) -> tuple[Any, An
     """Derivatives of what `look_inside` gives, before it is projected."""
     end, inside, ahead = tried.step.t, tried.tangents, tried.step.tangents
     assert inside is not None and ahead is not None
-
-    def along(information: Any) -> Any:
-        dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **information)
-        return dense.evaluate(dense_time(tried, t))
-
-    y = choose(t >= end, ahead.y, jax.vmap(along)(inside.information))
+    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **inside.information)
+    y = choose(t >= end, ahead.y, dense.evaluate(dense_time(tried, t)))
     return y, choose(t >= end, ahead.memory, inside.memory_start)

@@ -32,6 +32,7 @@ from clearjoint.segments import begin
 from clearjoint.stepping import attempt
 from clearjoint.steps import Method
 from clearjoint.vectors import unpack
+from tests.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 BODY = Body(1.0, (1.0, 1.0, 1.0))
@@ -62,17 +63,6 @@ ROUGH = pin(ELASTIC, friction=RegularisedCoulomb(0.1))
 BALL = SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))
 DRIVER = PrescribedRotation("ground", "rod", AXIS, 3.0)
 HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
-
-
-def primitives(jaxpr):
-    """How often each primitive occurs, inner jaxprs included."""
-    count = Counter()
-    for equation in jaxpr.eqns:
-        count[equation.primitive.name] += 1
-        parts = jax.tree.leaves(equation.params, is_leaf=lambda part: hasattr(part, "eqns"))
-        for inner in (part for part in parts if hasattr(part, "eqns")):
-            count += primitives(inner)
-    return count
 
 
 def operations(of, memory=None, **formulation):

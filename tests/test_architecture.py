@@ -67,6 +67,7 @@ FLOORS = (
         "dense_output",
         "step_length",
         "trial",
+        "program_size",
         "stepping",
         "tangents",
         "loops",

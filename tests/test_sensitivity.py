@@ -1,9 +1,17 @@
 """Sensitivities against an event-exact solver in quadruple precision, and closed forms."""
 
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.estimands import coordinates_of, parametrised
+from clearjoint.sensitivity import followed
+from tests.programs import body_of, primitives
 from tests.reference import Case
 
 JOINT, Q = "shoulder", cj.quantities
@@ -61,6 +69,47 @@ def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, refer
     for contact, expected in ENTRIES.items():
         at = np.searchsorted(times, middles[contact])
         np.testing.assert_allclose(found.derivatives[contact[0]][at], expected, rtol=accuracy)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_outputs_read_is_arithmetic_without_loops(count):
+    """XLA's emitter forgets at each loop what it has written before, and writes it again at every
+    use: a single one among the variables made an acceleration's program five times as large."""
+    scene, state = cj.double_pendulum()
+    parameters = dict(list(PARAMETERS.items())[:count])
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    outputs = {
+        "acceleration": Q.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y"),
+        "reaction": Q.Reaction("elbow", "arm 3"),
+        "contact": Q.ContactForce(JOINT),
+        **OUTPUTS,
+    }
+    method = cj.Integration().method(scene, state)
+
+    def program(times, *span):
+        return followed(method, family, outputs, times, *span, 1000)[0].derivatives
+
+    sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
+    found = primitives(sampling, beside=("while",))
+    assert found["mul"] > 1000
+    loops = ("reduce", "arg", "cum", "concatenate", "pad", "dot_general", "scatter", "sort")
+    assert [name for name in found if name.startswith(loops)] == []
+
+
+ONE_DERIVATIVE = """
+import clearjoint as cj
+cj.configure()
+clearance = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
+output = cj.quantities.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y")
+cj.sensitivities(*cj.double_pendulum(), 0.02, {"clearance": clearance}, {"output": output}, [0.02])
+"""
+
+
+@pytest.mark.slow
+def test_one_derivative_of_an_acceleration_compiles_in_time():
+    """It takes half a minute; it never ended while the dense output was a reduction."""
+    subprocess.run([sys.executable, "-c", ONE_DERIVATIVE], check=True, timeout=400)
 
 
 def _oscillator(mass=2.0, stiffness=50.0, start=0.3):

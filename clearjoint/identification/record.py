@@ -9,6 +9,7 @@ import numpy as np
 
 from ..fields import require
 from ..measurements import Measurements
+from ..sensitivity import few
 from .residuals import Samples, check_start, samples
 
 
@@ -39,7 +40,7 @@ class Record:
         )
         self.data = samples(measurements, len(self._times))
         spans = zip(self.cuts[:-1], self.cuts[2:].tolist() + [self.cuts[-1]], strict=True)
-        self._length = 1 + max(int(self._inside(a, b).sum()) for a, b in spans)
+        self._length = few(1 + max(int(self._inside(a, b).sum()) for a, b in spans))
 
     def _inside(self, start: float, end: float) -> np.ndarray:
         last = end == self._times[-1]

@@ -82,8 +82,9 @@ class SideBySide:
 
     def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
         varied, states = jax.device_get(_made(self.runs, self._varied, coordinates))
-        lanes, times = len(coordinates), self.times
+        lanes, times = len(coordinates), self.times.copy()
         end_time, start_time = times[count - 1], float(self.runs.start_time)
+        times[count:] = np.inf  # never come to, so that nothing is recorded for padding
         return Task(
             varied,
             states,

@@ -1,0 +1,31 @@
+"""Looking into traced programs."""
+
+from collections import Counter
+from collections.abc import Collection
+from typing import Any
+
+import jax
+
+
+def inside(equation: Any) -> list[Any]:
+    """The programs that an equation carries out: the body of a loop, say."""
+    parts = jax.tree.leaves(equation.params, is_leaf=lambda part: hasattr(part, "eqns"))
+    return [part for part in parts if hasattr(part, "eqns")]
+
+
+def primitives(program: Any, beside: Collection[str] = ()) -> Counter[str]:
+    """How often each primitive occurs, those in inner programs included, but for what is inside
+    primitives of the names `beside`."""
+    found = Counter(equation.primitive.name for equation in program.eqns)
+    for equation in program.eqns:
+        if equation.primitive.name not in beside:
+            for part in inside(equation):
+                found += primitives(part, beside)
+    return found
+
+
+def body_of(program: Any, name: str) -> Any:
+    """The body of the only loop of a kind, such as "scan", on the outermost level."""
+    (loop,) = (equation for equation in program.eqns if equation.primitive.name == name)
+    (body,) = inside(loop)
+    return body

@@ -1,0 +1,117 @@
+"""How many programs are compiled: one for each structure, none for other numbers of anything."""
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+COMPILED = "/jax/core/compile/backend_compile_duration"
+END = 0.3
+
+
+@pytest.fixture
+def compiled():
+    """The number of programs that JAX has compiled since the test began, or taken from its cache
+    on disk, as a function."""
+    events: list[str] = []
+
+    def note(event: str, duration_secs: float, **_: str | int) -> None:
+        del duration_secs
+        if event == COMPILED:
+            events.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    yield lambda: len(events)
+    jax.monitoring.unregister_event_duration_listener(note)
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """A mass on a damped spring: least to compile."""
+    origin = (0.0, 0.0, 0.0)
+    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
+    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
+    return scene, cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+
+
+def _saved(scene_and_state, count, **options):
+    return cj.simulate(*scene_and_state, END, save_at=np.linspace(0.0, END, count), **options)
+
+
+def _steps(scene_and_state, end, **options):
+    return cj.simulate(*scene_and_state, end, record_steps=True, **options)
+
+
+def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
+    _saved(damped, 5)
+    before = compiled()
+    for count in (2, 64, 700):
+        assert len(_saved(damped, count).times) == count
+    assert compiled() == before
+
+
+def test_another_number_of_instants_to_observe_compiles_nothing(damped, compiled):
+    scene, _ = damped
+    solutions = [_saved(damped, count) for count in (7, 3, 700)]
+    cj.observe(scene, solutions[0])
+    before = compiled()
+    for solution in solutions[1:]:
+        seen = cj.observe(scene, solution)
+        assert seen.energies["mechanical"].shape == (len(solution.times),)
+    assert compiled() == before
+
+
+def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(damped, compiled):
+    scene, _ = damped
+    plain, booked = _saved(damped, 5), _saved(damped, 5, ledger=True)
+    absolute = _saved(damped, 5, coordinates=cj.AbsoluteCoordinates())
+    first = cj.observe(scene, plain)
+    before = compiled()
+    seen = [cj.observe(scene, solution) for solution in (booked, absolute)]
+    assert compiled() == before
+    assert set(seen[0].energies) == set(first.energies) | {"supplied"}
+    np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
+
+
+def test_nothing_saved_is_nothing_observed(damped):
+    scene, _ = damped
+    failed = _saved(damped, 5, max_steps=1, throw=False)
+    none = cj.observe(scene, failed, jax.tree.map(lambda leaf: leaf[:0], failed.saved))
+    assert none.times.shape == none.energies["kinetic"].shape == (0,)
+
+
+def test_longer_records_of_steps_compile_nothing(damped, compiled):
+    _steps(damped, 0.01)
+    before = compiled()
+    assert len(_steps(damped, END).steps) > len(_steps(damped, 0.02).steps)
+    assert compiled() == before
+
+
+def test_records_of_few_lengths_are_compiled_for_derivatives(damped, compiled):
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    outputs = {"x": cj.quantities.Position("mass", "x")}
+
+    def along(count):
+        times = np.linspace(0.0, END, count)
+        return cj.sensitivities(*damped, END, parameters, outputs, times)
+
+    along(3)
+    along(64)
+    before = compiled()
+    few, many = along(63), along(500)
+    assert compiled() == before
+    assert few.derivatives["x"].shape == (63, 1) and many.derivatives["x"].shape == (500, 1)
+    np.testing.assert_allclose(few.derivatives["x"][-1], many.derivatives["x"][-1], rtol=1e-12)
+
+
+def test_a_time_given_twice_is_seen_twice(damped):
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    outputs = {"x": cj.quantities.Position("mass", "x")}
+    times = [0.0, 0.1, 0.1, 0.1, 0.2, END, END]
+    seen = cj.sensitivities(*damped, END, parameters, outputs, times)
+    t = np.asarray(times)
+    expected = cj.sensitivities(*damped, END, parameters, outputs, np.unique(t))
+    at = np.searchsorted(np.unique(t), t)
+    np.testing.assert_array_equal(seen.values["x"], expected.values["x"][at])
+    np.testing.assert_array_equal(seen.derivatives["x"], expected.derivatives["x"][at])
