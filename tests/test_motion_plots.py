@@ -86,7 +86,6 @@ def test_contact_forces_over_time(turning):
     axes = plot.contact_forces(seen, "pin", window=WINDOW)
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, ms", "normal force, N")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["base V", "base W"]
-    inside = (WINDOW[0] <= TIMES) & (WINDOW[1] >= TIMES)
     np.testing.assert_allclose(axes.get_xlim(), (10.0, 30.0))
     for line, base in zip(axes.get_lines(), "VW", strict=True):
         np.testing.assert_allclose(line.get_xdata(), 1e3 * TIMES[AROUND])
@@ -109,7 +108,6 @@ def test_motion_takes_a_window(turning, draw):
     seen, trajectory, _ = turning
     data = {"one": trajectory if draw is plot.position else seen}
     (line,) = draw(data, "bearing", "X", window=WINDOW).get_lines()
-    inside = (WINDOW[0] <= TIMES) & (WINDOW[1] >= TIMES)
     np.testing.assert_allclose(line.axes.get_xlim(), WINDOW)
     np.testing.assert_allclose(line.get_xdata(), TIMES[AROUND])
     if draw is plot.position:
