@@ -83,8 +83,10 @@ def sweep(
       `Section`. The final state, result code, time reached, and steps are always kept.
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
       computes only what is missing. `open_sweep(path)` reads it, finished or not.
-    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`, to which chunks
-      are handed; unless given, all `devices` of this process share the lanes.
+    - `executor`: a `concurrent.futures.Executor` (of processes that are spawned, not forked) or a
+      `dask.distributed.Client` (of clusters: ``pip install 'clearjoint[cluster]'``), to which
+      chunks are handed; unless given, all `devices` of this process share the lanes. With Dask,
+      chunks of a worker that dies are computed elsewhere.
     - `chunk`: lanes in a chunk of the store, and of what an executor gets.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the

@@ -88,9 +88,7 @@ def recovery() -> Figure:
 def identification() -> Figure:
     """Share of searches that succeed."""
     rows = table("identification", "near: successes")
-    series = {
-        kind: [_share(row[f"{kind}: successes"]) for row in rows] for kind in ("near", "far")
-    }
+    series = {kind: [_share(row[f"{kind}: successes"]) for row in rows] for kind in ("near", "far")}
     return bars([row[""] for row in rows], series, "searches that succeed, %", False)
 
 

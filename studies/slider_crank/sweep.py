@@ -10,11 +10,9 @@ the ideal mechanism's.
 
 There is neither gravity nor friction. If impacts took no time, the crank speed would then only
 scale time, and the motion over the crank angle would be the same at all speeds; what the speed
-changes is how soft the contact is against the forces of inertia. Hence faster is calmer: with 20 µm
-the journal, which hardly leaves the wall, moves without order below 5500 revolutions a minute but
-for windows, and above that with the crank's period, doubled between 6600 and 7000. At a given speed
-it is the clearance that brings disorder, again with periodic windows. Where impacts make the peaks,
-these are, over the ideal joint's, as the speed to the power -0.8 by Hertz's law.
+changes is how soft the contact is against the forces of inertia. Hence faster is calmer. Where
+impacts make the peaks, these are, over the ideal joint's, as the speed to the power -0.8 by Hertz's
+law.
 
 Results are stored as they come: a command that was interrupted continues, and one that was finished
 only draws again.

@@ -1,4 +1,4 @@
-"""What the presets say of forces, and what they cost: the table of the README."""
+"""What the presets say of forces, and what they cost: the table of README.md."""
 
 import csv
 from tempfile import TemporaryDirectory
