@@ -83,6 +83,11 @@ from .measured_tables import from_xarray as from_xarray
 from .measured_tables import read_csv as read_csv
 from .measurements import Measurements as Measurements
 from .measurements import Series as Series
+from .mechanisms import CRANK_LENGTH as CRANK_LENGTH
+from .mechanisms import ROD_LENGTH as ROD_LENGTH
+from .mechanisms import STEEL as STEEL
+from .mechanisms import bricard as bricard
+from .mechanisms import double_four_bar as double_four_bar
 from .mechanisms import double_pendulum as double_pendulum
 from .mechanisms import slider_crank as slider_crank
 from .nonsmooth.simulate import ContactTotals as ContactTotals

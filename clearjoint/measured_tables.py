@@ -94,6 +94,12 @@ def read_csv(
 ) -> Measurements:
     """Read measurements from a CSV file with a header, compressed or not.
 
+        probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
+        data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
+        data.check(scene)  # are the bodies and joints there?
+
+    reads the columns "t [ms]" and "probe x [um]"; all is stored in SI units.
+
     **Arguments:**
 
     - `channels`: `Channel` by column. A header may carry the unit: "probe x [mm]" is the column

@@ -67,7 +67,8 @@ def simulate(
     what each gives and costs.
 
     These derivatives are those of the computed steps, not of the motion: their error is far above
-    that of the states (README, "Gradients"). Take rtol 1e-9 and a landing tolerance of 1e-13.
+    that of the states (measured by `studies.benchmark`). Take rtol 1e-9 and a landing tolerance of
+    1e-13.
 
     **Arguments:**
 

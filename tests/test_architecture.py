@@ -1,6 +1,7 @@
 """The floors of the package: who may import whom, and what an import may do."""
 
 import ast
+import json
 import os
 import subprocess
 import sys
@@ -94,7 +95,13 @@ FLOORS = (
         "pool",
         "batch",
     ),
-    ("observables", "quantities.bodies", "quantities.joints", "testing"),
+    (
+        "observables",
+        "quantities.bodies",
+        "quantities.joints",
+        "extend",
+        "testing.conformance",
+    ),
     (
         "wall_impact",
         "units",
@@ -118,6 +125,8 @@ FLOORS = (
         "sweeps.progress",
         "sweeps.variables",
         "sweeps.sweep",
+        "testing.programs",
+        "testing.replaced_code",
         "identification.residuals",
         "identification.levenberg_marquardt",
         "identification.gauss_newton",
@@ -281,3 +290,53 @@ def test_import_starts_no_backend_and_changes_no_setting():
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+ROOT = PACKAGE.parent
+PUBLIC = {f"clearjoint.{name}" for name in ("extend", "plot", "presets", "quantities", "testing")}
+"""What may be imported from beside `clearjoint` itself."""
+
+
+def imported_from_outside(source: str) -> set[str]:
+    """Modules of the package that a source text imports, and private names that it reaches for."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            assert node.module is not None
+            known = [f"{node.module}.{alias.name}" for alias in node.names]
+            inner = {name for name in known if name.removeprefix("clearjoint.") in PATHS}
+            found |= inner or {node.module}
+    return {name for name in found if name.split(".")[0] == "clearjoint"}
+
+
+def outside_sources() -> dict[str, str]:
+    """The text of every study, and of the code of every notebook."""
+    studies = {str(path): path.read_text() for path in sorted((ROOT / "studies").rglob("*.py"))}
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text())["cells"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        studies[str(path)] = "\n".join(code)
+    return studies
+
+
+def test_studies_and_notebooks_import_public_names_only():
+    public = {"clearjoint", "clearjoint.plot.style", *PUBLIC}
+    wrong = {path: imported_from_outside(text) - public for path, text in outside_sources().items()}
+    assert {path: names for path, names in wrong.items() if names} == {}
+
+
+def test_an_import_from_inside_is_seen():
+    hidden = "from clearjoint.stepping import attempt\nfrom clearjoint import dynamics, Scene\n"
+    assert imported_from_outside(hidden) == {"clearjoint.stepping", "clearjoint.dynamics"}
+
+
+def test_every_study_runs_by_its_name_and_stands_in_the_gallery():
+    gallery = (ROOT / "studies" / "README.md").read_text(encoding="utf-8")
+    folders = [path for path in (ROOT / "studies").iterdir() if (path / "__init__.py").exists()]
+    studies = [path for path in folders if path.name != "common"]
+    assert len(studies) > 15
+    for study in studies:
+        assert (study / "__main__.py").is_file() and (study / "README.md").is_file(), study
+        assert f"]({study.name})" in gallery and f"]({study.name}/" in gallery, study

@@ -8,8 +8,8 @@ from io import StringIO
 import numpy as np
 import pytest
 
-from studies import benchmark
-from studies.benchmarks import pendulum
+from studies.benchmark import __main__ as benchmark
+from studies.benchmark import pendulum
 
 PROGRAMS = ["clearjoint, Tsit5"] * 2 + ["clearjoint, Dopri8"] * 2 + ["SciPy, DOP853"] * 2
 if find_spec("exudyn"):

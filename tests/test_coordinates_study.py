@@ -1,6 +1,6 @@
 """The comparison of coordinates runs in its quick setting."""
 
-from studies.coordinates import main
+from studies.coordinates.__main__ import main
 
 
 def test_joint_coordinates_take_fewer_operations_and_do_not_drift(capsys):

@@ -11,10 +11,12 @@ from clearjoint.dynamics import Formulation, state_rates
 from clearjoint.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.running import _Waiting
 from clearjoint.segments import Saved
-from clearjoint.stepping import attempt
+from clearjoint.simulate import make_method
+from clearjoint.stepping import attempt, start
+from clearjoint.steps import Variables
 from clearjoint.vectors import EulerParameters, pack, unpack
-from studies import endurance
-from studies.required.program import Program
+from studies.endurance import runs as endurance
+from studies.endurance.__main__ import main
 
 
 def parameters(norm):
@@ -50,10 +52,11 @@ def test_rates_kept_for_the_next_step_match_the_settled_state():
     scene, state = endurance.top()
     body = state.bodies["rod"]
     off = BodyState(body.position, 1.01 * np.asarray(body.orientation), body.velocity, body.spin)
-    program = Program.of(scene, cj.State({"rod": off}))
-    step = jax.jit(
-        lambda step: attempt(program.method, unpack(scene), step, jnp.asarray(1.0)).step
-    )(program.step)
+    method = make_method(None, None, Formulation(), 1e-12, 1e-6, None)
+    motion = method.formulation.coordinates.encode(unpack(scene), unpack({"rod": off}))
+    t0, t_end, length = (jnp.asarray(number) for number in (0.0, 1.0, 1e-6))
+    first = start(method, unpack(scene), t0, t_end, length, Variables(motion, {}), {})
+    step = jax.jit(lambda step: attempt(method, unpack(scene), step, t_end).step)(first)
     assert int(step.accepted) == 1
     assert np.linalg.norm(pack(step.y.motion["rod"].orientation)) == pytest.approx(1.0, abs=1e-4)
     rates, _ = state_rates(unpack(scene), Formulation(), step.y.motion, {}, step.t)
@@ -99,7 +102,7 @@ def test_saved_states_keep_no_rows_that_were_not_reached():
 
 
 def test_study_runs(capsys, tmp_path):
-    endurance.main(["--quick", "--output", str(tmp_path)])
+    main(["--quick", "--output", str(tmp_path)])
     rows = [line.split("|") for line in capsys.readouterr().out.splitlines()]
     ideal, top = rows[2:]
     assert ideal[1].strip() == "ideal" and top[1].strip() == "free top"

@@ -7,14 +7,15 @@ import pytest
 import clearjoint as cj
 from clearjoint.results import RESULTS
 from clearjoint.trial import REJECTED_ERROR
-from studies import extremes
-from studies.extreme.cases import BASE, damping_factor, delivered, thrown
-from studies.extreme.families import FAMILIES, NAMES, draws
-from studies.extreme.invariants import contact_energy, kinetic_energy, poses
-from studies.extreme.looks import REFUSED, RIGHT, WRONG, judged
-from studies.extreme.report import case_table
-from studies.extreme.runs import Lane
-from studies.extreme.single_runs import four_bar
+from studies.extremes import findings as extremes
+from studies.extremes.cases import BASE, damping_factor, delivered, thrown
+from studies.extremes.families import FAMILIES, NAMES, draws
+from studies.extremes.figure import drawn_map
+from studies.extremes.invariants import contact_energy, kinetic_energy, poses
+from studies.extremes.looks import REFUSED, RIGHT, WRONG, judged
+from studies.extremes.report import case_table
+from studies.extremes.runs import Lane
+from studies.extremes.single_runs import four_bar
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_report_and_map(findings, tmp_path):
     text = extremes.report(findings)
     assert "Wrong in all: 0." in text
     assert text.count("\n| ") > 30
-    extremes.drawn_map(findings.rows, findings.batches).savefig(tmp_path / "map.png")
+    drawn_map(findings.rows, findings.batches).savefig(tmp_path / "map.png")
 
 
 @pytest.mark.slow

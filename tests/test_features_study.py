@@ -7,10 +7,11 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics import Formulation, state_rates
+from clearjoint.testing import without
 from clearjoint.vectors import pack, structured, unpack
-from studies import features
-from studies.required.ladder import LADDER, unchanged, without
-from studies.required.planar import planar_pendulum, slider_crank_rates, without_motor
+from studies.features.__main__ import main
+from studies.features.planar import planar_pendulum, slider_crank_rates, without_motor
+from studies.features.rungs import LADDER, unchanged
 
 FORMULATION = Formulation()
 FAST = 3
@@ -31,7 +32,7 @@ def test_program_is_the_same_without_the_code_of_the_features_above(place):
 
 @pytest.mark.parametrize("place", of_rungs(range(1, len(LADDER))))
 def test_program_needs_the_code_of_its_own_feature(place):
-    with without(LADDER[place : place + 1]), pytest.raises(AssertionError, match="lacks"):
+    with without(LADDER[place].feature), pytest.raises(AssertionError, match="lacks"):
         LADDER[place].make().text()
 
 
@@ -92,7 +93,7 @@ def test_body_held_in_a_plane_accelerates_as_one_that_is_free():
 
 
 def test_study_runs(capsys, tmp_path):
-    features.main(["--quick", "--output", str(tmp_path)])
+    main(["--quick", "--output", str(tmp_path)])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 4
     assert all("the same program" in line for line in lines[2:])

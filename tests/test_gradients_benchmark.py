@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from studies import benchmark
+from studies.benchmark import __main__ as benchmark
 
 
 @pytest.mark.slow

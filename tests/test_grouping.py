@@ -29,7 +29,7 @@ from clearjoint.simulate import make_method
 from clearjoint.stepping import attempt, start
 from clearjoint.steps import Variables
 from clearjoint.vectors import Vector, structured, unpack
-from studies.benchmarks.chain import chain
+from studies.benchmark.chain import chain
 
 SIMULATE = sys.modules["clearjoint.simulate"]
 """The module, whose name is also that of its function."""

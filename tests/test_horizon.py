@@ -192,9 +192,9 @@ def test_errors(found):
 @pytest.mark.slow
 def test_horizons_of_the_double_pendulum():
     """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
-    worst guess likewise (`studies/horizon.py`). Rounding alone tells runs apart from 0.15 s on (the
+    worst guess likewise (`studies/horizon`). Rounding alone tells runs apart from 0.15 s on (the
     reference's README)."""
-    from studies.identifiability import ACROSS, BASES, PARAMETERS
+    from studies.identifiability.instruments import ACROSS, BASES, PARAMETERS
 
     times = np.arange(1, 2001) * 1e-4
     probe = [JournalOffset("shoulder", component=k, base=base) for base in BASES for k in ACROSS]

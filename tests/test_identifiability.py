@@ -6,7 +6,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.identification import information
 from clearjoint.quantities import ContactForce, Position, Velocity
-from studies import identifiability as study
+from studies.identifiability import instruments as study
 
 TIMES = np.linspace(0.01, 1.0, 100)
 

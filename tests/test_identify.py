@@ -3,9 +3,7 @@
 All tests share one compiled run: two probes, three parameters, up to 64 times.
 """
 
-import re
 from functools import partial
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -208,17 +206,6 @@ def test_windows_hold_to_where_they_began(problem):
     np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
     np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
     np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)
-
-
-def test_example_of_the_readme():
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    section = readme.partition("## Identification\n")[2].partition("\n## ")[0]
-    (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
-    names = {"cj": cj, "np": np}
-    exec(code, names)
-    fit = names["fit"]
-    assert isinstance(fit, cj.Fit) and fit.ending is cj.Ending.CONVERGED
-    assert fit.estimates["clearance"] == pytest.approx(0.5e-3, rel=0.05)
 
 
 def test_minimum_of_an_objective(clean):

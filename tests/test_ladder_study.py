@@ -1,6 +1,6 @@
 """The ladder of models runs in its quick setting."""
 
-from studies.ladder import main
+from studies.ladder.__main__ import main
 
 
 def test_rigid_contact_is_near_the_reference_and_has_no_derivative(capsys, reference_folder):

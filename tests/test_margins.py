@@ -5,7 +5,13 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.quantities import ContactForce, Eccentricity
-from studies.margins import Margins, first_failure, largest_within, margins_of, predicted
+from studies.tolerance_design.margins import (
+    Margins,
+    first_failure,
+    largest_within,
+    margins_of,
+    predicted,
+)
 
 MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
 LARGEST = {"eccentricity": 0.5e-3, "force": 150.0}

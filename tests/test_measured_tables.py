@@ -2,8 +2,6 @@
 
 import gzip
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -200,21 +198,3 @@ def gap():
 def test_datasets_that_are_not_right_are_refused(make, name, message):
     with pytest.raises(ValueError, match=message):
         cj.from_xarray(make(), {name: PROBE})
-
-
-def test_example_of_the_readme(tmp_path, monkeypatch):
-    """On the scene of its first example."""
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    scene = re.search(r"^scene = cj\.Scene\(.*?^\)\n", readme, re.DOTALL | re.MULTILINE)
-    assert scene is not None
-    section = readme.partition("## Measured data\n")[2].partition("\n## ")[0]
-    table, code = re.findall(r"```(?:csv|python)\n(.*?)```", section, re.DOTALL)
-    monkeypatch.chdir(tmp_path)
-    Path("rig.csv").write_text(table, encoding="utf-8")
-    names = {"cj": cj, "np": np}
-    exec(scene.group() + code, names)
-    data = names["data"]
-    assert isinstance(data, cj.Measurements)
-    assert len(data["probe x"]) == 3 and len(data["accelerometer"]) == 2
-    assert data["probe x"].values[1] == pytest.approx(-4.61e-6)
-    assert names["score"] == pytest.approx(1.5)

@@ -8,8 +8,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.identification import gauss_newton, multiple_shooting
-from studies import shooting
-from studies.identification import TRUTH, ideal
+from studies.common.identification_problem import TRUTH, ideal
+from studies.shooting import fits as shooting
 
 Q = cj.quantities
 STIFFNESS, START, END = 50.0, 0.3, 3.0

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies.real.ball import (
+from studies.real_bounces.__main__ import main
+from studies.real_bounces.ball import (
     RestitutionOverSpeed,
     damping_factor,
     flight_time,
@@ -12,9 +13,9 @@ from studies.real.ball import (
     scene,
     simulated_intervals,
 )
-from studies.real.bounce_files import read_balls
-from studies.real.bounce_fit import fit, from_drops, from_intervals, requested
-from studies.real_bounces import BALLS, main
+from studies.real_bounces.bounce_files import read_balls
+from studies.real_bounces.bounce_fit import fit, from_drops, from_intervals, requested
+from studies.real_bounces.throws import BALLS
 
 TENNIS_TABLE, GOLF = 1, 4
 LOSS, POWER = 0.1, 0.3

@@ -5,7 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
-from studies.real.pendulum import (
+from studies.real_pendulum.__main__ import main
+from studies.real_pendulum.fits import prepared
+from studies.real_pendulum.pendulum import (
     Pendulum,
     fit_frictions,
     guess,
@@ -14,8 +16,7 @@ from studies.real.pendulum import (
     roughly,
     standard_errors,
 )
-from studies.real.swing_files import Swing, read_swings
-from studies.real_pendulum import main, prepared
+from studies.real_pendulum.swing_files import Swing, read_swings
 
 TRUTH = Pendulum(0.15, 1e-3, 3e-3, 5e-5, 2e-3, 0.3, 10.0)
 NOISE = 2e-4

@@ -6,10 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from studies import identification_today, recovery
-from studies.baselines.scipy_fit import fit, probes
-from studies.identification import PARAMETERS, STARTS, TRUTH, ideal
-from studies.recovery import Recovery, coordinates
+from studies.common.baselines.scipy_fit import fit, probes
+from studies.common.identification_problem import (
+    PARAMETERS,
+    STARTS,
+    TRUTH,
+    coordinates,
+    ideal,
+)
+from studies.identification import today as identification_today
+from studies.recovery import draws as recovery
+from studies.recovery.__main__ import main
+from studies.recovery.draws import Recovery
 
 
 def attempt(offset: float, half: float, warnings: list[str], chi_squared: float = 0.0) -> Any:
@@ -75,7 +83,7 @@ def test_scipy_with_differences_ends_where_identify_does():
 
 @pytest.mark.slow
 def test_quick_recovery_prints_a_row(capsys):
-    recovery.main(["--quick"])
+    main(["--quick"])
     cells = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].split("|")]
     assert cells[1] == "probes, truth, at once" and cells[2:4] == ["2", "0"]
 

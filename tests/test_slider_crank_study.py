@@ -1,27 +1,15 @@
 """The slider-crank's study runs in its quick setting."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies.slider_crank_sweep import periods, with_ratios
-
-FILE = Path(__file__).resolve().parents[1] / "studies" / "slider_crank.py"
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("slider_crank_study", FILE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+from studies.slider_crank.__main__ import main, parse
+from studies.slider_crank.sweep import periods, with_ratios
 
 
-def test_quick_study_writes_its_files_and_finds_the_closed_forms(study, tmp_path):
-    study.main(["--quick", "--output", str(tmp_path)])
+def test_quick_study_writes_its_files_and_finds_the_closed_forms(tmp_path):
+    main(["--quick", "--output", str(tmp_path)])
     written = {file.name for file in tmp_path.iterdir()}
     assert written == {"motion.png", "orbit.png", "poincare.png", "table.md"}
     table = (tmp_path / "table.md").read_text(encoding="utf-8")
@@ -35,18 +23,18 @@ def test_quick_study_writes_its_files_and_finds_the_closed_forms(study, tmp_path
     assert len(peaks) == 3 and min(peaks.values()) > 5.0
 
 
-def test_too_few_revolutions_are_refused(study):
+def test_too_few_revolutions_are_refused():
     with pytest.raises(SystemExit):
-        study.parse(["--revolutions", "2"])
+        parse(["--revolutions", "2"])
 
 
-def test_quick_sweep_writes_its_figures_and_repeats_with_small_clearances(study, tmp_path, capsys):
+def test_quick_sweep_writes_its_figures_and_repeats_with_small_clearances(tmp_path, capsys):
     """With 5 micrometres the journal keeps to the wall, and peaks are nearly the ideal joint's."""
-    study.main(["sweep", "--quick", "--output", str(tmp_path)])
-    written = {file.name for file in (tmp_path / "quick").glob("*.png")}
+    main(["sweep", "--quick", "--output", str(tmp_path)])
+    written = {file.name for file in tmp_path.glob("*.png")}
     assert written == {"bifurcation.png", "map.png", "orbits.png"}
     assert "0 lanes failed" in capsys.readouterr().out
-    swept = with_ratios(cj.open_sweep(tmp_path / "quick" / "map.zarr"))
+    swept = with_ratios(cj.open_sweep(tmp_path / "map.zarr"))
     tight = swept.isel(clearance=0, crank_speed=-1)
     assert tight["period"] == 1.0
     for peak in ("acceleration", "moment", "force"):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies import speed_accuracy
-from studies.work_precision import evaluations, settings
-from studies.work_precision.front import excess, front, standings
-from studies.work_precision.steppers import RungeKutta4, SemiImplicitEuler
+from studies.speed_accuracy import evaluations, settings
+from studies.speed_accuracy.__main__ import main
+from studies.speed_accuracy.front import excess, front, standings
+from studies.speed_accuracy.steppers import RungeKutta4, SemiImplicitEuler
 
 FREQUENCY, STEP, COUNT = 3.0, 0.05, 40
 """rad/s, s and steps of an oscillator."""
@@ -83,7 +83,7 @@ def test_a_family_is_dominated_if_something_cheaper_is_as_exact_wherever_one_loo
 
 
 def test_quick_study_prints_its_tables_and_draws(capsys, tmp_path):
-    speed_accuracy.main(["diagrams", "--quick", "--output", str(tmp_path)])
+    main(["diagrams", "--quick", "--output", str(tmp_path)])
     printed = capsys.readouterr().out
     cells = [
         [cell.strip() for cell in line.split("|")[1:-1]]
@@ -94,12 +94,12 @@ def test_quick_study_prints_its_tables_and_draws(capsys, tmp_path):
     assert len(cells) == 3
     assert (np.diff(errors) < 0.0).all() and (np.diff(work) > 0.0).all()
     assert errors[-1] < 1e-7
-    assert (tmp_path / "quick" / "work_precision.png").stat().st_size > 3000
+    assert (tmp_path / "work_precision.png").stat().st_size > 3000
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["presets", "variants", "statistics", "gradients"])
 def test_other_parts_run(part, capsys, tmp_path):
-    speed_accuracy.main([part, "--quick", "--output", str(tmp_path)])
+    main([part, "--quick", "--output", str(tmp_path)])
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     assert len(rows) > 4 and not any("nan" in row for row in rows)

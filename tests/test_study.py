@@ -1,12 +1,12 @@
 """The study runs in its quick setting, and what the paper states comes out of it."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-FILE = Path(__file__).resolve().parents[1] / "studies" / "double_pendulum.py"
+from studies.double_pendulum.__main__ import main, parse
+from studies.double_pendulum.findings import report
+from studies.double_pendulum.study import run
+
 WRITTEN = {
     "figure_13.png",
     "figure_14.png",
@@ -20,21 +20,13 @@ WRITTEN = {
 
 
 @pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("double_pendulum_study", FILE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
 def output(tmp_path_factory):
     return tmp_path_factory.mktemp("study")
 
 
 @pytest.fixture(scope="module")
-def findings(study, output):
-    return study.run(study.parse(["--quick", "--output", str(output)]))
+def findings(output):
+    return run(*parse(["--quick", "--output", str(output)]))
 
 
 def test_writes_all_files(findings, output):
@@ -79,12 +71,12 @@ def test_energy_is_accounted_for(findings):
     assert abs(findings.ledger_residual) < 1e-3 * findings.dissipated
 
 
-def test_report_names_each_statement(study, findings):
-    text = study.report(findings)
+def test_report_names_each_statement(findings):
+    text = report(findings)
     assert "49.9%" in text
     assert text.count("\n") == 12
 
 
-def test_too_short_a_run_is_refused(study, output):
+def test_too_short_a_run_is_refused(output):
     with pytest.raises(SystemExit, match="raise --duration"):
-        study.main(["--quick", "--duration", "0.02", "--output", str(output)])
+        main(["--quick", "--duration", "0.02", "--output", str(output)])

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies import benchmark
-from studies.benchmarks import scaling, sweep
-from studies.benchmarks.chain import chain
-from studies.benchmarks.operations import compiled_operations, jaxpr_operations
-from studies.benchmarks.workers import Worker
+from studies.benchmark import __main__ as benchmark
+from studies.benchmark import scaling, sweep
+from studies.benchmark.chain import chain
+from studies.benchmark.workers import Worker
+from studies.common.operations import compiled_operations, jaxpr_operations
 
 
 def records_of(folder, *arguments):

@@ -5,15 +5,17 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import plot
-from studies import clearance_limit, clearance_sweep
-from studies.output import Output
+from studies.clearance_sweep import limit as clearance_limit
+from studies.clearance_sweep import sweeps as clearance_sweep
+from studies.clearance_sweep.__main__ import main
+from studies.common.output import Output
 
 GRAVITY = 9.81
 
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory):
-    return Output(tmp_path_factory.mktemp("clearance") / "quick", quick=True)
+    return Output(tmp_path_factory.mktemp("clearance"), quick=True)
 
 
 @pytest.fixture(scope="module")
@@ -101,4 +103,4 @@ def test_limit_is_another_joint_if_it_is_not(output):
 def test_a_store_of_another_sweep_is_refused(output, swept, monkeypatch):
     monkeypatch.setattr(clearance_sweep, "DURATION", 0.4)
     with pytest.raises(SystemExit, match="end_time"):
-        clearance_sweep.main(["sweep", "--quick", "--output", str(output.folder.parent)])
+        main(["sweep", "--quick", "--output", str(output.folder)])

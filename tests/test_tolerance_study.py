@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies import tolerance_design
-from studies.slider_crank import PIN, Settings, closed_form
-from studies.slider_crank_sweep import pin_force
-from studies.tolerance_figures import ideal_pin_force
-from studies.tolerance_search import FORCE, POSITION, distance, settled, start
+from studies.slider_crank.runs import PIN, Settings, closed_form
+from studies.slider_crank.sweep import pin_force
+from studies.tolerance_design.__main__ import main
+from studies.tolerance_design.figures import ideal_pin_force
+from studies.tolerance_design.search import FORCE, POSITION, distance, settled, start
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +18,8 @@ def printed(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         lines: list[str] = []
         patch.setattr("builtins.print", lambda text: lines.extend(text.splitlines()))
-        tolerance_design.main(["--quick", "--output", str(folder)])
-    return lines, {file.name: file.stat().st_size for file in (folder / "quick").iterdir()}
+        main(["--quick", "--output", str(folder)])
+    return lines, {file.name: file.stat().st_size for file in folder.iterdir()}
 
 
 def test_quick_study_draws_and_beats_bisection_where_margins_are_smooth(printed):

@@ -8,6 +8,7 @@ that suit them. Of a sweep, `against`, `parameter_map`, `bifurcation`, `converge
 take names and units from the data set.
 """
 
+from . import style as style
 from .against import against as against
 from .against import running_median as running_median
 from .convergence import convergence as convergence

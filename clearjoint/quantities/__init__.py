@@ -2,6 +2,16 @@
 
 Any function of an `Instant` serves; these are values that compare equal when they mean the same,
 so that using them anew compiles nothing anew, and they know their units.
+
+| sensor | quantity |
+|---|---|
+| camera | `Position`, `PointPosition` |
+| velocimeter | `Velocity`, `PointVelocity` |
+| accelerometer, which feels gravity | `PointAcceleration(..., axes="body", gravity=True)` |
+| inclinometer, encoder | `Angle`, `JointAngle` |
+| load cell | `Reaction`, `ContactForce`, `FrictionForce` |
+| proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
+| another | a function of an `Instant`, with its unit given |
 """
 
 from .base import AbstractQuantity as AbstractQuantity

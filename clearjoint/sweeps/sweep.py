@@ -91,8 +91,11 @@ def sweep(
       computes only what is missing or damaged, so that values of axes, axes and outputs can be
       added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
       texts or names. `open_sweep(path)` reads it, finished or not.
-    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`, to which chunks
-      are handed; unless given, all `devices` of this process share the lanes.
+    - `executor`: a `concurrent.futures.Executor` (of processes that are spawned, not forked; a
+      script that makes one stands behind ``if __name__ == "__main__":``) or a
+      `dask.distributed.Client` (of clusters: ``pip install 'clearjoint[cluster]'``), to which
+      chunks are handed; unless given, all `devices` of this process share the lanes. With Dask,
+      chunks of a worker that dies are computed elsewhere.
     - `chunk`: lanes in a chunk of the store, and of what an executor gets.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the

@@ -1,0 +1,252 @@
+"""Conformance checks for laws and joints of one's own. Each raises an ``AssertionError`` that says
+what is wrong; call them from a test."""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..bodies import Motion
+from ..contact import AbstractContactLaw, Gap
+from ..continuity import jumps
+from ..coordinates import row_rate
+from ..friction import AbstractFriction
+from ..joints.base import AbstractConstraint, Row
+from ..rotations import normalised, rotation_matrix
+from ..vectors import EulerParameters, Vector, unpack
+
+DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
+RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
+ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
+EDGE = 1e-9
+"""How near to where the force begins, m and as a part of the reach, a jump is that of the onset."""
+
+
+def _require(condition: Any, message: str) -> None:
+    if not bool(jnp.all(condition)):
+        raise AssertionError(message)
+
+
+def check_law(
+    law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
+) -> None:
+    """Check a normal law: sign, onset, energy, dissipation, derivatives, jumps, and behaviour under
+    vmap.
+
+    A force may jump where contact begins or ends, as that of a parallel damper does, unless the law
+    declares that it does not (`AbstractContactLaw.force_jumps`); a `UserWarning` tells of it. It
+    must not jump elsewhere, where no step lands.
+
+    **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
+    """
+    wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
+    depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
+
+    def force(depth: Any, rate: Any, entry: Any, law: AbstractContactLaw) -> Any:
+        return law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
+
+    def elastic(depth: Any) -> Any:
+        return law.elastic_force(Gap(depth, jnp.zeros_like(depth), *wall))
+
+    def energy(depth: Any) -> Any:
+        return law.stored_energy(Gap(depth, jnp.zeros_like(depth), *wall))
+
+    forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, entry, law)
+    _require(jnp.isfinite(forces), "The force is not finite everywhere.")
+    _require(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
+    outside = depth < -jnp.asarray(law.reach())
+    _require(jnp.where(outside, forces, 0.0) == 0.0, "There is a force beyond the law's reach().")
+    one = jnp.stack([force(d, r, e, law) for d, r, e in zip(depth[:9], rate, entry, strict=False)])
+    _require(jnp.allclose(one, forces[:9]), "The force under vmap differs from that of one lane.")
+    dissipation = (forces - jax.vmap(elastic)(depth)) * rate
+    scale = 1e-9 * (1.0 + jnp.abs(forces * rate))
+    _require(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
+    _check_energy(elastic, energy)
+    _check_derivatives(force, law, depth, rate, entry)
+    _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
+
+
+def _check_jumps(force: Callable[..., Any], law: AbstractContactLaw) -> None:
+    left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
+    right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
+    sizes, places = jumps(lambda depth: force(depth, rate, entry, law), left, right)
+    reach = jnp.asarray(law.reach(), float)
+    at_edge = jnp.abs(places + reach) <= EDGE * jnp.maximum(reach, EDGE)
+    inside = jnp.where(at_edge, 0.0, sizes)
+    k = int(jnp.argmax(jnp.abs(inside)))
+    _require(
+        inside[k] == 0.0,
+        f"The force jumps by {inside[k]:.3g} N inside of the contact, at a depth of "
+        f"{places[k]:.3g} m and a rate of {rate[k]:.3g} m/s: no step lands there; smooth it.",
+    )
+    depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
+    fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
+    by_rate, rates = jumps(lambda rate: force(depth, rate, entry_of_rate, law), slow, fast)
+    k = int(jnp.argmax(jnp.abs(by_rate)))
+    _require(
+        by_rate[k] == 0.0,
+        f"The force jumps by {by_rate[k]:.3g} N with the rate, at {rates[k]:.3g} m/s and a depth "
+        f"of {depth[k]:.3g} m: no step lands there; smooth it.",
+    )
+    _tell_of_edge(law, jnp.where(at_edge, sizes, 0.0), rate)
+
+
+def _tell_of_edge(law: AbstractContactLaw, sizes: Any, rate: Any) -> None:
+    """Say what the force does where contact begins and ends, from its jumps there at some rates."""
+    k = int(jnp.argmax(jnp.abs(sizes)))
+    if sizes[k] == 0.0:
+        return
+    said = (
+        f"The force jumps by {sizes[k]:.3g} N where contact begins or ends, at a rate of "
+        f"{rate[k]:.3g} m/s"
+    )
+    _require(law.force_jumps, f"{said}, but the law declares `force_jumps = False`.")
+    warnings.warn(
+        f"{said}. Steps land there and sensitivities have the jump's own term, but plain "
+        "differentiation of `simulate` has not. If it is not meant, let the damping grow with the "
+        "depth.",
+        stacklevel=4,
+    )
+
+
+def _grid(*rows: tuple[float, ...]) -> list[Any]:
+    """All combinations of the rows' values, a flat array for each row."""
+    return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
+
+
+def _check_energy(elastic: Callable[[Any], Any], energy: Callable[[Any], Any]) -> None:
+    depths = jnp.asarray([-1e-3, 0.0, 1e-9, 1e-6, 1e-5])
+    slope = jax.vmap(jax.grad(energy))(depths)
+    expected = jax.vmap(elastic)(depths)
+    close = jnp.allclose(slope, expected, rtol=1e-9, atol=1e-12)
+    _require(close, "stored_energy is not the integral of elastic_force over the depth.")
+
+
+def _check_derivatives(
+    force: Callable[..., Any], law: AbstractContactLaw, depth: Any, rate: Any, entry: Any
+) -> None:
+    slopes = jax.vmap(jax.grad(force, argnums=(0, 1, 2)), in_axes=(0, 0, 0, None))
+    for name, slope in zip(
+        ("depth", "rate", "entry speed"), slopes(depth, rate, entry, law), strict=True
+    ):
+        _require(jnp.isfinite(slope), f"The derivative by the {name} is not finite everywhere.")
+    by_law = eqx.filter_vmap(
+        eqx.filter_grad(lambda law, d, r, e: force(d, r, e, law)), in_axes=(None, 0, 0, 0)
+    )(jax.tree.map(jnp.asarray, law), depth, rate, entry)
+    for leaf in jax.tree.leaves(by_law):
+        _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
+    step = 1e-9
+    moved = (depth > 1e-7) & (rate > 0.0)
+    difference = [
+        jax.vmap(force, in_axes=(0, 0, 0, None))(depth + s * step, rate, entry, law)
+        for s in (0.5, -0.5)
+    ]
+    numeric = (difference[0] - difference[1]) / step
+    exact = slopes(depth, rate, entry, law)[0]
+    near = jnp.abs(numeric - exact) <= 1e-4 * jnp.abs(exact) + 1e-3
+    _require(~moved | near, "The derivative by the depth is not that of the force.")
+
+
+def check_friction(friction: AbstractFriction) -> None:
+    """Check a friction law: against the slip, zero without it, finite derivatives at rest."""
+    speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
+    ratios = jax.vmap(friction.ratio)(speeds)
+    _require(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
+    _require(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
+    sizes, places = jumps(jax.vmap(friction.ratio), speeds[:-1], speeds[1:])
+    k = int(jnp.argmax(jnp.abs(sizes)))
+    _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
+
+    def force(slip: Any) -> Any:
+        return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x
+
+    for slip in ([0.0, 0.0, 0.0], [1e-4, 0.0, 0.0], [0.3, -0.2, 0.1]):
+        slope = jax.jacfwd(force)(jnp.asarray(slip))
+        _require(jnp.isfinite(slope), f"The force's derivative is not finite at slip {slip} m/s.")
+
+
+def check_constraint(
+    constraint: AbstractConstraint, motions: dict[str, Motion], tolerance: float = 1e-6
+) -> None:
+    """Check a joint's rows at given motions: the rate of each value against its Jacobian, and the
+    bias against the rate's own rate, by central differences along the motion.
+
+    **Arguments:** `motions` of the joint's bodies; moving and turning ones test most.
+    """
+    step = 1e-5
+    constraint = unpack(constraint)
+    here = constraint.rows(motions, 0.0)
+    ahead = constraint.rows(_moved(motions, step), step)
+    behind = constraint.rows(_moved(motions, -step), -step)
+    _require(here.keys() == ahead.keys(), "The names of the rows change with the motion.")
+    for label, row in here.items():
+        rate = (ahead[label].value - behind[label].value) / (2 * step)
+        expected = row_rate(row, motions)
+        size = 1.0 + abs(float(expected))
+        _require(
+            abs(float(rate - expected)) < tolerance * size,
+            f"Row {label!r}: the Jacobian times the velocities, plus the time rate, is not the "
+            "rate of the value.",
+        )
+        _check_bias(label, row, motions, (behind[label], ahead[label]), step, tolerance)
+
+
+def _check_bias(
+    label: str,
+    row: Row,
+    motions: dict[str, Motion],
+    around: tuple[Row, Row],
+    step: float,
+    tolerance: float,
+) -> None:
+    rates = [
+        float(row_rate(r, _moved(motions, s))) for r, s in zip(around, (-step, step), strict=True)
+    ]
+    bias = (rates[1] - rates[0]) / (2 * step)
+    _require(
+        abs(bias - float(row.bias)) < 10 * tolerance * (1.0 + abs(bias)),
+        f"Row {label!r}: the bias is not the rate of (Jacobian times velocities, plus time rate) "
+        "at constant velocities and body spins.",
+    )
+
+
+def _moved(motions: dict[str, Motion], time: float) -> dict[str, Motion]:
+    """The motions a short time later, at constant velocities and body spins."""
+    return {
+        name: Motion(
+            motion.position + motion.velocity * time,
+            _turned(motion, motion.spin * time),
+            motion.velocity,
+            motion.spin,
+        )
+        for name, motion in motions.items()
+    }
+
+
+def _turned(motion: Motion, angle: Vector) -> Any:
+    turn = rotation_matrix(_exponential(angle))
+    m = motion.rotation
+    columns = turn.T
+    return type(m)(
+        *(
+            Vector(row.dot(columns.row_x), row.dot(columns.row_y), row.dot(columns.row_z))
+            for row in (m.row_x, m.row_y, m.row_z)
+        )
+    )
+
+
+def _exponential(angle: Vector) -> EulerParameters:
+    """Euler parameters of a rotation vector."""
+    size = jnp.sqrt(angle.dot(angle)) + 1e-300
+    scale = jnp.sin(0.5 * size) / size
+    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)
+
+
+def moving(position: Any, orientation: Any, velocity: Any, spin: Any) -> Motion:
+    """A motion from plain numbers, for `check_constraint`; the orientation is normalised."""
+    parameters = normalised(EulerParameters(*orientation))
+    return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))

@@ -1,0 +1,266 @@
+"""What runs, sweeps and sensitivities compile, as functions to trace, to count and to time.
+
+Steps, lanes and seats are PyTrees of arrays, of which nothing but the documented functions should
+be used: a step is what a run carries from one to the next, a lane the same in a sweep, and a seat a
+lane with its task.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from unittest.mock import patch
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh
+
+from ..batch import Batch
+from ..bodies import State
+from ..dynamics import state_rates
+from ..estimands import Parameter, coordinates_of, parametrised
+from ..family import AbstractFamily
+from ..integration import Integration
+from ..lanes import WINDOW, Lane, Orders, turn
+from ..pool import Common, Seat, advance, begin
+from ..reductions import Quantity
+from ..scene import Scene
+from ..sensitivity import Sampled, sampled_compiled
+from ..several import gathered
+from ..stepping import attempt, start
+from ..steps import Method, Step, Variables
+from ..sweeps.task import Work, extent
+from ..tangents import start_with_tangents
+from ..vectors import Scalar, Structured, structured, unpack
+
+DEFAULT = Integration(rtol=1e-6, landing_tolerance=1e-12)
+"""The settings that `simulate` has by default."""
+FIRST_STEP, END = 1e-6, 1e9
+"""Of the run that a program is taken from, s."""
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """A method at work on a scene: what happens at a step, as functions of the step.
+
+    With a `family`, derivatives go along. All functions can be traced, and mapped over steps.
+    """
+
+    method: Method
+    scene: Scene
+    family: AbstractFamily | None = None
+
+    def integrated(self, step: Step) -> Any:
+        """The numbers that are integrated; derivatives among them if there are any."""
+        return step.y if step.tangents is None else (step.y, step.tangents.y)
+
+    def with_integrated(self, step: Step, numbers: Any) -> Step:
+        """The step with other numbers to integrate."""
+        if step.tangents is None:
+            return eqx.tree_at(lambda s: s.y, step, numbers)
+        return eqx.tree_at(lambda s: (s.y, s.tangents.y), step, numbers)
+
+    def rates(self, step: Step) -> Any:
+        """The right-hand side: rates of what is integrated."""
+
+        def rates(scene: Scene, y: Variables, memory: Any) -> tuple[Variables, None]:
+            found = state_rates(scene, self.method.formulation, y.motion, memory, step.t)
+            return Variables(*found), None
+
+        if self.family is None:
+            return rates(self.scene, step.y, step.memory)[0]
+        assert step.tangents is not None
+        along = step.tangents.y, step.tangents.memory
+        value, _, derivatives = self.family.pushed(rates, (step.y, step.memory), along)
+        return value, derivatives
+
+    def solver_step(self, step: Step, length: float) -> tuple[Step, Scalar]:
+        """A step of the solver of a length in s, judged by nothing and without derivatives; and the
+        sum of its errors."""
+        y, error, state = self._solved(step, length)
+        after = eqx.tree_at(lambda s: (s.y, s.solver_state), step, (y, state))
+        return after, sum(jax.tree.leaves(error), jnp.zeros_like(step.t))
+
+    def controlled_step(self, step: Step, length: float) -> tuple[Step, Scalar]:
+        """The same with the controller's judgement; and the time it chooses next, s."""
+        y, error, state = self._solved(step, length)
+        controller: Any = self.method.controller.wrap(1)
+        order = self.method.solver.error_order(self._term(step))
+        t0, past = step.t, step.controller_state
+        _, _, t_next, _, past, _ = controller.adapt_step_size(
+            t0, t0 + length, step.y, y, None, error, order, past
+        )
+        fields = (y, state, past)
+        after = eqx.tree_at(lambda s: (s.y, s.solver_state, s.controller_state), step, fields)
+        return after, t_next
+
+    def attempt(self, step: Step) -> Step:
+        """A step as a run tries it, landing, memory and acceptance included."""
+        return attempt(self.method, self.scene, step, jnp.asarray(jnp.inf), self.family).step
+
+    def _solved(self, step: Step, length: float) -> tuple[Any, Any, Any]:
+        t0, solver = step.t, self.method.solver
+        y, error, _, state, _ = solver.step(
+            self._term(step), t0, t0 + length, step.y, None, step.solver_state, False
+        )
+        return y, error, state
+
+    def _term(self, step: Step) -> Any:
+        """The equations of motion with the memory of a step."""
+
+        def rates(t: Any, y: Variables, args: Any) -> Variables:
+            del args
+            found = state_rates(self.scene, self.method.formulation, y.motion, step.memory, t)
+            return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), Variables(*found))
+
+        return diffrax.ODETerm(rates)
+
+
+class RunProgram(eqx.Module):
+    """A run before its first `step`."""
+
+    method: Method
+    form: Structured
+    step: Step
+    family: AbstractFamily | None
+
+    @staticmethod
+    def of(
+        scene: Scene,
+        state: State,
+        *,
+        time: float = 0.0,
+        integration: Integration = DEFAULT,
+        ledger: bool = False,
+        parameters: Mapping[str, Parameter] | None = None,
+    ) -> "RunProgram":
+        """The run of a scene from a state.
+
+        **Arguments:**
+
+        - `time`: of the start, s.
+        - `integration`: the settings of `simulate`'s default unless given.
+        - `ledger`: whether the energy ledger is integrated; without `parameters` only.
+        - `parameters`: what derivatives are integrated along, if any.
+
+        **Raises:** `ValueError` for a scene, state or setting that no run can use.
+        """
+        method = integration.method(scene, state, time)
+        if ledger:
+            formulation = replace(method.formulation, ledger=True)
+            method = eqx.tree_at(lambda m: m.formulation, method, formulation)
+        form = structured(scene)
+        span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
+        if parameters is None:
+            grouped, inside = method.grouped(unpack(form))
+            motion = grouped.formulation.coordinates.encode(inside, unpack(state.bodies))
+            memory = gathered(state.memory, inside.joints)
+            step = start(grouped, inside, *span, Variables(motion, {}), memory)
+            return RunProgram(method, form, step, None)
+        values = jnp.asarray(coordinates_of(scene, state, parameters))
+        family = parametrised(scene, state, parameters, values)
+        return RunProgram(method, form, start_with_tangents(method, family, *span), family)
+
+    def stepper(self) -> Stepper:
+        """What happens at a step. Inside a traced function, the scene's numbers are those given to
+        it."""
+        if self.family is not None:
+            return Stepper(self.method, self.family.scene(self.family.values), self.family)
+        return Stepper(*self.method.grouped(unpack(self.form)))
+
+
+@dataclass(frozen=True)
+class SweepProgram:
+    """What a call of `sweep` ran, on one device.
+
+    `work`: its lanes; `batch`: how they were run.
+    """
+
+    work: Work
+    batch: Batch
+
+    @property
+    def turns(self) -> int:
+        """Turns that were given to lanes and places."""
+        return self.batch.turns
+
+    @property
+    def places(self) -> int:
+        """Lanes that take their turns side by side."""
+        return extent().places
+
+    @cached_property
+    def seats(self) -> Seat:
+        """A pool of lanes before their first steps, with their tasks, lanes in front."""
+        lanes = np.arange(extent().pool) % len(self.work)
+        tasks = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), self.work.tasks)
+        return begin(self._common, _one_device(), tasks)
+
+    def stepper(self, seat: Seat) -> Stepper:
+        """What happens at a step of a seat's lane, which is ``seat.lane.step``. Traceable."""
+        return Stepper(*self._common.plan.method.grouped(self._common.scene(seat.task)))
+
+    def turn(self, seat: Seat) -> Callable[[Lane], Lane]:
+        """What a turn makes of a seat's lane, which is ``seat.lane``: a step, reductions, what is
+        recorded. Traceable."""
+        common, task = self._common, seat.task
+        scene = common.scene(task)
+        orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+        return lambda lane: turn(common.plan, scene, lane, orders)
+
+    def compiled(self) -> str:
+        """The program of a slice of turns, as XLA has optimised it."""
+        constants = self._common, extent(), _one_device()
+        compiled: Any = advance.lower(constants, self.seats).compile()
+        return compiled.compiled.as_text()
+
+    @cached_property
+    def _common(self) -> Common:
+        return jax.tree.map(
+            lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf,
+            self.work.common,
+        )
+
+
+def _one_device() -> Mesh:
+    return Mesh(np.array(jax.devices()[:1]), ("lanes",))
+
+
+@contextmanager
+def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
+    """A list to which each call of `sweep` inside adds what it ran."""
+    seen: list[SweepProgram] = []
+    run = Work.run
+
+    def seen_run(work: Work, *arguments: Any, **settings: Any) -> Batch:
+        batch = run(work, *arguments, **settings)
+        seen.append(SweepProgram(work, batch))
+        return batch
+
+    with patch.object(Work, "run", seen_run):
+        yield seen
+
+
+def compiled_sensitivities(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    integration: Integration,
+) -> Callable[[], Sampled]:
+    """The compiled run inside `sensitivities`, from time zero, which looks at the end alone.
+
+    What it returns has `values` (1,), `derivatives` (1, p) by output, and `attempts`, on the
+    device.
+    """
+    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, coordinates)
+    method, end = integration.method(scene, state), jnp.asarray(end_time)
+    limit = jnp.asarray(integration.max_steps, int)
+    span = (end[None], jnp.zeros(()), end, 1e-6 * end, limit)
+    return lambda: sampled_compiled(method, family, dict(outputs), *span)

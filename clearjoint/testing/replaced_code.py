@@ -1,0 +1,69 @@
+"""Contexts in which part of the package is missing, or another's, while programs are traced."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from types import MappingProxyType
+from typing import Any
+from unittest.mock import patch
+
+from .. import branches, dynamics, inertia, stepping, trial
+from ..family import AbstractFamily
+from ..friction import RegularisedCoulomb
+from ..impacts import Landing
+from ..joints import axial, clearance, freedoms
+from . import programs
+
+FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(
+    {
+        "hinge": (
+            (freedoms.Hinge, "rotation"),
+            (freedoms.Hinge, "columns"),
+            (branches, "jointed_link"),
+        ),
+        "link on a link": ((inertia.Inertia, "without"),),
+        "clearance": (
+            (clearance.ClearanceJoint, "contacts"),
+            (dynamics, "contact_normal_force"),
+            (Landing, "due"),
+            (Landing, "retry"),
+            (stepping, "updated_memory"),
+            (stepping, "second_rates"),
+        ),
+        "friction": ((RegularisedCoulomb, "force"), (clearance, "slip_velocity")),
+        "end play": ((axial.EndPlay, "gap"),),
+        "energy ledger": ((dynamics, "ledger_powers"),),
+        "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
+    }
+)
+"""Of each feature of a scene or run the functions that no scene without it calls, as owner and
+name."""
+
+
+@contextmanager
+def without(*features: str) -> Iterator[None]:
+    """Inside, the code of `FEATURES` is missing: a call of it raises an ``AssertionError``."""
+    with ExitStack() as patches:
+        for owner, name in (place for feature in features for place in FEATURES[feature]):
+            patches.enter_context(patch.object(owner, name, _missing(name)))
+        yield
+
+
+def _missing(name: str) -> Callable[..., Any]:
+    def function(*_: Any, **__: Any) -> Any:
+        raise AssertionError(f"{name} is called by a scene that lacks the feature")
+
+    return function
+
+
+@contextmanager
+def equations_of_motion(rates: Callable[..., Any]) -> Iterator[None]:
+    """Inside, steps are traced with other equations of motion.
+
+    **Arguments:** `rates`: a function of the scene (in scalar form), formulation, variables, memory
+    (entry speeds, m/s, by joint and contact), time, s, and, perhaps, which contacts are closed, by
+    joint and contact; it returns the variables' rates and the powers of the ledger.
+    """
+    with ExitStack() as patches:
+        for module in (trial, stepping, programs):
+            patches.enter_context(patch.object(module, "state_rates", rates))
+        yield

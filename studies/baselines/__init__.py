@@ -1,1 +1,0 @@
-"""The paper's double pendulum as users of other tools would simulate it."""

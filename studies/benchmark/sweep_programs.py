@@ -1,0 +1,108 @@
+"""A sweep over clearances in clearjoint, measured in the process that calls these functions.
+
+Times are those of whole calls after a first one, which compiles.
+"""
+
+import re
+import resource
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+import clearjoint as cj
+from clearjoint.testing import SweepProgram, programs_of_sweeps
+from studies.common.operations import compiled_operations, jaxpr_operations
+
+RESTITUTION = 0.9
+STAGES = 6
+"""Right-hand sides an attempt with Tsit5; one more begins a lane."""
+COORDINATES = {
+    "joint": cj.JointCoordinates,
+    "absolute": cj.AbsoluteCoordinates,
+}
+Record = dict[str, Any]
+
+
+def clearance_axis(values: Any) -> cj.Axis:
+    """Radial clearances of the pendulum, m."""
+    return cj.Axis(lambda scene: scene.joints["shoulder"].clearance, values)
+
+
+def swept(
+    clearances: Sequence[float], duration: float, devices: int, coordinates: str = "joint"
+) -> Record:
+    """One call of `sweep` over clearances (m) for `duration` s.
+
+    Returns wall time, s, lanes, steps tried, right-hand sides, turns given to lanes and places, and
+    the largest memory the process has ever had, MB.
+    """
+    cj.configure(devices=devices)
+    scene, state = cj.double_pendulum(restitution=RESTITUTION)
+    axes = {"clearance": clearance_axis(clearances)}
+    with programs_of_sweeps() as programs:
+        start = time.perf_counter()
+        results = cj.sweep(
+            scene, state, duration, axes, coordinates=COORDINATES[coordinates](), progress=False
+        )
+        seconds = time.perf_counter() - start
+    record = _record(seconds, results.attempts.values)
+    return record | {
+        "turns": programs[0].turns,
+        "peak_memory_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def looped(clearances: Sequence[float], duration: float) -> Record:
+    """A loop over single runs, on one core."""
+    cj.configure(devices=1)
+    attempts = []
+    start = time.perf_counter()
+    for clearance in clearances:
+        scene, state = cj.double_pendulum(clearance, RESTITUTION)
+        solution = cj.simulate(scene, state, duration, rtol=1e-6, progress=False)
+        attempts.append(int(solution.attempts))
+    return _record(time.perf_counter() - start, np.array(attempts))
+
+
+def counted(clearances: Sequence[float], coordinates: str) -> Record:
+    """Operations in the program of the sweep; see `counts`."""
+    cj.configure(devices=1)
+    scene, state = cj.double_pendulum(restitution=RESTITUTION)
+    axes = {"clearance": clearance_axis(clearances)}
+    with programs_of_sweeps() as programs:
+        cj.sweep(scene, state, 1e-4, axes, coordinates=COORDINATES[coordinates](), progress=False)
+    return counts(programs[0])
+
+
+def counts(program: SweepProgram) -> Record:
+    """Counts of a turn's arithmetic as traced and as compiled, their ratio, and loop and fusions.
+
+    XLA computes a value anew in each fusion that wants it; the ratio tells how often. The compiled
+    program's operations on one number a place are those of the turn: slices and their choice of
+    lanes work on the whole pool.
+    """
+    seat = jax.tree.map(lambda leaf: leaf[0], program.seats)
+    turn = eqx.filter_make_jaxpr(lambda seat: program.turn(seat)(seat.lane))(seat)[0]
+    text, traced = program.compiled(), jaxpr_operations(turn.jaxpr)
+    made = compiled_operations(text, program.places)
+    return {
+        "operations traced": traced,
+        "operations compiled": made,
+        "duplication": made / traced,
+        "fusions": len(re.findall(r" fusion\(", text)),
+        "native loops": text.count("xla_cpu_small_call"),
+    }
+
+
+def _record(seconds: float, attempts: np.ndarray) -> Record:
+    steps = int(attempts.sum())
+    return {
+        "seconds": seconds,
+        "lanes": len(attempts),
+        "steps": steps,
+        "right_hand_sides": STAGES * steps + len(attempts),
+    }

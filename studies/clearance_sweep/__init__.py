@@ -1,0 +1,1 @@
+"""What the size of the clearance does to the double pendulum."""

@@ -1,0 +1,1 @@
+"""Programs to compare with: the same models in SciPy and in Exudyn."""

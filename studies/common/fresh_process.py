@@ -1,0 +1,32 @@
+"""Measurements in a fresh Python."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from clearjoint.testing import runtime_settings
+
+ROOT = Path(__file__).resolve().parents[2]
+"""Where `studies` can be imported from."""
+
+
+def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
+    """Run code in a fresh Python that has none of clearjoint's settings but the given variables.
+
+    Returns wall time of the process, s, and what it printed last, as JSON.
+    """
+    known = {*runtime_settings(), "CLEARJOINT_CACHE"}
+    kept = {name: value for name, value in os.environ.items() if name not in known}
+    command = [sys.executable, "-c", code, *arguments]
+    start = time.perf_counter()
+    done = subprocess.run(
+        command, env=kept | variables, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    seconds = time.perf_counter() - start
+    if done.returncode:
+        raise RuntimeError(f"A measuring process failed:\n{done.stderr}")
+    return seconds, json.loads(done.stdout.splitlines()[-1])

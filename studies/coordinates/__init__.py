@@ -1,0 +1,1 @@
+"""Absolute and joint coordinates side by side."""

@@ -1,0 +1,1 @@
+"""The paper's double pendulum, with clearance and ideal."""

@@ -1,0 +1,109 @@
+"""The double pendulum, with clearance and ideal: settings, and what is kept of a run."""
+
+from dataclasses import dataclass
+
+import diffrax
+import numpy as np
+
+import clearjoint as cj
+
+SOLVERS = {
+    "bosh3": diffrax.Bosh3,
+    "tsit5": diffrax.Tsit5,
+    "dopri5": diffrax.Dopri5,
+    "dopri8": diffrax.Dopri8,
+}
+SHOULDER, ELBOW, ARM, END_ARM = "shoulder", "elbow", "arm 2", "arm 3"
+SAVED = 4001
+"""Instants saved in every run: always as many, so that all runs share one compiled program."""
+IMPACT_INSTANTS, EARLY_INSTANTS = 200, 1400
+QUICK_DURATION = 0.25
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to simulate, in SI units; `quick` animates little of it."""
+
+    clearance: float = 0.5e-3
+    restitution: float = 0.9
+    solver: str = "tsit5"
+    rtol: float = 1e-6
+    duration: float = 4.0
+    quick: bool = False
+
+    @property
+    def early(self) -> float:
+        """End of the first instants, s: twelve times the journal's free fall to the wall."""
+        return min(12.0 * (2.0 * self.clearance / 9.81) ** 0.5, self.duration)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation: states and observation at the saved instants, observation along every
+    accepted step, and the finished contacts."""
+
+    trajectory: cj.Trajectory
+    saved: cj.Observation
+    steps: cj.Observation
+    impacts: cj.Impacts
+
+    def of(self, base: str) -> cj.Impacts:
+        """The impacts of one base."""
+        return self.impacts.of(SHOULDER, base)
+
+
+def simulate_clearance(settings: Settings) -> Run:
+    """The pendulum with clearance; a first pass over the early part tells where impacts are."""
+    scene, state = cj.double_pendulum(settings.clearance, settings.restitution)
+    early = _simulate(settings, scene, state, np.linspace(0.0, settings.early, SAVED))
+    assert early.impacts is not None
+    impacts = early.impacts.of(SHOULDER, "V")
+    if len(impacts) < 3:
+        raise ValueError(
+            f"duration = {settings.duration} s holds {len(impacts)} impacts of base V, but the "
+            "figures show three: raise --duration."
+        )
+    return _observed(scene, _simulate(settings, scene, state, _instants(settings, impacts)))
+
+
+def simulate_ideal(settings: Settings) -> Run:
+    """The pendulum with an ideal joint in place of the clearance joint."""
+    scene, state = cj.double_pendulum(clearance=None)
+    instants = np.linspace(0.0, settings.duration, SAVED)
+    return _observed(scene, _simulate(settings, scene, state, instants))
+
+
+def _simulate(
+    settings: Settings, scene: cj.Scene, state: cj.State, instants: np.ndarray
+) -> cj.Solution:
+    return cj.simulate(
+        scene,
+        state,
+        instants[-1],
+        save_at=instants,
+        rtol=settings.rtol,
+        solver=SOLVERS[settings.solver](),
+        ledger=True,
+        record_steps=True,
+        record_impacts=True,
+    )
+
+
+def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
+    assert solution.saved is not None and solution.impacts is not None
+    return Run(
+        trajectory=solution.saved,
+        saved=cj.observe(scene, solution),
+        steps=cj.observe(scene, solution, solution.steps),
+        impacts=solution.impacts,
+    )
+
+
+def _instants(settings: Settings, impacts: cj.Impacts) -> np.ndarray:
+    """Instants to save: close together in the first three impacts, wide apart in the late part."""
+    spans = zip(impacts.onset[:3], impacts.separation[:3], strict=True)
+    inside = [np.linspace(*span, IMPACT_INSTANTS) for span in spans]
+    early = np.linspace(0.0, settings.early, EARLY_INSTANTS)
+    late_count = SAVED - EARLY_INSTANTS - 3 * IMPACT_INSTANTS
+    late = np.linspace(settings.early, settings.duration, late_count)
+    return np.sort(np.concatenate([early, late, *inside]))

@@ -1,0 +1,1 @@
+"""A day of a motion, or a hundred million steps, in one call."""

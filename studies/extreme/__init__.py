@@ -1,1 +1,0 @@
-"""The study of extremes, in parts."""

@@ -1,0 +1,1 @@
+"""How far each number of a scene can be driven."""

@@ -1,0 +1,61 @@
+"""Tables of the study of extremes."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from studies.extremes.looks import REFUSED, RIGHT, WRONG, Row
+from studies.extremes.random_scenes import Batch
+from studies.extremes.refusals import Refusal
+
+
+def case_table(rows: Iterable[Row]) -> str:
+    """How far each number can go."""
+    lines = [
+        "| case | from .. to | right | refused | wrong | checked by | largest error (allowed) |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        places = [look.place for look in row.looks]
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        reasons = f" ({row.reasons})" if row.reasons else ""
+        lines.append(
+            f"| {row.name} | {min(places):g} .. {max(places):g}{unit} | {row.count(RIGHT)} "
+            f"| {row.count(REFUSED)}{reasons} | {row.count(WRONG)} | {row.check} "
+            f"| {row.worst:.0e} ({row.bound:g}) |"
+        )
+    return "\n".join(lines)
+
+
+def family_table(batches: Sequence[Batch]) -> str:
+    """What became of the random scenes."""
+    lines = [
+        "| random scenes | all | successful | refused | wrong | nearest to what is allowed (1) |",
+        "|---|---|---|---|---|---|",
+    ]
+    for one in batches:
+        lines.append(_family_line(one.family, [one]))
+    if len(batches) > 1:
+        lines.append(_family_line("all", batches))
+    return "\n".join(lines)
+
+
+def _family_line(name: str, batches: Sequence[Batch]) -> str:
+    codes: Counter[str] = sum((one.codes() for one in batches), Counter())
+    refused = {code: n for code, n in codes.items() if code != "successful"}
+    told = ", ".join(f"{n} {code}" for code, n in sorted(refused.items())) or "0"
+    worst: dict[str, float] = {}
+    for one in batches:
+        for invariant, value in one.worst().items():
+            if invariant != "penetration":
+                worst[invariant] = max(value, worst.get(invariant, 0.0))
+    closest = max(worst, key=lambda key: worst[key], default="")
+    nearest = f"{closest}, {worst[closest]:.2g}" if closest else ""
+    wrong = sum(len(one.wrong()) for one in batches)
+    return f"| {name} | {codes.total()} | {codes['successful']} | {told} | {wrong} | {nearest} |"
+
+
+def refusal_table(refused: Iterable[Refusal]) -> str:
+    """What was said to numbers that no scene can have."""
+    lines = ["| tried | said |", "|---|---|"]
+    lines += [f"| {one.what} | {one.said or 'nothing: WRONG'} |" for one in refused]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""What each feature of a scene costs, and that an absent one costs nothing."""

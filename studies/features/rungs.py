@@ -1,0 +1,77 @@
+"""A ladder of scenes, each with one feature more than the one below."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import clearjoint as cj
+from clearjoint.testing import without
+from studies.features.program import Program
+
+FRICTION = cj.RegularisedCoulomb(0.1)
+SHOULDERS = cj.EndPlay(1e-3, cj.Hertz(1e8))
+CLEARANCE = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A scene with one feature more than that of the rung below, and the feature's name in
+    `clearjoint.testing.FEATURES`."""
+
+    name: str
+    make: Callable[[], Program]
+    feature: str = ""
+
+
+def free_body() -> Program:
+    """The pendulum's arm 2, falling and tumbling."""
+    scene, _ = cj.double_pendulum()
+    state = cj.State({"arm 2": cj.body_state((0.5, 0.0, 0.0), spin=(1.0, 3.0, 0.5))})
+    return Program.of(cj.Scene({"arm 2": scene.bodies["arm 2"]}, gravity=scene.gravity), state)
+
+
+def pendulum() -> Program:
+    """Arm 2 on an ideal shoulder."""
+    scene, state = cj.double_pendulum(None)
+    arm, joints = {"arm 2": scene.bodies["arm 2"]}, {"shoulder": scene.joints["shoulder"]}
+    state = cj.State({"arm 2": state.bodies["arm 2"]})
+    return Program.of(cj.Scene(arm, joints, gravity=scene.gravity), state)
+
+
+def _double(*arguments: Any, **options: Any) -> Callable[[], Program]:
+    return lambda: Program.of(*cj.double_pendulum(*arguments, **options))
+
+
+def _rough(ledger: bool = False, parameters: dict[str, cj.Parameter] | None = None) -> Program:
+    """The double pendulum with all its features."""
+    scene, state = cj.double_pendulum(friction=FRICTION, axial=SHOULDERS)
+    return Program.of(scene, state, ledger, parameters)
+
+
+LADDER = (
+    Rung("free body", free_body),
+    Rung("pendulum", pendulum, "hinge"),
+    Rung("+ ideal joint", _double(None), "link on a link"),
+    Rung("+ clearance", _double(), "clearance"),
+    Rung("+ friction", _double(friction=FRICTION), "friction"),
+    Rung("+ end play", _double(friction=FRICTION, axial=SHOULDERS), "end play"),
+    Rung("+ energy ledger", lambda: _rough(ledger=True), "energy ledger"),
+    Rung(
+        "+ one sensitivity, no ledger",
+        lambda: _rough(ledger=False, parameters={"clearance": CLEARANCE}),
+        "sensitivities",
+    ),
+)
+"""The last rung has no ledger: runs with derivatives keep none."""
+
+
+def unchanged(place: int) -> bool:
+    """Whether a rung has the same program, word by word, where the code of all rungs above it is
+    missing."""
+    rung = LADDER[place]
+    text = rung.make().text()
+    with without(*(above.feature for above in LADDER[place + 1 :])):
+        try:
+            return rung.make().text() == text
+        except AssertionError:
+            return False

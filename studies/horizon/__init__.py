@@ -1,0 +1,1 @@
+"""For how long a record can be fitted by a single run."""

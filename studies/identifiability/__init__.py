@@ -1,0 +1,1 @@
+"""What sensors can tell before there are data."""

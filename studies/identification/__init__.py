@@ -1,0 +1,1 @@
+"""Parameters from made-up measurements: which searches find them."""

@@ -1,0 +1,1 @@
+"""One joint by models of more and more detail."""

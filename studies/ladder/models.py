@@ -1,0 +1,208 @@
+"""The models of `studies.ladder`: one joint of the double pendulum, from ideal to impact memory."""
+
+import abc
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+import clearjoint as cj
+
+CLEARANCE, RESTITUTION = 0.5e-3, 0.9
+SHOULDER, BASES, ARMS = "shoulder", ("V", "W"), ("arm 2", "arm 3")
+DESIGN_SPEED = 0.1
+"""Entry speed of the first impact, m/s, for which the law without memory is set."""
+SAVED = 1e-3
+"""Between instants saved, s."""
+
+
+@dataclass(frozen=True)
+class Shocks:
+    """What a run lost, J, and its impacts: entry speeds, m/s, and peak forces, N (``None`` if there
+    are none)."""
+
+    lost: float
+    speeds: np.ndarray
+    forces: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class AbstractModel(abc.ABC):
+    """A model of the shoulder, and how it is simulated."""
+
+    name: str
+
+    @property
+    def moves(self) -> bool:
+        """Whether the motion depends on the clearance."""
+        return True
+
+    @abc.abstractmethod
+    def scene(self) -> tuple[cj.Scene, cj.State]:
+        """The double pendulum, and where it starts."""
+
+    @abc.abstractmethod
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+        """A solution up to a time, s."""
+
+    @abc.abstractmethod
+    def steps(self, solution: Any) -> int:
+        """Steps tried."""
+
+    @abc.abstractmethod
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """Energy lost and impacts of a run."""
+
+    def varied(self, logarithm: Any) -> tuple[cj.Scene, cj.State]:
+        """The scene, with the clearance times the exponential of a number."""
+        scene, state = self.scene()
+        clearance = CLEARANCE * jnp.exp(logarithm)
+        return eqx.tree_at(lambda s: s.joints[SHOULDER].clearance, scene, clearance), state
+
+
+@dataclass(frozen=True)
+class AbstractSmoothModel(AbstractModel):
+    """Simulated in adaptive steps, at a relative tolerance."""
+
+    rtol: float = 1e-6
+
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+        """By `simulate`."""
+        options = {"rtol": self.rtol} | options
+        return cj.simulate(scene, state, end, save_at=save_at, progress=False, **options)
+
+    def steps(self, solution: Any) -> int:
+        """Steps tried."""
+        return int(solution.attempts)
+
+
+@dataclass(frozen=True)
+class Ideal(AbstractSmoothModel):
+    """A revolute joint."""
+
+    @property
+    def moves(self) -> bool:
+        """There is none."""
+        return False
+
+    def scene(self) -> tuple[cj.Scene, cj.State]:
+        """Without clearance."""
+        return cj.double_pendulum(None)
+
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """No impacts; the force is the joint's largest reaction."""
+        return _bound(self, scene, state, end)
+
+
+@dataclass(frozen=True)
+class Massless(AbstractSmoothModel):
+    """Contact kept at both bases, from the lowest point on."""
+
+    def scene(self) -> tuple[cj.Scene, cj.State]:
+        """The clearance joint replaced by the link, both arms lowered by the clearance."""
+        return self._scene(CLEARANCE)
+
+    def varied(self, logarithm: Any) -> tuple[cj.Scene, cj.State]:
+        """The start too is lower by the clearance."""
+        return self._scene(CLEARANCE * jnp.exp(logarithm))
+
+    def _scene(self, clearance: Any) -> tuple[cj.Scene, cj.State]:
+        scene, state = cj.double_pendulum()
+        link = cj.MasslessLink(
+            cj.GROUND,
+            "arm 2",
+            clearance=clearance,
+            journal_length=20e-3,
+            journal_point=(-0.5, 0.0, 0.0),
+        )
+        joints = {SHOULDER: link, "elbow": scene.joints["elbow"]}
+        return cj.Scene(scene.bodies, joints, gravity=scene.gravity), lowered(state, clearance)
+
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """No impacts; the force is the link's largest reaction."""
+        return _bound(self, scene, state, end)
+
+
+@dataclass(frozen=True)
+class Compliant(AbstractSmoothModel):
+    """Contact by a normal law."""
+
+    law: cj.AbstractContactLaw = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.STEEL)
+
+    def scene(self) -> tuple[cj.Scene, cj.State]:
+        """With the law."""
+        return cj.double_pendulum(CLEARANCE, law=self.law)
+
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """The table of impacts."""
+        solution = self.run(scene, state, end, grid(end), record_impacts=True)
+        energy, table = cj.observe(scene, solution).energies["mechanical"], solution.impacts
+        return Shocks(energy[0] - energy[-1], table.entry_speed, table.peak_force)
+
+
+@dataclass(frozen=True)
+class Rigid(AbstractModel):
+    """Rigid contact in time steps of a length in s, with the restitution that the law delivers."""
+
+    step: float = 1e-4
+
+    def scene(self) -> tuple[cj.Scene, cj.State]:
+        """That of the law with memory."""
+        return cj.double_pendulum(CLEARANCE, RESTITUTION)
+
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+        """By `simulate_nonsmooth`; it has no tolerances."""
+        return cj.simulate_nonsmooth(scene, state, end, step=self.step, save_at=save_at)
+
+    def steps(self, solution: Any) -> int:
+        """Steps taken."""
+        return int(solution.steps)
+
+    def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+        """Steps with an impulse after one without; the speed is that one step before."""
+        times = np.linspace(0.0, end, round(end / self.step) + 1)
+        solution = self.run(scene, state, end, times)
+        observed, speeds = cj.observe(scene, solution), []
+        energy = observed.energies["kinetic"] + observed.energies["gravity"]
+        for base in BASES:
+            impulses: Any = solution.history[SHOULDER][base].impulse
+            pushes = impulses[1:] > impulses[:-1]
+            onsets = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
+            speeds.append(observed.contacts[SHOULDER][base].penetration_rate[onsets])
+        return Shocks(energy[0] - energy[-1], np.concatenate(speeds), None)
+
+
+def _bound(model: AbstractModel, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
+    observed = cj.observe(scene, model.run(scene, state, end, grid(end)))
+    energy, force = observed.energies["mechanical"], observed.reactions[SHOULDER]["arm 2"].force
+    return Shocks(energy[0] - energy[-1], np.zeros(0), np.linalg.norm(force, axis=1))
+
+
+def grid(end: float) -> np.ndarray:
+    """Instants every millisecond, s."""
+    return np.linspace(0.0, end, round(end / SAVED) + 1)
+
+
+def lowered(state: cj.State, height: Any) -> cj.State:
+    """A state with all bodies so much further along +Y, m."""
+    bodies = {
+        name: eqx.tree_at(lambda b: b.position, body, body.position + jnp.array([0, height, 0]))
+        for name, body in state.bodies.items()
+    }
+    return cj.State(bodies)
+
+
+NO_MEMORY = cj.MemorylessHuntCrossley(
+    restitution=RESTITUTION, stiffness=cj.STEEL, design_speed=DESIGN_SPEED
+)
+MODELS: tuple[AbstractModel, ...] = (
+    Ideal("ideal joint"),
+    Massless("massless link"),
+    Rigid("rigid, h = 2e-4 s", 2e-4),
+    Rigid("rigid, h = 1e-4 s", 1e-4),
+    Rigid("rigid, h = 2e-5 s", 2e-5),
+    Compliant("compliant, no memory", law=NO_MEMORY),
+    Compliant("compliant, impact memory"),
+)

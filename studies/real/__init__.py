@@ -1,1 +1,0 @@
-"""Fits to measurements of others: their files, models and fits."""

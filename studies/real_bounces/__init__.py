@@ -1,0 +1,1 @@
+"""Bouncing balls, measured by others."""

@@ -1,0 +1,196 @@
+"""A ball that bounces on a floor: flight in closed form, and the scene that simulates it.
+
+The floor is a joint that clearjoint does not have, the drag a force that it does not have, and
+the law a contact law that it does not have: each is a subclass of a few lines.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import root_scalar
+
+import clearjoint as cj
+from clearjoint.extend import (
+    UNIT_Y,
+    Contact,
+    Motion,
+    Scalar,
+    Vector,
+    Wrench,
+    norm_and_direction,
+    quantity,
+    require_positive,
+)
+
+GRAVITY = 9.81
+BALL, FLOOR, LOWEST = "ball", "floor", "lowest point"
+SLOWEST = 1e-3
+"""m/s; impacts below it are damped as at it."""
+START_HEIGHT = 1e-7
+"""m above the floor, so that a run begins in flight."""
+
+
+def flight_time(launch: float, terminal: float) -> float:
+    """s in the air after a launch upwards (m/s) with drag along the square of the speed.
+
+    `terminal`: terminal speed in m/s, infinite without drag.
+    """
+    if np.isinf(terminal):
+        return 2.0 * launch / GRAVITY
+    ratio = launch / terminal
+    return terminal / GRAVITY * float(np.arctan(ratio) + np.arcsinh(ratio))
+
+
+def launch_speed(interval: float, terminal: float) -> float:
+    """m/s upwards that makes a flight last an interval in s."""
+    vacuum = 0.5 * GRAVITY * interval
+    if np.isinf(terminal):
+        return vacuum
+    bracket = (0.0, 10.0 * vacuum)
+    return float(root_scalar(lambda v: flight_time(v, terminal) - interval, bracket=bracket).root)
+
+
+def landing_speed(launch: float, terminal: float) -> float:
+    """m/s downwards at the end of a flight."""
+    return launch / float(np.hypot(1.0, launch / terminal))
+
+
+def fall_speed(height: Any, terminal: float) -> Any:
+    """m/s after a fall from rest from a height in m."""
+    if np.isinf(terminal):
+        return np.sqrt(2.0 * GRAVITY * height)
+    return terminal * np.sqrt(-np.expm1(-2.0 * GRAVITY * height / terminal**2))
+
+
+def rise_speed(height: Any, terminal: float) -> Any:
+    """m/s upwards that makes a ball rise to a height in m."""
+    if np.isinf(terminal):
+        return np.sqrt(2.0 * GRAVITY * height)
+    return terminal * np.sqrt(np.expm1(2.0 * GRAVITY * height / terminal**2))
+
+
+class Floor(cj.AbstractContactJoint):
+    """A ball's lowest point against the ground's plane y = 0, without friction."""
+
+    ball: str = eqx.field(static=True)
+    radius: Any = quantity("m")
+    law: cj.AbstractContactLaw
+
+    def __check_init__(self):
+        require_positive("radius", self.radius, "give it in m")
+
+    def pair(self) -> tuple[str, str]:
+        """The ground and the ball."""
+        return cj.GROUND, self.ball
+
+    def laws(self) -> dict[str, cj.AbstractContactLaw]:
+        """The law of the one contact."""
+        return {LOWEST: self.law}
+
+    def contacts(self, motions: Mapping[str, Motion]) -> dict[str, Contact]:
+        """The lowest point; the force acts on the vertical through the centre."""
+        ball = motions[self.ball]
+        gap = cj.Gap(self.radius - ball.position.y, -ball.velocity.y)
+        below = Vector(ball.position.x, 0.0, ball.position.z)
+        on_ball = ball.components(UNIT_Y * -self.radius)
+        return {LOWEST: Contact(gap, -UNIT_Y, below, on_ball, None)}
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> None:
+        """None."""
+        del name, contact, normal_force
+
+
+class Drag(cj.AbstractForce):
+    """Air drag m g (v/terminal speed)^2 against a body's velocity."""
+
+    body: str = eqx.field(static=True)
+    weight: Any = quantity("N")
+    terminal_speed: Any = quantity("m/s")
+
+    def body_names(self) -> tuple[str, ...]:
+        """The body."""
+        return (self.body,)
+
+    def wrenches(self, motions: Mapping[str, Motion], t: Scalar) -> dict[str, Wrench]:
+        """The force at the centre of mass."""
+        del t
+        motion = motions[self.body]
+        speed, direction = norm_and_direction(motion.velocity)
+        force = direction * (-self.weight * (speed / self.terminal_speed) ** 2)
+        return {self.body: motion.wrench(force, Vector(0.0, 0.0, 0.0))}
+
+
+def damping_factor(delivered: Any) -> Any:
+    """chi of Hunt-Crossley's family that delivers a restitution, to 1e-3 from 0.4 to 1.
+
+    3 (1 - e)(11 - e)/(2 (1 + 9 e)) (M. Carvalho, J. Martins 2019).
+    """
+    return 1.5 * (1.0 - delivered) * (11.0 - delivered) / (1.0 + 9.0 * delivered)
+
+
+class RestitutionOverSpeed(cj.AbstractContactLaw):
+    """A law that delivers 1 - loss (v/(1 m/s))^power at the entry speed v of each impact.
+
+    **Arguments:** `loss`, what a restitution at 1 m/s lacks to 1; `power`; `elastic`, the force
+    without loss.
+    """
+
+    loss: Any = quantity("1")
+    power: Any = quantity("1")
+    elastic: cj.Hertz
+    has_memory = True
+    force_jumps = False
+
+    def force(self, gap: cj.Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force, N."""
+        assert entry_speed is not None
+        speed = jnp.maximum(entry_speed, SLOWEST)
+        damping = damping_factor(1.0 - self.loss * speed**self.power)
+        return self.elastic.force(gap, None) * jnp.maximum(1.0 + damping * gap.rate / speed, 0.0)
+
+    def elastic_force(self, gap: cj.Gap) -> Scalar:
+        """K delta^n, N."""
+        return self.elastic.elastic_force(gap)
+
+    def stored_energy(self, gap: cj.Gap) -> Scalar:
+        """K delta^(n+1)/(n+1), J."""
+        return self.elastic.stored_energy(gap)
+
+
+def scene(
+    law: cj.AbstractContactLaw, mass: float, diameter: float, terminal: float = np.inf
+) -> cj.Scene:
+    """A ball (kg, m) above a floor in still air, with a terminal speed in m/s."""
+    radius = 0.5 * diameter
+    drag: dict[str, cj.AbstractForce] = (
+        {} if np.isinf(terminal) else {"drag": Drag(BALL, mass * GRAVITY, terminal)}
+    )
+    return cj.Scene(
+        bodies={BALL: cj.Body(mass, (0.4 * mass * radius**2,) * 3)},
+        joints={FLOOR: Floor(BALL, radius, law)},
+        forces=drag,
+        gravity=(0.0, -GRAVITY, 0.0),
+    )
+
+
+def simulated_intervals(made: cj.Scene, first: float, terminal: float, count: int) -> np.ndarray:
+    """(count,) s between impacts, from a launch after which the first flight lasts `first` s."""
+    floor = made.joints[FLOOR]
+    assert isinstance(floor, Floor)
+    launch = launch_speed(first, terminal)
+    start = cj.State(
+        {
+            BALL: cj.body_state(
+                position=(0.0, floor.radius + START_HEIGHT, 0.0), velocity=(0.0, launch, 0.0)
+            )
+        }
+    )
+    impacts = cj.simulate(
+        made, start, first * (count + 0.5), record_impacts=True, progress=False
+    ).impacts
+    assert impacts is not None
+    onsets = impacts.of(FLOOR, LOWEST).onset[:count]
+    return np.diff(onsets, prepend=0.0)

@@ -1,0 +1,1 @@
+"""A swinging pendulum, measured by others."""

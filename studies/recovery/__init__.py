@@ -1,0 +1,1 @@
+"""Parameters recovered from many draws of the noise."""

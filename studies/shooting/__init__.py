@@ -1,0 +1,1 @@
+"""A record of five horizons, fitted in windows."""

@@ -1,0 +1,1 @@
+"""A driven slider-crank whose slider pin has clearance."""

@@ -1,0 +1,278 @@
+"""The slider-crank with clearance over crank speed and clearance.
+
+    python -m studies.slider_crank sweep [--quick] [--output FOLDER]
+
+A run begins in the ideal mechanism's motion. After a transient, slider and journal are taken once
+a revolution, whenever the slider should be farthest out: the stroboscopic Poincaré section of the
+bifurcation diagrams over clearance and crank speed, in which a motion with the crank's period is
+one dot, and a chaotic one a column of them. Peaks, likewise after the transient, are shown over
+the ideal mechanism's.
+
+There is neither gravity nor friction. If impacts took no time, the crank speed would then only
+scale time, and the motion over the crank angle would be the same at all speeds; what the speed
+changes is how soft the contact is against the forces of inertia. Hence faster is calmer. Where
+impacts make the peaks, these are, over the ideal joint's, as the speed to the power -0.8 by Hertz's
+law.
+
+Results are stored as they come: a command that was interrupted continues, and one that was finished
+only draws again.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+import clearjoint as cj
+from clearjoint import plot
+from clearjoint.extend import Instant, Quantity
+from clearjoint.quantities import Acceleration, JournalOffset, Multiplier, Velocity
+from studies.common.output import Output
+from studies.slider_crank.runs import PIN, Settings, closed_form, simulate
+
+RESTITUTION = 0.9
+CLEARANCE, SPEED = 20e-6, 5000.0
+"""Radial clearance (m) of the diagram over the speed; speed (1/min) of that over the clearance."""
+CLEARANCES, SPEEDS = (5e-6, 0.5e-3), (1000.0, 8000.0)
+"""Ranges of all diagrams, m and 1/min."""
+ORBITS = ((20e-6, 7500.0), (20e-6, 1500.0), (0.5e-3, 5000.0))
+"""Clearances (m) and crank speeds (1/min) whose orbits are drawn."""
+LONGEST_PERIOD = 8
+"""Revolutions after which a motion may repeat and be called periodic."""
+REPEATS = 0.01
+"""How near, in clearances, the journal comes back when a motion repeats."""
+IMPACTS_ALONE = 0.2e-3
+"""Clearance from which on impacts make the peaks at all speeds, m."""
+
+
+class Settled(eqx.Module):
+    """Magnitude of a quantity once the crank has turned a number of times; -inf before."""
+
+    quantity: Quantity = eqx.field(static=True)
+    revolutions: int = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Any:
+        """The magnitude."""
+        motor: Any = now.scene.joints["motor"]
+        turned = now.time * motor.speed / (2.0 * np.pi)
+        return jnp.where(turned < self.revolutions, -jnp.inf, jnp.abs(self.quantity(now)))
+
+
+def pin_force(now: Instant) -> Any:
+    """Sum of the normal forces of the pin's two bases, N; in the plane they are parallel."""
+    return sum(base.normal_force for base in now.contacts[PIN].values())
+
+
+CHANNELS: dict[str, tuple[Quantity, str]] = {
+    "x": (JournalOffset(PIN, "x"), "m"),
+    "y": (JournalOffset(PIN, "y"), "m"),
+    "velocity": (Velocity("slider", "x"), "m/s"),
+    "acceleration": (Acceleration("slider", "x"), "m/s^2"),
+}
+IDEAL = {"acceleration": "outer", "moment": "moment", "force": "force"}
+"""Peaks, and what the closed form calls them."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Revolutions of a run: those before anything is kept, and all of them."""
+
+    transient: int
+    revolutions: int
+
+    def end_time(self, scene: cj.Scene) -> float:
+        """Just after the last revolution, s."""
+        return (self.revolutions + 1e-6) * period(scene)
+
+    def strobe(self, scene: cj.Scene) -> np.ndarray:
+        """Once a revolution, when the slider should be farthest out, s."""
+        return period(scene) * np.arange(self.transient, self.revolutions + 1)
+
+    def sweep(self, clearances: Any, speeds: Any, path: Path) -> xr.Dataset:
+        """Peaks and sections, for clearances in m and crank speeds in 1/min.
+
+        The scene's own speed occurs in no sweep, so that all share a program.
+        """
+        scene, state = cj.slider_crank(restitution=RESTITUTION, speed=1.0)
+        peaks = {
+            "acceleration": (Acceleration("slider"), "m/s^2"),
+            "moment": (Multiplier("motor", "angle"), "N m"),
+            "force": (pin_force, "N"),
+        }
+        swept = cj.sweep(
+            scene,
+            state,
+            self.end_time,
+            {
+                "clearance": cj.Axis(lambda scene: scene.joints[PIN].clearance, clearances),
+                "crank_speed": cj.Axis.change(at_speed, speeds, "1/min"),
+            },
+            {
+                **{
+                    f"peak_{name}": cj.Peak(Settled(quantity, self.transient), unit)
+                    for name, (quantity, unit) in peaks.items()
+                },
+                "section": cj.Saved(self.strobe, CHANNELS),
+                "impacts": cj.ImpactCount(PIN),
+            },
+            path=path,
+            chunk=64,
+        )
+        return with_ratios(swept)
+
+
+def at_speed(scene: cj.Scene, state: cj.State, speed: float) -> tuple[cj.Scene, cj.State]:
+    """The scene at another crank speed in 1/min, and its state in the ideal joint's motion."""
+    del state
+    speed = speed * np.pi / 30.0
+    driven = cj.put(scene, lambda scene: scene.joints["motor"].speed, speed)
+    return driven, cj.slider_crank(speed=speed)[1]
+
+
+def period(scene: cj.Scene) -> float:
+    """Of one revolution of the crank, s."""
+    motor: Any = scene.joints["motor"]
+    return 2.0 * np.pi / float(motor.speed)
+
+
+def with_ratios(swept: xr.Dataset) -> xr.Dataset:
+    """With the quantities over what measures them, and the period of each lane in revolutions."""
+    speed, clearance = swept["crank_speed"], swept["clearance"]
+    unit_speed = closed_form(Settings(revolutions_a_minute=1.0))
+    ratios = {
+        f"peak_{name}_over_ideal": swept[f"peak_{name}"] / (unit_speed[ideal] * speed**2)
+        for name, ideal in IDEAL.items()
+    }
+    ratios["section_acceleration_ratio"] = -swept["section_acceleration"] / (
+        unit_speed["outer"] * speed**2
+    )
+    for name in ("x", "y"):
+        ratios[f"section_relative_{name}"] = swept[f"section_{name}"] / clearance
+    relative = [ratios[f"section_relative_{name}"].values for name in ("x", "y")]
+    ratios["period"] = xr.DataArray(periods(np.stack(relative, axis=-1)), dims=swept["result"].dims)
+    return swept.assign({name: ratio.assign_attrs(units="1") for name, ratio in ratios.items()})
+
+
+def periods(sections: np.ndarray) -> np.ndarray:
+    """After how many points each section repeats; NaN for those that don't within a few.
+
+    `sections`: (..., points, coordinates).
+    """
+    found = np.full(sections.shape[:-2], np.nan)
+    for period in range(min(LONGEST_PERIOD, sections.shape[-2] // 2), 0, -1):
+        apart = np.abs(sections[..., period:, :] - sections[..., :-period, :]).max(axis=(-2, -1))
+        found[apart < REPEATS] = period
+    return found
+
+
+def run(output: Output) -> list[str]:
+    """Both diagrams, the map and the orbits; returns the findings."""
+    course = Course(3, 6) if output.quick else Course(120, 200)
+    points, side = (8, 3) if output.quick else (192, 16)
+    clearances, speeds = np.geomspace(*CLEARANCES, points), np.linspace(*SPEEDS, points)
+
+    def swept(name: str, clearances: Any, speeds: Any) -> xr.Dataset:
+        return course.sweep(clearances, speeds, output.store(name))
+
+    over_clearance = swept("clearance", clearances, [SPEED]).isel(crank_speed=0)
+    over_speed = swept("speed", [CLEARANCE], speeds).isel(clearance=0)
+    both = swept("map", np.geomspace(*CLEARANCES, side), np.geomspace(*SPEEDS, side))
+    output.save(bifurcations(over_clearance, over_speed), "bifurcation")
+    output.save(map_of_peaks(both), "map")
+    output.save(orbits(course.revolutions), "orbits")
+    return findings(over_clearance, over_speed, both)
+
+
+def bifurcations(over_clearance: xr.Dataset, over_speed: xr.Dataset) -> Figure:
+    """Journal and slider once a revolution, over the clearance and over the crank speed."""
+    figure = Figure(figsize=(11.0, 6.4), layout="constrained")
+    channels = {
+        "relative_y": "journal across the slider's path\n/ clearance",
+        "acceleration_ratio": "slider acceleration\n/ ideal joint's",
+    }
+    columns = (
+        (over_clearance, "clearance", f"{SPEED:g} revolutions a minute"),
+        (over_speed, "crank_speed", f"radial clearance {CLEARANCE * 1e6:g} µm"),
+    )
+    panels = figure.subplots(2, 2, sharex="col")
+    for column, (swept, axis, title) in zip(panels.T, columns, strict=True):
+        for axes, (channel, label) in zip(column, channels.items(), strict=True):
+            plot.bifurcation(swept, "section", channel, axis, axes=axes)
+            axes.set_ylabel(label)
+        column[0].set_xlabel("")
+        column[0].set_title(title, fontsize="medium")
+    return figure
+
+
+def map_of_peaks(swept: xr.Dataset) -> Figure:
+    """Peaks over the ideal joint's, over clearance and crank speed."""
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    for name, axes in zip(("acceleration", "moment"), figure.subplots(1, 2), strict=True):
+        plot.parameter_map(swept, f"peak_{name}_over_ideal", "clearance", "crank_speed", axes=axes)
+    return figure
+
+
+def orbits(revolutions: int) -> Figure:
+    """The journal's path through the last two revolutions."""
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    for (clearance, speed), axes in zip(ORBITS, figure.subplots(1, 3), strict=True):
+        settings = Settings(clearance, RESTITUTION, speed)
+        shown = simulate(settings, clearance, revolutions).shown
+        plot.orbit_in_contact(shown, PIN, "V", clearance, section=plot.XY, axes=axes)
+        axes.get_legend().remove()
+        axes.set_title(f"{clearance * 1e6:g} µm, {speed:g} 1/min", fontsize="medium")
+    handles = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def findings(over_clearance: xr.Dataset, over_speed: xr.Dataset, both: xr.Dataset) -> list[str]:
+    """What the diagrams and the map show, measured on them."""
+    failed = sum(int((swept["result"] != 0).sum()) for swept in (over_clearance, over_speed, both))
+    acceleration = both["peak_acceleration_over_ideal"]
+    periodic = acceleration.where(both["period"] == 1.0)
+    peaks = {name: _range(both[f"peak_{name}_over_ideal"].values) for name in IDEAL}
+    return [
+        f"{failed} lanes failed",
+        f"{SPEED:g} 1/min, clearance in µm: {stretches(over_clearance, 'clearance', 1e6)}",
+        f"{CLEARANCE * 1e6:g} µm, speed in 1/min: {stretches(over_speed, 'crank_speed', 1.0)}",
+        f"peaks over the ideal joint's on the map: {', '.join(map(' '.join, peaks.items()))}; "
+        f"acceleration {_range(periodic.values)} where the motion has the crank's period",
+        f"peak acceleration over the ideal one, from {IMPACTS_ALONE * 1e3:g} mm on where the "
+        f"motion does not repeat: as the speed to the power {speed_exponent(both):.2f}; "
+        "-0.80 by Hertz's law",
+    ]
+
+
+def speed_exponent(swept: xr.Dataset) -> float:
+    """Exponent of the crank speed in the peak acceleration's ratio where impacts make it, by least
+    squares with the clearance's."""
+    impacting = ((swept["clearance"] >= IMPACTS_ALONE) & swept["period"].isnull()).values
+    names = ("peak_acceleration_over_ideal", "crank_speed", "clearance")
+    columns = xr.broadcast(*(swept[name] for name in names))
+    ratio, speed, clearance = (np.log(column.values[impacting]) for column in columns)
+    system = np.stack([speed, clearance, np.ones_like(speed)], axis=1)
+    return float(np.linalg.lstsq(system, ratio, rcond=None)[0][0])
+
+
+def _range(values: np.ndarray) -> str:
+    finite = values[np.isfinite(values)]
+    return f"{finite.min():.3g} to {finite.max():.3g}" if finite.size else "nowhere"
+
+
+def stretches(swept: xr.Dataset, axis: str, factor: float) -> str:
+    """Where the motion repeats, and after how many revolutions, in words."""
+    places, found = swept[axis].values * factor, np.nan_to_num(swept["period"].values)
+    edges = [0, *(np.flatnonzero(np.diff(found)) + 1), len(found)]
+    parts = [
+        f"{places[a]:.4g}–{places[b - 1]:.4g} period {found[a]:.0f}"
+        for a, b in zip(edges, edges[1:], strict=False)
+        if found[a] and b - a > 2
+    ]
+    share = float((found > 0).mean())
+    return f"{'; '.join(parts) or 'no stretch is periodic'} (periodic lanes: {share:.0%})"

@@ -1,0 +1,1 @@
+"""What accuracy costs: solvers, tolerances, landing, laws and precision."""

@@ -1,0 +1,55 @@
+"""Derivatives with the presets: by `sensitivities`, which holds them to tolerances of their own."""
+
+import time
+from collections.abc import Callable
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+import clearjoint as cj
+from studies.benchmark.gradients import ESTIMANDS, TABLE
+from studies.common.output import Output
+from studies.common.report import markdown
+from studies.speed_accuracy.runs import Spans
+
+REPEATS = 5
+THREE = {name: ESTIMANDS[name] for name in ("log c", "log K", "e")}
+
+
+def gradients(output: Output, spans: Spans) -> list[str]:
+    """Errors of the derivatives of arm 2's height and their cost, in Markdown."""
+    del output
+    expected = np.array(TABLE[spans.short])
+    rows: list[tuple[str, ...]] = [
+        ("setting", *(f"by {name}" for name in THREE), "attempts", "ms", "a run alone, ms")
+    ]
+    for name in ("look", "study", "reference"):
+        preset = dict(getattr(cj.presets, name))
+        seconds, found = _timed(lambda end, preset=preset: _derivatives(end, preset), spans.short)
+        alone, _ = _timed(lambda end, preset=preset: _simulated(end, preset), spans.short)
+        errors = np.abs(found.derivatives["height"][0] / expected - 1.0)
+        cells = (*(f"{error:.0e}" for error in errors), f"{found.attempts}")
+        rows.append((name, *cells, f"{1e3 * seconds:.0f}", f"{1e3 * alone:.0f}"))
+    return [f"\nDerivatives at {spans.short:g} s by `sensitivities`\n\n{markdown(rows)}"]
+
+
+def _derivatives(end: float, preset: dict[str, Any]) -> cj.Sensitivities:
+    scene, state = cj.double_pendulum()
+    height = {"height": cj.quantities.Position("arm 2", "y")}
+    integration = cj.Integration(**preset)
+    return cj.sensitivities(scene, state, end, THREE, height, [end], integration=integration)
+
+
+def _simulated(end: float, preset: dict[str, Any]) -> cj.Solution:
+    return cj.simulate(*cj.double_pendulum(), end, progress=False, **preset)
+
+
+def _timed(call: Callable[[float], Any], end: float) -> tuple[float, Any]:
+    """Seconds, the median of several after one that compiles, and what was returned."""
+    found, times = call(end), []
+    for _ in range(REPEATS):
+        begun = time.perf_counter()
+        found = call(end)
+        times.append(time.perf_counter() - begun)
+    return median(times), found

@@ -1,0 +1,187 @@
+"""One setting measured: its error before the horizon, and energy, steps and seconds beyond it."""
+
+import gzip
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import diffrax
+import numpy as np
+
+import clearjoint as cj
+from studies.speed_accuracy import evaluations
+from studies.speed_accuracy.settings import Setting
+
+REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
+"""Trajectories of the event-exact solver in extended precision; beside the checkout."""
+ROWS_APART = 20
+"""Of the reference's rows, 0.1 ms apart, every so many are compared."""
+SAVED = 51
+CLEARANCE = 0.5e-3
+"""m."""
+NUDGE = 1e-6
+"""By this share the clearance grows from draw to draw: another motion once it is chaotic."""
+SLOW = 3.0
+"""Seconds."""
+MAX_STEPS = 1_500_000
+
+
+@dataclass(frozen=True)
+class Spans:
+    """`short`: up to where trajectories are compared, s, before the horizon; `long`: of energy and
+    cost, over `draws` clearances."""
+
+    short: float = 0.1
+    long: float = 2.0
+    draws: int = 3
+
+
+QUICK = Spans(0.012, 0.05, 1)
+FULL = Spans()
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Centres of both arms (times, 2, 3) m at `times` s."""
+
+    times: np.ndarray
+    centres: np.ndarray
+
+    def error(self, solution: cj.Solution) -> float:
+        """Largest error of a coordinate, m; NaN for a run that did not get to the end."""
+        if solution.result != cj.RESULTS.successful:
+            return float("nan")
+        return float(np.abs(centres(solution) - self.centres).max())
+
+
+def compared(end: float) -> np.ndarray:
+    """Instants at which trajectories are compared, s."""
+    count = round(1e4 * end) // ROWS_APART
+    return np.minimum(1e-4 * ROWS_APART * np.arange(count + 1), end)
+
+
+def centres(solution: cj.Solution) -> np.ndarray:
+    """Centres of both arms at the times saved, (times, 2, 3) m."""
+    bodies = solution.states.bodies
+    return np.stack([np.asarray(bodies[name].position) for name in ("arm 2", "arm 3")], axis=1)
+
+
+@cache
+def truth(end: float, restitution: float = 0.9) -> Truth:
+    """The reference; or where it is not there, clearjoint with Dopri8 at rtol 1e-12."""
+    file = REFERENCE / f"double_pendulum_c0.0005_e{restitution:.1f}.csv.gz"
+    if not file.exists():
+        print(f"{file} is not there: errors are against clearjoint at rtol 1e-12.")
+        scene, state = cj.double_pendulum(restitution=restitution)
+        times = compared(end)
+        fine = cj.simulate(
+            scene, state, end, save_at=times, solver=diffrax.Dopri8(), rtol=1e-12, progress=False
+        )
+        return Truth(times, centres(fine))
+    with gzip.open(file, "rt") as lines:
+        names = lines.readline().strip().split(",")
+        table = np.loadtxt(lines, delimiter=",")[::ROWS_APART]
+    columns = [[names.index(f"r{body}{axis}") for axis in "xyz"] for body in (2, 3)]
+    return Truth(compared(end), table[: len(compared(end)), columns])
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting measured.
+
+    `error` m and `short_evaluations`: of the short run. `residual`: of the energy ledger, over the
+    energy exchanged; `attempts`, `evaluations` and `seconds`: of the long run without a ledger. NaN
+    for runs that failed or took more than `MAX_STEPS`.
+    """
+
+    setting: Setting
+    error: float
+    short_evaluations: float
+    residual: float
+    attempts: float
+    evaluations: float
+    seconds: float
+
+    def __str__(self) -> str:
+        return str(self.setting)
+
+
+def measured(setting: Setting, spans: Spans) -> Point:
+    """All of a setting. Programs are compiled before they are timed."""
+    arguments = setting.arguments
+    scene, state = cj.double_pendulum()
+    goal = truth(spans.short)
+    short = run(scene, state, goal.times, arguments)
+    each = evaluations.an_attempt(arguments)
+    if each is None:
+        each = evaluations.counted(min(spans.short, 0.03), arguments)
+    attempts, seconds, residual = medians(arguments, spans)
+    return Point(
+        setting,
+        goal.error(short),
+        each * int(short.attempts),
+        residual,
+        attempts,
+        each * attempts,
+        seconds,
+    )
+
+
+def medians(arguments: Mapping[str, Any], spans: Spans) -> tuple[float, float, float]:
+    """Of the draws of the long run; see `long_run`. One that fails or is slow stands for all."""
+    draws = [long_run(arguments, spans.long, 0)]
+    if draws[0][1] < SLOW:
+        draws += [long_run(arguments, spans.long, draw) for draw in range(1, spans.draws)]
+    attempts, seconds, residual = (median(column) for column in zip(*draws, strict=True))
+    return attempts, seconds, residual
+
+
+def long_run(arguments: Mapping[str, Any], end: float, draw: int) -> tuple[float, float, float]:
+    """Attempts, seconds and residual of the ledger over the energy exchanged."""
+    scene, state = cj.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
+    times = np.linspace(0.0, end, SAVED)
+    attempts, seconds = cost(scene, state, times, arguments)
+    if not np.isfinite(attempts):
+        return attempts, seconds, float("nan")
+    kept = run(scene, state, times, arguments, ledger=True)
+    return attempts, seconds, ledger_residual(scene, kept)
+
+
+def cost(
+    scene: cj.Scene, state: cj.State, times: np.ndarray, arguments: Mapping[str, Any]
+) -> tuple[float, float]:
+    """Attempts and seconds of a run, checks included; NaN if it failed. The seconds are those that
+    the processor spends, which others on the machine disturb less."""
+    begun = time.process_time()
+    solution = run(scene, state, times, arguments)
+    seconds = time.process_time() - begun
+    if solution.result != cj.RESULTS.successful:
+        return float("nan"), float("nan")
+    return float(solution.attempts), seconds
+
+
+def ledger_residual(scene: cj.Scene, solution: cj.Solution) -> float:
+    """What the ledger does not account for, at most, over the energy exchanged with gravity."""
+    if solution.result != cj.RESULTS.successful:
+        return float("nan")
+    observed = cj.observe(scene, solution)
+    left = np.abs(observed.ledger_residual()).max() / np.ptp(observed.energies["gravity"])
+    return float(left) if np.isfinite(left) else float("nan")
+
+
+def run(
+    scene: cj.Scene,
+    state: cj.State,
+    times: np.ndarray,
+    arguments: Mapping[str, Any],
+    **further: Any,
+) -> cj.Solution:
+    """`simulate` to the last of the times, saving at all."""
+    limit = {"max_steps": MAX_STEPS, "throw": False, "progress": False}
+    return cj.simulate(
+        scene, state, float(times[-1]), save_at=times, **{**limit, **arguments, **further}
+    )

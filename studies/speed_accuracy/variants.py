@@ -1,0 +1,218 @@
+"""What else trades speed for accuracy: stabilisation, memory, smoothing, precision. Each beside the
+default of `simulate`, whose solver and tolerance all of them have."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from statistics import median
+from types import MappingProxyType
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+import clearjoint as cj
+from clearjoint.extend import AbstractStiffness, Gap, result_number, result_numbers
+from clearjoint.testing import xla_flags
+from studies.common.fresh_process import in_process
+from studies.speed_accuracy.runs import (
+    CLEARANCE,
+    NUDGE,
+    SAVED,
+    Spans,
+    centres,
+    compared,
+    cost,
+    ledger_residual,
+    run,
+    truth,
+)
+
+STABILISATIONS: Mapping[str, cj.AbstractStabilisation] = MappingProxyType(
+    {
+        "none": cj.Unstabilised(),
+        "Baumgarte 5": cj.Baumgarte(5.0, 5.0),
+        "Baumgarte 50": cj.Baumgarte(50.0, 50.0),
+        "Baumgarte 500": cj.Baumgarte(500.0, 500.0),
+        "projection": cj.Projection(),
+    }
+)
+WIDTHS = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+"""Of the smoothing, m."""
+SINGLE_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
+SINGLE_LANDING = 1e-9
+"""m; single precision resolves eccentricities to some 3e-11."""
+SPEED = 0.1
+"""Of the impacts for which the memoryless law is set, m/s: that of the first one."""
+
+
+class MemorylessDamping(cj.AbstractContactLaw):
+    """The damping of Lankarani and Nikravesh for one entry speed, m/s, at whatever speed."""
+
+    stiffness: AbstractStiffness
+    restitution: Any
+    entry_speed: Any
+    has_memory = False
+    force_jumps = False
+
+    def force(self, gap: Gap, entry_speed: Any) -> Any:
+        """Normal force, N."""
+        del entry_speed
+        factor = 1.0 + 0.75 * (1.0 - self.restitution**2) * gap.rate / self.entry_speed
+        return self.elastic_force(gap) * jnp.maximum(factor, 0.0)
+
+    def elastic_force(self, gap: Gap) -> Any:
+        """K delta^1.5, N."""
+        return cj.Hertz(stiffness=self.stiffness).elastic_force(gap)
+
+    def stored_energy(self, gap: Gap) -> Any:
+        """2/5 K delta^2.5, J."""
+        return cj.Hertz(stiffness=self.stiffness).stored_energy(gap)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A variant measured: fields as those of a `runs.Point`, and the largest `peak` force, N,
+    of the short run; energy `dissipated`, J, and `drift` of the hinge, m, in the long one."""
+
+    name: str
+    error: float
+    peak: float
+    dissipated: float
+    drift: float
+    residual: float
+    attempts: float
+    seconds: float
+
+
+Make = Callable[[float], tuple[cj.Scene, cj.State]]
+"""The double pendulum of a clearance, m."""
+
+
+def measured(
+    name: str, make: Make, arguments: Mapping[str, Any], spans: Spans, restitution: float = 0.9
+) -> Row:
+    """A variant against the reference of a restitution."""
+    goal = truth(spans.short, restitution)
+    short = run(*make(CLEARANCE), goal.times, arguments, record_impacts=True)
+    assert short.impacts is not None
+    peak = float(short.impacts.peak_force.max())
+    times = np.linspace(0.0, spans.long, SAVED)
+    draws = []
+    for draw in range(spans.draws):
+        scene, state = make(CLEARANCE * (1.0 + NUDGE * draw))
+        kept = run(scene, state, times, arguments, ledger=True)
+        observed = cj.observe(scene, kept)
+        dissipated, drift = observed.energies["normal damping"][-1], observed.drift["elbow"].max()
+        lost = ledger_residual(scene, kept)
+        run(scene, state, times, arguments)
+        draws.append((dissipated, drift, lost, *cost(scene, state, times, arguments)))
+    medians = (float(median(column)) for column in zip(*draws, strict=True))
+    return Row(name, goal.error(short), peak, *medians)
+
+
+def with_law(law: cj.AbstractContactLaw) -> Make:
+    """The double pendulum with a law."""
+    return partial(cj.double_pendulum, law=law)
+
+
+def stabilisations(spans: Spans) -> list[Row]:
+    """In absolute coordinates, where the hinge is a constraint; and joint coordinates beside."""
+    absolute = {"coordinates": cj.AbsoluteCoordinates()}
+    cases = {name: {**absolute, "stabilisation": way} for name, way in STABILISATIONS.items()}
+    cases["joint coordinates"] = {}
+    return [measured(name, cj.double_pendulum, each, spans) for name, each in cases.items()]
+
+
+def memories(spans: Spans) -> list[Row]:
+    """Laws with memory and without."""
+    laws = {
+        "Lankarani-Nikravesh, 1": (cj.LankaraniNikravesh(restitution=1.0, stiffness=cj.STEEL), 1.0),
+        "Hertz": (cj.Hertz(stiffness=cj.STEEL), 1.0),
+        "Lankarani-Nikravesh, 0.9": (
+            cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+            0.9,
+        ),
+        f"its damping at {SPEED:g} m/s": (
+            MemorylessDamping(stiffness=cj.STEEL, restitution=0.9, entry_speed=SPEED),
+            0.9,
+        ),
+    }
+    return [
+        measured(name, with_law(law), {}, spans, restitution)
+        for name, (law, restitution) in laws.items()
+    ]
+
+
+def smoothings(spans: Spans) -> dict[bool, list[Row]]:
+    """Against the exact law, by width; with landing and without."""
+    found: dict[bool, list[Row]] = {}
+    for lands in (True, False):
+        arguments = {} if lands else {"landing_tolerance": None}
+        rows = [measured("exact", cj.double_pendulum, arguments, spans)]
+        for width in WIDTHS:
+            law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL, smoothing=width)
+            rows.append(measured(f"{width:g}", with_law(law), arguments, spans))
+        found[lands] = rows
+    return found
+
+
+IN_PRECISION = (
+    "import sys; from studies.speed_accuracy.variants import in_this_precision;"
+    " in_this_precision(*map(float, sys.argv[1:]))"
+)
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A run in one of the precisions: how it ended, and fields as those of a `runs.Point`."""
+
+    rtol: float
+    error: float
+    result: str
+    residual: float
+    attempts: float
+    seconds: float
+
+
+def precisions(spans: Spans) -> dict[str, list[Rounded]]:
+    """By tolerance in 32 and in 64 bits, each in a process of its own."""
+    goal, found = truth(spans.short), {}
+    for name, switch in (("float64", "1"), ("float32", "0")):
+        variables = {"JAX_ENABLE_X64": switch, "XLA_FLAGS": xla_flags()}
+        lengths = (str(spans.short), str(spans.long))
+        _, rows = in_process(IN_PRECISION, *lengths, **variables)
+        found[name] = [
+            Rounded(rtol, _error(np.array(places), goal.centres), *others)
+            for rtol, places, *others in rows
+        ]
+    return found
+
+
+def _error(places: np.ndarray, expected: np.ndarray) -> float:
+    """NaN for a run that did not get to the end."""
+    if places.shape != expected.shape:
+        return float("nan")
+    return float(np.abs(places - expected).max())
+
+
+def in_this_precision(short: float, long: float) -> None:
+    """Print centres and costs by tolerance in the precision that JAX is set to."""
+    scene, state = cj.double_pendulum()
+    rows = []
+    for rtol in SINGLE_TOLERANCES:
+        arguments = {"rtol": rtol, "landing_tolerance": SINGLE_LANDING, "allow_float32": True}
+        solution = run(scene, state, compared(short), arguments)
+        times = np.linspace(0.0, long, SAVED)
+        residual = ledger_residual(scene, run(scene, state, times, arguments, ledger=True))
+        run(scene, state, times, arguments)
+        costs = cost(scene, state, times, arguments)
+        rows.append((rtol, centres(solution).tolist(), name_of(solution), residual, *costs))
+    print(json.dumps(rows))
+
+
+def name_of(solution: cj.Solution) -> str:
+    """The name of its result code."""
+    number = int(result_number(solution.result))
+    return next(name for name, code in result_numbers().items() if code == number)

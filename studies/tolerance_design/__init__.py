@@ -1,0 +1,1 @@
+"""The largest clearance that keeps tolerances, by gradient."""
