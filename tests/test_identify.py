@@ -222,7 +222,7 @@ def test_minimum_of_an_objective(clean):
     with pytest.raises(ValueError, match="`parameters` must be such that the first run works"):
         few = cj.Integration(max_steps=3)
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, integration=few)
-    with pytest.raises(ValueError, match="`iterations` must be positive, but is 0"):
+    with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
 
 
@@ -235,7 +235,10 @@ def test_minimum_of_an_objective(clean):
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
         ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
         ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the last"),
-        ({"max_iterations": 0}, "`max_iterations` must be positive, but is 0: allow one run"),
+        (
+            {"max_iterations": 0},
+            "`max_iterations` must be a whole number, positive, but is 0: allow one run",
+        ),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
         ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be of parameters .*\['mass'\]"),
     ],
@@ -246,7 +249,7 @@ def test_options_that_no_fit_can_use(options, message, clean):
 
 
 def test_arguments_that_no_fit_can_use(clean):
-    with pytest.raises(ValueError, match="`number` must be positive, but is 0"):
+    with pytest.raises(ValueError, match="`number` must be a whole number, positive, but is 0"):
         cj.Starts(0)
     with pytest.raises(ValueError, match=r"`parameters` must be at least one Parameter, but is {}"):
         cj.identify(SCENE, STATE, clean, {}, progress=False)

@@ -102,8 +102,8 @@ def test_what_noise_does_not_explain_is_screened_anew(data):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"number": 0}, "`number` must be positive, but is 0"),
-        ({"smoothing": 0}, "`smoothing` must be positive, but is 0"),
+        ({"number": 0}, "`number` must be a whole number, positive, but is 0"),
+        ({"smoothing": 0}, "`smoothing` must be a whole number, positive, but is 0"),
         ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass how far"),
         ({"spread": {"a": np.inf}}, "`spread` must be finite and positive, but is {'a': inf}"),
         ({"finish": 40}, "`keep` must be above 4, at least finish = 40, .*, but is 32"),
