@@ -14,9 +14,7 @@ import diffrax
 
 look: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Tsit5(), "rtol": 1e-4})
 """For a look. Not for gradients."""
-
 study: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Tsit5(), "rtol": 1e-8})
 """For a study, and for gradients by `sensitivities`."""
-
 reference: Mapping[str, Any] = MappingProxyType({"solver": diffrax.Dopri8(), "rtol": 1e-10})
 """To test against. Compiles twice as long."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import jax
 
-from .fields import require_count
+from .fields.checks import require_count
 
 _BACKEND_OPTIONS = (
     ("xla_cpu_use_multi_output_fusion", "true"),
@@ -30,7 +30,6 @@ LEAST_DEVICES = 2
 what runs on several, and the last bits of results then depend on the number of devices."""
 SLOW_AFTER = 10.0
 """Seconds of stepping after which a run says what settings are missing."""
-
 _SHARED = (
     "jax_enable_x64",
     "jax_compilation_cache_dir",

@@ -24,15 +24,19 @@ from clearjoint import (
     SphericalJoint,
     State,
     body_state,
-    dynamics,
 )
-from clearjoint.dynamics import Formulation, Unstabilised, evaluate, state_rates
-from clearjoint.impacts import Landing, has_memory
-from clearjoint.segments import begin
-from clearjoint.stepping import attempt
-from clearjoint.steps import Method
-from clearjoint.vectors import unpack
-from tests.programs import primitives
+from clearjoint.dynamics import equations_of_motion as dynamics
+from clearjoint.dynamics.contact_events import has_memory
+from clearjoint.dynamics.equations_of_motion import evaluate
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.stabilisation import Unstabilised
+from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.math.vectors import unpack
+from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.segments import begin
+from clearjoint.simulation.step_state import Method
+from clearjoint.simulation.stepping import attempt
+from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 BODY = Body(1.0, (1.0, 1.0, 1.0))

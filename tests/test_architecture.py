@@ -1,249 +1,100 @@
-"""The floors of the package: who may import whom, and what an import may do."""
+"""The rooms of the package: who may import whom, and what an import may do."""
 
 import ast
 import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-import clearjoint
+import pytest
 
-PACKAGE = Path(clearjoint.__file__).parent
+from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
+
+HIGHEST_FLOOR = 9
+MODULES_BESIDE_ROOMS = 8
 FLOORS = (
-    (
-        "vectors",
-        "continuity",
-        "several",
-        "rotations",
-        "smoothing",
-        "linear",
-        "restitution",
-        "results",
-        "readable",
-        "cautions",
-        "fields",
-        "runtime",
-        "conversion",
-        "scales",
-    ),
-    ("bodies", "contact", "friction"),
-    (
-        "joints.freedoms",
-        "joints.base",
-        "joints.primitives",
-        "joints.axial",
-        "joints.ideal",
-        "joints.forces",
-        "joints.drives",
-        "joints.clearance",
-        "joints.massless_link",
-        "joints.several",
-    ),
-    ("scene", "breakpoints", "time_decisions", "grouping", "parameters", "variations"),
-    (
-        "coordinates",
-        "absolute",
-        "links",
-        "inertia",
-        "branches",
-        "tree",
-        "tree_mechanics",
-        "joint_coordinates",
-        "dynamics",
-        "grouped_coordinates",
-        "projection",
-        "structure",
-        "journals",
-        "assembly",
-        "mechanisms",
-    ),
-    (
-        "impacts",
-        "explicit",
-        "family",
-        "steps",
-        "jumps",
-        "switches",
-        "dense_output",
-        "step_length",
-        "trial",
-        "program_size",
-        "stepping",
-        "tangents",
-        "loops",
-        "segments",
-        "impact_table",
-        "solution",
-        "solvers",
-        "presets",
-        "running",
-        "instant",
-        "quantities.base",
-        "reductions",
-        "records",
-        "spans",
-        "simulate",
-        "nonsmooth.box_problem",
-        "nonsmooth.contact_problem",
-        "nonsmooth.midpoint",
-        "nonsmooth.simulate",
-        "estimands",
-        "integration",
-        "sensitivity",
-        "lanes",
-        "pool",
-        "batch",
-    ),
-    (
-        "observables",
-        "quantities.bodies",
-        "quantities.joints",
-        "extend",
-        "testing.conformance",
-    ),
-    (
-        "wall_impact",
-        "units",
-        "measurements",
-        "measured_tables",
-        "sweeps.layout",
-        "sweeps.describe",
-        "sweeps.axes",
-        "sweeps.starts",
-        "sweeps.outputs",
-        "sweeps.task",
-        "sweeps.fingerprint",
-        "sweeps.program",
-        "sweeps.identity",
-        "sweeps.chunks",
-        "sweeps.metadata",
-        "sweeps.differences",
-        "sweeps.store",
-        "sweeps.pickling",
-        "sweeps.execution",
-        "sweeps.progress",
-        "sweeps.variables",
-        "sweeps.sweep",
-        "testing.programs",
-        "testing.replaced_code",
-        "identification.residuals",
-        "identification.levenberg_marquardt",
-        "identification.gauss_newton",
-        "identification.starts",
-        "identification.level_sets",
-        "identification.side_by_side",
-        "identification.screening",
-        "identification.statistics",
-        "identification.tables",
-        "identification.rivals",
-        "identification.report",
-        "identification.fit",
-        "identification.information",
-        "identification.sensors",
-        "identification.identifiability",
-        "identification.growth",
-        "identification.ways",
-        "identification.shots",
-        "identification.horizon",
-        "identification.passes",
-        "identification.identify",
-        "identification.record",
-        "identification.shooting_window",
-        "identification.shooting",
-        "identification.multiple_shooting",
-        "identification.minimise",
-        "plot.style",
-        "plot.observed",
-        "plot.motion",
-        "plot.cycle",
-        "plot.forces",
-        "plot.journal",
-        "plot.frames",
-        "plot.labels",
-        "plot.outcomes",
-        "plot.against",
-        "plot.convergence",
-        "plot.maps",
-        "plot.sections",
-        "plot.orbits",
-        "plot.record_length",
-        "plot.horizon",
-        "plot.fits",
-        "__main__",
-    ),
+    ("math", "presets", "results"),
+    ("fields",),
+    ("model", "runtime"),
+    ("dynamics", "parametrisation"),
+    ("quantities",),
+    ("simulation",),
+    ("information", "measurements", "sweeps"),
+    ("identification", "testing"),
+    ("plot",),
 )
-"""A module may import those above it, and on its own floor those before it."""
+"""A room may import from those on floors below."""
+BASIS = {"jax", "equinox", "numpy"}
 THIRD_PARTY = {
-    "jax": 0,
-    "equinox": 0,
-    "numpy": 0,
-    "diffrax": 5,
-    "tqdm": 5,
-    "matplotlib": 7,
-    "optax": 7,
-    "optimistix": 7,
-    "scipy": 7,
-    "xarray": 7,
-    "pandas": 7,
-    "pint": 7,
-    "zarr": 7,
-    "cloudpickle": 7,
+    "diffrax": {"simulation", "presets", "sweeps", "testing"},
+    "tqdm": {"simulation", "sweeps", "identification"},
+    "matplotlib": {"plot"},
+    "optax": {"identification"},
+    "optimistix": {"identification", "simulation"},
+    "scipy": {"identification"},
+    "xarray": {"measurements", "sweeps", "plot"},
+    "pandas": {"measurements"},
+    "pint": {"measurements"},
+    "zarr": {"sweeps"},
+    "cloudpickle": {"sweeps"},
 }
-"""The first floor that may import a package."""
-
-ORDER = [name for floor in FLOORS for name in floor]
-FLOOR_OF = {name: number for number, floor in enumerate(FLOORS) for name in floor}
-PATHS = {
-    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
-    for path in sorted(PACKAGE.rglob("*.py"))
-    if path.name != "__init__.py"
-}
-KNOWN = [module for module in PATHS if module in FLOOR_OF]
+"""The rooms that may import a package, beside those that every room may."""
+PATHS = {name: path for name, path in module_paths().items() if path.name != "__init__.py"}
 
 
-def imports(module: str) -> list[str]:
-    """Absolute names of all modules that a module imports, wherever in its text."""
-    parts = ("clearjoint", *module.split("."))
-    found = []
-    for node in ast.walk(ast.parse(PATHS[module].read_text())):
-        if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            above = parts[: -node.level] if node.level else ()
-            source = ".".join([*above, *([node.module] if node.module else [])])
-            names = [f"{source}.{alias.name}" for alias in node.names]
-            found += [n if n.removeprefix("clearjoint.") in PATHS else source for n in names]
-    return found
-
-
-def within_package(module: str) -> list[str]:
-    names = [name for name in imports(module) if name.split(".")[0] == "clearjoint"]
-    return [name.removeprefix("clearjoint.") for name in names]
-
-
-def test_every_module_has_a_floor():
-    assert set(PATHS) <= set(FLOOR_OF)
-
-
-def test_modules_import_only_what_stands_before_them():
+def test_rooms_import_downwards_only():
+    floor_of = {room: number for number, row in enumerate(FLOORS) for room in row}
+    assert set(floor_of) == set(neighbours())
     wrong = {
-        module: set(within_package(module)) - set(ORDER[: ORDER.index(module)]) for module in KNOWN
+        room: {other for other in below if floor_of[other] >= floor_of[room]}
+        for room, below in neighbours().items()
     }
-    assert {module: names for module, names in wrong.items() if names} == {}
+    assert {room: names for room, names in wrong.items() if names} == {}
 
 
-def test_third_party_packages_keep_to_their_floors():
-    own = sys.stdlib_module_names | {"clearjoint"}
-    wrong = {
+def test_no_chain_of_rooms_is_long():
+    assert max(floors().values()) <= HIGHEST_FLOOR
+
+
+def test_modules_within_rooms_import_in_no_circle():
+    below = {
         module: {
-            package
-            for package in {name.split(".")[0] for name in imports(module)} - own
-            if THIRD_PARTY.get(package, 99) > FLOOR_OF[module]
+            name.removeprefix("clearjoint.")
+            for name in imports(module)
+            if name.removeprefix("clearjoint.") in PATHS
         }
-        for module in KNOWN
+        for module in PATHS
     }
-    assert {module: names for module, names in wrong.items() if names} == {}
+    while bare := {module for module, names in below.items() if not names}:
+        below = {module: names - bare for module, names in below.items() if module not in bare}
+    assert below == {}
+
+
+def test_few_modules_lie_beside_the_rooms():
+    assert len(list(PACKAGE.glob("*.py"))) <= MODULES_BESIDE_ROOMS
+
+
+@pytest.mark.parametrize("package", [p.parent for p in sorted(PACKAGE.rglob("__init__.py"))])
+def test_every_room_says_what_is_in_it_and_names_are_unique_there(package):
+    """A module of the name of a function that its package exports would hide it."""
+    tree = ast.parse((package / "__init__.py").read_text())
+    assert ast.get_docstring(tree)
+    imported = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    modules = {path.stem for path in package.iterdir() if path.suffix == ".py" or path.is_dir()}
+    names = [alias for node in imported if node.module for alias in node.names]
+    exported = {alias.asname or alias.name for alias in names}
+    assert exported & modules == set()
+
+
+def test_third_party_packages_keep_to_their_rooms():
+    own = sys.stdlib_module_names | BASIS | {"clearjoint"}
+    wrong = {
+        (package, module)
+        for module in PATHS
+        for package in {name.split(".")[0] for name in imports(module)} - own
+        if room_of(module) not in THIRD_PARTY.get(package, set())
+    }
+    assert wrong == set()
 
 
 def test_annotations_are_not_postponed():
@@ -328,8 +179,11 @@ def test_studies_and_notebooks_import_public_names_only():
 
 
 def test_an_import_from_inside_is_seen():
-    hidden = "from clearjoint.stepping import attempt\nfrom clearjoint import dynamics, Scene\n"
-    assert imported_from_outside(hidden) == {"clearjoint.stepping", "clearjoint.dynamics"}
+    hidden = "from clearjoint.simulation.stepping import attempt\nfrom clearjoint import results\n"
+    assert imported_from_outside(hidden) == {
+        "clearjoint.simulation.stepping",
+        "clearjoint.results",
+    }
 
 
 def test_every_study_runs_by_its_name_and_stands_in_the_gallery():

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.contact import AbstractDampedLaw, AbstractHertzianLaw
-from clearjoint.fields import optional_quantity, quantity
-from clearjoint.joints.base import Row
+from clearjoint.fields.checks import optional_quantity, quantity
+from clearjoint.model.contact.laws import AbstractDampedLaw, AbstractHertzianLaw
+from clearjoint.model.joints.base import Row
 from clearjoint.testing import check_constraint, check_friction, check_law, moving
 
 STEEL = cj.RavnStiffness(207e9, 0.3)

@@ -1,1 +1,1 @@
-"""Parameters from measurements: what data can tell, how long a run can be fitted, and fits."""
+"""Parameters from measurements: least squares, starts, confidence, reports."""

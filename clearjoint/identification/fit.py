@@ -7,16 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from ..bodies import State
-from ..estimands import Parameter
-from ..measurements import Measurements
-from ..scales import Bounded
-from ..scene import Scene
-from . import rivals, statistics
+from ..measurements.series import Measurements
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
+from ..parametrisation.scales import Bounded
+from . import goodness_of_fit as statistics
+from . import rivals
 from .levenberg_marquardt import Ending, Iteration
 from .report import report
 from .residuals import Evaluated
-from .screening import Screened
+from .screening.screening import Screened
 
 AT_BOUND = 1e-3
 """Distance from a bound, as a part of what is between the bounds, that counts as at it."""

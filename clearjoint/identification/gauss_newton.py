@@ -22,7 +22,6 @@ SHORTEST = 4.0**-4
 """First part of a step below which none will do."""
 SINGULAR = 1e-13
 """Singular value over the largest below which a direction is not seen at all."""
-
 E = TypeVar("E", bound=Evaluation)
 
 

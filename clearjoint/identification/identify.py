@@ -8,25 +8,24 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ..bodies import State
-from ..estimands import Parameter
-from ..fields import require, require_count, require_positive
-from ..integration import Integration
-from ..measurements import Measurements
+from ..fields.checks import require, require_count, require_positive
+from ..information.horizon import Horizon
+from ..measurements.series import Measurements
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
 from ..results import RESULTS
-from ..scene import Scene
+from ..simulation.settings import Integration
 from .fit import Fit, Search, Window
-from .horizon import Horizon
 from .levenberg_marquardt import Ending, Iteration, search
-from .passes import Passes, coarser, lowest
 from .residuals import Evaluated, Experiment, Samples, check_start, evaluate, experiment, samples
-from .screening import Screened, Screening
+from .screening.passes import Passes, coarser, lowest
+from .screening.screening import Screened, Screening
 from .starts import Guess, Starts, start_coordinates
 
 Tell = Callable[[Iteration], None]
 TellOf = Callable[[int, Iteration], None]
 """With the number of samples that are fitted in front."""
-
 WINDOW_TOLERANCE = 0.1
 """Tolerance of windows that others follow."""
 

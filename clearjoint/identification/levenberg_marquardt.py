@@ -2,7 +2,7 @@
 
 The caller computes residuals and Jacobian wherever optimistix wants to look, and tells it both as
 the straight line through them. So a step compiles once for a number of parameters, apart from the
-run, which is compiled for everybody (`clearjoint.sensitivity`).
+run, which is compiled for everybody (`clearjoint.simulation.sensitivities`).
 
 Where this differs from `optimistix.LevenbergMarquardt`: coordinates are scaled by the columns of
 the first Jacobian, so that damping means the same for all; the damping falls where the model did

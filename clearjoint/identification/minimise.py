@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from ..bodies import State
-from ..estimands import Parameter, coordinates_of
-from ..fields import require, require_count
-from ..integration import Integration
-from ..reductions import Quantity
+from ..fields.checks import require, require_count
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter, coordinates_of
 from ..results import RESULTS
-from ..scene import Scene
+from ..simulation.batch.reductions import Quantity
+from ..simulation.settings import Integration
 from .residuals import experiment
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from .tables import aligned
+from ..information.text_tables import aligned
 
 
 def report(fit: Any) -> str:

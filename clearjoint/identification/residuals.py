@@ -1,6 +1,7 @@
 """What measurements leave unexplained, as a function of the parameters' coordinates.
 
-A run gives values and all their derivatives at once, error-controlled (`clearjoint.sensitivity`).
+A run gives values and all their derivatives at once, error-controlled
+(`clearjoint.simulation.sensitivities`).
 `predictions` hands both to JAX by a rule of differentiation, so that `jax.linearize`, `jax.grad`
 and every optimiser built on them see these derivatives at the cost of one run.
 
@@ -18,23 +19,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bodies import State
-from ..estimands import (
-    PASS_PARAMETERS,
-    Parameter,
-    ParametrisedScene,
-    check_parameters,
-    parametrised,
-)
-from ..fields import require
-from ..integration import Integration
-from ..measurements import Measurements
-from ..reductions import Quantity
+from ..fields.checks import require
+from ..measurements.series import Measurements
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
+from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..results import RESULTS
-from ..scene import Scene
-from ..sensitivity import Sampled, check_outputs, padded, sampled_compiled
-from ..spans import check_span, checked_times
-from ..steps import Method
+from ..simulation.batch.reductions import Quantity
+from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled
+from ..simulation.settings import Integration
+from ..simulation.spans import check_span, checked_times
+from ..simulation.step_state import Method
 
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach, in standard deviations: an optimiser that comes

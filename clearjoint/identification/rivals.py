@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from . import statistics
+from . import goodness_of_fit as statistics
 from .residuals import Evaluated
 
 CONFIDENCE = 0.95

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bodies import State
-from ..estimands import Parameter
-from ..fields import require, require_count
-from ..scene import Scene
+from ..fields.checks import require, require_count
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
 
 Guess = Mapping[str, float]
 

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from ..fields import require
+from ..fields.checks import require
 from ..identification.fit import Fit
 from .labels import shown
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress

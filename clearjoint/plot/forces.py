@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..impact_table import Impacts
-from ..joints.clearance import BASES
-from ..observables import Observation
+from ..model.joints.clearance import BASES
+from ..simulation.impact_table import Impacts
+from ..simulation.observe import Observation
 from . import observed
 from .style import Window, axes_or_new, dress, inside, lines, show
 

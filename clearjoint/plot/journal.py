@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..joints.clearance import BASES
-from ..observables import Observation
+from ..model.joints.clearance import BASES
+from ..simulation.observe import Observation
 from .observed import contact
 from .style import BLUE, DARK, Window, axes_or_new, dress, inside, lines
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..fields import require
-from ..observables import Observation
-from ..solution import Trajectory
+from ..fields.checks import require
+from ..simulation.observe import Observation
+from ..simulation.solution import Trajectory
 from .observed import acceleration_of, centre_of
 from .style import Window, axes_or_new, dress, inside, lines, show
 

@@ -4,9 +4,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ..fields import require
-from ..observables import ContactObservation, Load, Observation
-from ..solution import Trajectory
+from ..fields.checks import require
+from ..simulation.observe import ContactObservation, Load, Observation
+from ..simulation.solution import Trajectory
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:

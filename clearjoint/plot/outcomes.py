@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..fields import require
+from ..fields.checks import require
 from .style import VERMILLION
 
 

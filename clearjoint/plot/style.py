@@ -8,13 +8,10 @@ from matplotlib.axes import Axes
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 DARK, LIGHT, GREY = "#16324F", "#BBDDF2", "#8C8C8C"
-
 LINES = ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-."), (PURPLE, ":"))
 """Colours (after M. Okabe and K. Ito, told apart by colour-blind people) with line styles."""
-
 SIZE = (6.4, 4.0)
 """Width and height of a new figure, inches."""
-
 Window = tuple[float, float]
 """First and last instant to show, s."""
 

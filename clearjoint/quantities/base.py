@@ -7,11 +7,11 @@ from typing import Any, ClassVar, Literal
 import equinox as eqx
 import numpy as np
 
-from ..fields import as_number, require
-from ..instant import Instant
-from ..scene import Scene
-from ..smoothing import norm_and_direction
-from ..vectors import Scalar, Vector
+from ..fields.checks import as_number, require
+from ..math.smoothing import norm_and_direction
+from ..math.vectors import Scalar, Vector
+from ..model.scene import Scene
+from .instant import Instant
 
 Component = Literal["x", "y", "z"]
 

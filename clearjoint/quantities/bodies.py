@@ -7,13 +7,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..bodies import GROUND
-from ..fields import require, require_axis, require_point
-from ..instant import Instant
-from ..rotations import transverse_axes, unit
-from ..scene import Scene
-from ..vectors import Scalar, Vector
+from ..fields.checks import require, require_axis, require_point
+from ..math.rotations import transverse_axes, unit
+from ..math.vectors import Scalar, Vector
+from ..model.bodies import GROUND
+from ..model.scene import Scene
 from .base import AbstractQuantity, Component, numbers, part, require_component, require_known
+from .instant import Instant
 
 
 class AbstractBodyQuantity(AbstractQuantity):

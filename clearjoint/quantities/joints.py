@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..fields import require
-from ..instant import Instant
-from ..joints.base import AbstractConstraint
-from ..joints.clearance import BASES, ClearanceJoint
-from ..scene import Scene
-from ..smoothing import norm_and_direction
-from ..vectors import ZERO, Scalar, Vector
+from ..fields.checks import require
+from ..math.smoothing import norm_and_direction
+from ..math.vectors import ZERO, Scalar, Vector
+from ..model.joints.base import AbstractConstraint
+from ..model.joints.clearance import BASES, ClearanceJoint
+from ..model.scene import Scene
 from .base import AbstractQuantity, Component, part, require_component, require_known
+from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):

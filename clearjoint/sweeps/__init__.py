@@ -1,1 +1,1 @@
-"""Sweeps: many runs of one mechanism, their results and where they are computed."""
+"""Sweeps over parameters: axes, outputs, lanes on devices and executors, labelled results."""

@@ -8,16 +8,22 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..assembly import check_names
-from ..bodies import State
-from ..cautions import quiet
-from ..fields import as_number, recheck_changes, require, require_finite
-from ..joints.base import AbstractContactJoint
-from ..parameters import Place
-from ..scene import Scene
-from ..variations import AbstractVariation, Change, MadeByFunction, SceneNumber, StateNumber
-from ..vectors import Vector, unpack
-from .describe import describe
+from ..dynamics.assembly import check_names
+from ..fields.cautions import quiet
+from ..fields.checks import as_number, recheck_changes, require, require_finite
+from ..math.vectors import Vector, unpack
+from ..model.bodies import State
+from ..model.joints.base import AbstractContactJoint
+from ..model.scene import Scene
+from ..parametrisation.places import Place
+from ..parametrisation.variations import (
+    AbstractVariation,
+    Change,
+    MadeByFunction,
+    SceneNumber,
+    StateNumber,
+)
+from .store.notes import describe
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -27,7 +33,8 @@ class Axis:
     **Arguments:**
 
     - `place`: where in the scene it is, such as ``lambda scene: scene.joints["pin"].clearance``. A
-      place that returns several numbers ties them. Or another variation (`clearjoint.variations`).
+      place that returns several numbers ties them. Or another
+      variation (`clearjoint.parametrisation.variations`).
     - `values`: (n,), in the unit of the place.
     - `unit`: a label; that of the place unless given.
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..fields import require, require_count, require_finite, require_names
+from ..fields.checks import require, require_count, require_finite, require_names
 
 LANE = "lane"
 RESULT = "result"

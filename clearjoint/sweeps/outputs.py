@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..fields import as_number, require, require_count
+from ..fields.checks import as_number, require, require_count
+from ..model.scene import Scene
 from ..quantities.base import check_quantity
-from ..records import Crossing
-from ..reductions import AbstractReduction, Quantity
-from ..scene import Scene
+from ..simulation.batch.recording import Crossing
+from ..simulation.batch.reductions import AbstractReduction, Quantity
 from .layout import check_array_names
 
 Channels = Mapping[str, tuple[Quantity, str]]

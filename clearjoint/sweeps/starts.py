@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from ..assembly import is_assembled, require_certain, require_freedom
-from ..coordinates import AbstractCoordinates
-from ..structure import constraint_reports
+from ..dynamics.assembly import is_assembled, require_certain, require_freedom
+from ..dynamics.constraint_report import constraint_reports
+from ..dynamics.coordinates import AbstractCoordinates
 from .axes import Lanes
 
 

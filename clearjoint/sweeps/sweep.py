@@ -13,36 +13,37 @@ import jax
 import numpy as np
 import xarray as xr
 
-from ..bodies import BodyState, State
-from ..cautions import LeftBearingWarning, caution
-from ..coordinates import AbstractCoordinates
-from ..dynamics import AbstractStabilisation
-from ..fields import require, require_count
-from ..joint_coordinates import JointCoordinates
-from ..journals import HOLD_IT, slid_out
-from ..lanes import Plan
-from ..pool import Common, Task
-from ..records import require_dense
-from ..reductions import AbstractReduction
+from ..dynamics.coordinates import AbstractCoordinates
+from ..dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..dynamics.journals import HOLD_IT, slid_out
+from ..dynamics.stabilisation import AbstractStabilisation
+from ..fields.cautions import LeftBearingWarning, caution
+from ..fields.checks import require, require_count
+from ..math.vectors import structured
+from ..model.bodies import BodyState, State
+from ..model.scene import Scene
 from ..results import result_numbers
 from ..runtime import busy_devices, program_kind
-from ..scene import Scene
-from ..simulate import check_precision, check_values, make_formulation, make_method
-from ..spans import checked_times
-from ..steps import Method
-from ..vectors import structured
+from ..simulation.batch.device_pool import Common, Task
+from ..simulation.batch.lane import Plan
+from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.dense_output import require_dense
+from ..simulation.method import make_formulation, make_method
+from ..simulation.run_checks import check_precision, check_values
+from ..simulation.spans import checked_times
+from ..simulation.step_state import Method
 from .axes import Axis, Lanes, lanes_of, touched
-from .describe import describe, number_notes, structure_note, versions
-from .execution import run_chunks
-from .identity import Identity, row_digests, run_digests
+from .executors import run_chunks
 from .layout import RESULT, Coordinate, Layout, check_array_names
 from .outputs import Output, Saved, Section, check_outputs
-from .program import RUN, programs
 from .progress import lane_progress
 from .starts import checked_starts
-from .store import SweepMemory, SweepStore
-from .task import Chunks, Results, Work, joined
+from .store.identity import Identity, row_digests, run_digests
+from .store.notes import describe, number_notes, structure_note, versions
+from .store.program import RUN, programs
+from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
+from .work import Chunks, Results, Work, joined
 
 CHUNK = 256
 

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..fields import require
-from ..reductions import AbstractReduction
+from ..fields.checks import require
+from ..model.scene import Scene
 from ..results import result_numbers
-from ..scene import Scene
+from ..simulation.batch.reductions import AbstractReduction
 from .layout import RESULT, Coordinate, Variable
 from .outputs import Saved, Section
-from .task import FINAL, variable_name
+from .work import FINAL, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
 

@@ -10,14 +10,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bodies import Motion
-from ..contact import AbstractContactLaw, Gap
-from ..continuity import jumps
-from ..coordinates import row_rate
-from ..friction import AbstractFriction
-from ..joints.base import AbstractConstraint, Row
-from ..rotations import normalised, rotation_matrix
-from ..vectors import EulerParameters, Vector, unpack
+from ..dynamics.multipliers import row_rate
+from ..math.rotations import normalised, rotation_matrix
+from ..math.vectors import EulerParameters, Vector, unpack
+from ..model.bodies import Motion
+from ..model.contact.friction import AbstractFriction
+from ..model.contact.gap import Gap
+from ..model.contact.laws import AbstractContactLaw
+from ..model.joints.base import AbstractConstraint, Row
+from .continuity import jumps
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)

@@ -19,23 +19,23 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
-from ..batch import Batch
-from ..bodies import State
-from ..dynamics import state_rates
-from ..estimands import Parameter, coordinates_of, parametrised
-from ..family import AbstractFamily
-from ..integration import Integration
-from ..lanes import WINDOW, Lane, Orders, turn
-from ..pool import Common, Seat, advance, begin
-from ..reductions import Quantity
-from ..scene import Scene
-from ..sensitivity import Sampled, sampled_compiled
-from ..several import gathered
-from ..stepping import attempt, start
-from ..steps import Method, Step, Variables
-from ..sweeps.task import Work, extent
-from ..tangents import start_with_tangents
-from ..vectors import Scalar, Structured, structured, unpack
+from ..dynamics.state_rates import state_rates
+from ..math.groups import gathered
+from ..math.vectors import Scalar, Structured, structured, unpack
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter, coordinates_of
+from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
+from ..simulation.batch.device_pool import Common, Seat, advance, begin
+from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
+from ..simulation.batch.reductions import Quantity
+from ..simulation.batch.scheduler import Batch
+from ..simulation.sensitivities import Sampled, sampled_compiled
+from ..simulation.settings import Integration
+from ..simulation.step_state import Method, Step, Variables
+from ..simulation.stepping import attempt, start
+from ..simulation.variational import start_with_tangents
+from ..sweeps.work import Work, extent
 
 DEFAULT = Integration(rtol=1e-6, landing_tolerance=1e-12)
 """The settings that `simulate` has by default."""

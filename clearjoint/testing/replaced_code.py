@@ -6,11 +6,16 @@ from types import MappingProxyType
 from typing import Any
 from unittest.mock import patch
 
-from .. import branches, dynamics, inertia, stepping, trial
-from ..family import AbstractFamily
-from ..friction import RegularisedCoulomb
-from ..impacts import Landing
-from ..joints import axial, clearance, freedoms
+from ..dynamics import equations_of_motion as dynamics
+from ..dynamics.joint_coordinates import branches
+from ..dynamics.joint_coordinates import spatial_inertia as inertia
+from ..model.contact.friction import RegularisedCoulomb
+from ..model.joints import axial, clearance
+from ..model.joints import motion_subspaces as freedoms
+from ..parametrisation.parametrised_scene import AbstractFamily
+from ..simulation import stepping
+from ..simulation import trial_step as trial
+from ..simulation.landing import Landing
 from . import programs
 
 FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(

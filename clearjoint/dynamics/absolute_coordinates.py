@@ -1,0 +1,179 @@
+"""Absolute coordinates: each body by itself, all ideal joints constraints, as in the paper."""
+
+from ..math.rotations import euler_parameter_rates, rotation_matrix, turned
+from ..math.vectors import ZERO, Matrix, Scalar, Vector
+from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
+from ..model.joints.base import Row
+from ..model.scene import Scene
+from .coordinates import (
+    AbstractCoordinates,
+    AbstractMechanics,
+    Acceleration,
+    Motions,
+    Speeds,
+    Wrenches,
+    anchors,
+    free_motion,
+    settled_body,
+)
+
+Bodies = dict[str, BodyState]
+
+
+class AbsoluteCoordinates(AbstractCoordinates):
+    """Position, Euler parameters, velocity and body spin of each body.
+
+    A body's position variable is that of its centre of mass, or of its `Anchor` if it hangs on the
+    ground by a clearance joint: from the bearing's centre to the journal's, which in metre-sized
+    coordinates would lose the digits that impacts amplify.
+    """
+
+    def eliminated(self, scene: Scene) -> frozenset[str]:
+        """None."""
+        del scene
+        return frozenset()
+
+    def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
+        """The bodies' states, those with an anchor by its offset."""
+        points = anchors(scene)
+
+        def encoded(name: str, body: BodyState) -> BodyState:
+            if name not in points:
+                return body
+            local, origin = points[name]
+            arm = rotation_matrix(body.orientation) @ local
+            return BodyState(
+                (body.position + arm) - origin, body.orientation, body.velocity, body.spin
+            )
+
+        return {name: encoded(name, body) for name, body in bodies.items()}
+
+    def decode(self, scene: Scene, variables: Bodies) -> Bodies:
+        """The states of the bodies' centres of mass."""
+        motions = self.motions(scene, variables)
+        return {
+            name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
+            for name, body in variables.items()
+        }
+
+    def motions(self, scene: Scene, variables: Bodies) -> Motions:
+        """Motion of each body."""
+        points = anchors(scene)
+        free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
+        return {GROUND: GROUND_MOTION, **free}
+
+    def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
+        """The equations of motion of the bodies (eq. 29)."""
+        return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
+
+    def settled(self, scene: Scene, variables: Bodies) -> Bodies:
+        """Euler parameters of unit norm."""
+        del scene
+        return {name: settled_body(body) for name, body in variables.items()}
+
+
+class AbsoluteMechanics(AbstractMechanics):
+    """Newton and Euler for each body; H is the identity."""
+
+    def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
+        self._scene, self._variables, self.motions = scene, variables, motions
+        self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
+
+    def free_rates(self, wrenches: Wrenches) -> Speeds:
+        """Accelerations under wrenches, gyroscopic moments and gravity."""
+        fall = ZERO if self._scene.gravity is None else self._scene.gravity
+        rates: Speeds = []
+        for name, body in self._scene.bodies.items():
+            load = wrenches[name] + _gyroscopic(body, self.motions[name])
+            found = self._inverses[name](load)
+            rates += [*(found.linear + fall), *found.angular]
+        return rates
+
+    def projected(self, wrenches: Wrenches) -> Speeds:
+        """The wrenches' components, body by body."""
+        loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
+        return [part for load in loads for part in (*load.force, *load.moment)]
+
+    def solved(self, forces: Speeds) -> Speeds:
+        """Force by mass and moment by inertia."""
+        rates: Speeds = []
+        for name, load in by_body(self._scene, forces).items():
+            found = self._inverses[name](Wrench(load.linear, load.angular))
+            rates += [*found.linear, *found.angular]
+        return rates
+
+    def bias(self, row: Row) -> Scalar:
+        """Zero."""
+        del row
+        return 0.0
+
+    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+        """The rates themselves."""
+        return by_body(self._scene, rates)
+
+    def variable_rates(self, rates: Speeds) -> Bodies:
+        """Velocity, Euler parameter rates, and accelerations."""
+        found = {}
+        for name, acceleration in self.accelerations(rates).items():
+            body, anchor = self._variables[name], self.motions[name].anchor
+            found[name] = BodyState(
+                body.velocity if anchor is None else anchor.velocity,
+                euler_parameter_rates(body.orientation, body.spin),
+                acceleration.linear,
+                acceleration.angular,
+            )
+        return found
+
+    def moved(self, changes: Speeds) -> Bodies:
+        """Positions shifted and orientations turned."""
+        moved = {}
+        for name, change in by_body(self._scene, changes).items():
+            body, motion, shift = self._variables[name], self.motions[name], change.linear
+            if motion.anchor is not None:
+                turn = change.angular.cross(motion.anchor.local)
+                shift = shift + motion.direction(turn)
+            orientation = turned(body.orientation, change.angular)
+            moved[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
+        return moved
+
+    def kicked(self, changes: Speeds) -> Bodies:
+        """Velocities and spins changed."""
+        kicked = {}
+        for name, change in by_body(self._scene, changes).items():
+            body = self._variables[name]
+            velocity, spin = body.velocity + change.linear, body.spin + change.angular
+            kicked[name] = BodyState(body.position, body.orientation, velocity, spin)
+        return kicked
+
+
+def by_body(scene: Scene, numbers: Speeds) -> dict[str, Acceleration]:
+    """Six numbers for each body as two vectors."""
+    return {
+        name: Acceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
+        for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
+    }
+
+
+class InverseMass:
+    """Turns a wrench on a free body into its acceleration, without gyroscopic terms."""
+
+    def __init__(self, body: Body):
+        self._inverse = 1.0 / body.mass
+        self._tensor: Matrix | None = None
+        if isinstance(body.inertia, Matrix):
+            self._tensor = body.inertia.inverse()
+        else:
+            moments = body.inertia
+            self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
+
+    def __call__(self, wrench: Wrench) -> Acceleration:
+        """Acceleration of the centre of mass, and of the spin in body axes."""
+        if self._tensor is not None:
+            angular = self._tensor @ wrench.moment
+        else:
+            angular = wrench.moment.times(self._principal)
+        return Acceleration(wrench.force * self._inverse, angular)
+
+
+def _gyroscopic(body: Body, motion: Motion) -> Wrench:
+    return Wrench(ZERO, body.angular_momentum(motion.spin).cross(motion.spin))

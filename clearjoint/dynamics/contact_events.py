@@ -1,0 +1,170 @@
+"""Impact onsets: the step that lands on them, and the memory of the entry speed.
+
+A contact exists where its penetration, measured from where the force begins, is positive. A step
+that begins in flight and ends deeper than the landing tolerance is rejected and tried again to the
+root of the gap's Hermite interpolant; likewise one that leaves a contact. The memory is then set
+by one Newton step back to the instant where the gap is zero, so that value and derivative are those
+of the event.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ..math.groups import some
+from ..math.vectors import Scalar
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
+from ..model.scene import Scene
+from .contact_forces import Closed, Memory
+from .coordinates import Motions
+from .formulation import Formulation
+
+NEWTON_STEPS = 4
+SLOWEST = 1e-12
+"""m/s: the smallest entry speed on record."""
+LATEST = 1e-11
+"""s past an event, at its rate, within which a step must land. The depth landed at holds energy
+that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
+TOUCHING = 1e-12
+"""m: a start so near the wall is at the wall, on whichever side rounding puts it."""
+CLOSEST = 1e-4
+"""Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Penetration of a contact from where its force begins, m, and its rate, m/s."""
+
+    depth: Scalar
+    rate: Scalar
+
+
+Reaches = dict[str, dict[str, Reach]]
+
+
+def reaches(scene: Scene, motions: Motions) -> Reaches:
+    """Depth and rate of each contact, by joint and contact."""
+    result: Reaches = {}
+    for name, joint in scene.contact_joints().items():
+        laws = joint.laws()
+        result[name] = {
+            label: Reach(contact.gap.depth + laws[label].reach(), contact.gap.rate)
+            for label, contact in joint.contacts(motions).items()
+        }
+    return result
+
+
+def has_memory(scene: Scene) -> bool:
+    """Whether any law of the scene keeps an impact memory."""
+    return any(law.has_memory for family in scene.laws().values() for law in family.values())
+
+
+def initial_memory(scene: Scene, found: Reaches) -> Memory:
+    """Zero in flight. A contact that begins at the start has its rate as entry speed; one present
+    before counts as elastic, since its impact is unknown."""
+
+    def entry_speed(name: str, label: str) -> Scalar:
+        reach = found[name][label]
+        present = jnp.where(_at_the_wall(reach), _entry_speed(reach.rate), UNKNOWN_ENTRY_SPEED)
+        return jnp.where(reach.depth > 0.0, present, 0.0)
+
+    return _for_each_memory(scene, entry_speed)
+
+
+def _entry_speed(rate: Scalar) -> Scalar:
+    """The entry speed of a contact that begins at a rate: never zero, which stands for flight."""
+    return jnp.maximum(rate, SLOWEST)
+
+
+def _at_the_wall(reach: Reach) -> Scalar:
+    """Whether a contact is neither open nor closed but for rounding."""
+    return jnp.abs(reach.depth) <= TOUCHING
+
+
+def _for_each_memory(scene: Scene, make: Any) -> Memory:
+    memory = {}
+    for name, family in scene.laws().items():
+        labels = [label for label, law in family.items() if law.has_memory]
+        if labels:
+            memory[name] = {label: make(name, label) for label in labels}
+    return memory
+
+
+def closed(found: Reaches) -> Closed:
+    """Which contacts exist.
+
+    Where steps land on their begin and end, a contact stays open or closed for a whole step. A
+    trial step that goes past a wall then meets nothing: what it says of the way to the wall is as
+    smooth as in flight, and where it crosses is found at once.
+    """
+    return {
+        name: {label: reach.depth > 0.0 for label, reach in family.items()}
+        for name, family in found.items()
+    }
+
+
+def begins(before: Reaches, after: Reaches) -> Scalar:
+    """Whether any contact begins between two instants."""
+    found: Scalar = jnp.asarray(False)
+    for name, family in before.items():
+        for label, start in family.items():
+            found = found | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
+    return found
+
+
+def begins_at_once(found: Reaches) -> Scalar:
+    """Whether any contact begins at the instant itself: closed, but at the wall."""
+    here: Scalar = jnp.asarray(False)
+    for family in found.values():
+        for reach in family.values():
+            here = here | some((reach.depth > 0.0) & _at_the_wall(reach))
+    return here
+
+
+def too_deep(scene: Scene, found: Reaches) -> Scalar:
+    """Whether any contact is deeper than its joint can make sense of."""
+    deeper: Scalar = jnp.asarray(False)
+    for name, joint in scene.contact_joints().items():
+        for label, limit in joint.deepest().items():
+            deeper = deeper | some(found[name][label].depth > limit)
+    return deeper
+
+
+def updated_memory(
+    scene: Scene, memory: Memory, before: Reaches, after: Reaches, second_rates: Any
+) -> Memory:
+    """Memory after an accepted step: set where a contact began, cleared where it ended.
+
+    `second_rates[joint][contact]` are the second derivatives of the depths at the end of the step,
+    m/s^2. The entry speed is the rate less what one Newton step back to zero depth takes off.
+    """
+
+    def update(name: str, label: str) -> Scalar:
+        end = after[name][label]
+        began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
+        usable = end.rate > SLOWEST
+        back = end.depth / jnp.where(usable, end.rate, 1.0)
+        entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
+        entry = jnp.where(entry > 0.0, entry, _entry_speed(end.rate))
+        return jnp.where(end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0)
+
+    return _for_each_memory(scene, update)
+
+
+def second_rates(
+    scene: Scene, formulation: Formulation, variables: Any, variable_rates: Any
+) -> Any:
+    """Second time derivatives of the contacts' depths along given rates of the variables, m/s^2."""
+
+    def rates(variables: Any) -> Any:
+        motions = formulation.coordinates.motions(scene, variables)
+        return jax.tree.map(
+            lambda reach: reach.rate,
+            reaches(scene, motions),
+            is_leaf=lambda node: isinstance(node, Reach),
+        )
+
+    return jax.jvp(rates, (variables,), (variable_rates,))[1]

@@ -1,0 +1,67 @@
+"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+
+Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
+friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+
+from ..math.vectors import Scalar, Vector
+from ..model.contact.laws import AbstractContactLaw, contact_normal_force
+from ..model.joints.base import AbstractContactJoint, Contact
+from ..model.scene import Scene
+from .coordinates import Motions
+
+Memory = dict[str, dict[str, Scalar]]
+Closed = dict[str, dict[str, Scalar]]
+"""Whether each contact is closed, by joint and contact."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class ContactForce:
+    """A contact with the forces that it transmits: normal force N, friction vector or ``None``."""
+
+    contact: Contact
+    normal_force: Scalar
+    elastic_force: Scalar
+    friction: Vector | None
+
+
+def contact_forces(
+    scene: Scene, motions: Motions, memory: Memory, closed: Closed | None = None
+) -> dict[str, dict[str, ContactForce]]:
+    """Forces of all contacts, by joint and contact; only `closed` ones push, if these are given."""
+    forces: dict[str, dict[str, ContactForce]] = {}
+    for name, joint in scene.contact_joints().items():
+        laws, contacts = joint.laws(), joint.contacts(motions)
+        forces[name] = {}
+        for label, contact in contacts.items():
+            entry_speed = memory[name][label] if laws[label].has_memory else None
+            pushes = None if closed is None else closed[name][label]
+            forces[name][label] = contact_force(
+                joint, label, laws[label], contact, entry_speed, pushes
+            )
+    return forces
+
+
+def contact_force(
+    joint: AbstractContactJoint,
+    label: str,
+    law: AbstractContactLaw,
+    contact: Contact,
+    entry_speed: Scalar | None,
+    closed: Scalar | None = None,
+) -> ContactForce:
+    """The forces of one contact; none if it is said not to be `closed`."""
+    normal = contact_normal_force(law, contact.gap, entry_speed)
+    if closed is not None:
+        normal = jnp.where(closed, normal, 0.0)
+    friction = joint.friction_force(label, contact, normal)
+    elastic = law.elastic_force(contact.gap)
+    if closed is not None:
+        elastic = jnp.where(closed, elastic, 0.0)
+    return ContactForce(contact, normal, elastic, friction)

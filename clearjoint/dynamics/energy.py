@@ -1,0 +1,60 @@
+"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+
+Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
+friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+"""
+
+from ..math.groups import total
+from ..math.vectors import Scalar, add, is_zero
+from ..model.scene import Scene
+from .coordinates import Motions
+from .equations_of_motion import Dynamics
+from .multipliers import row_rate
+
+
+def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
+    """Powers of the energy ledger in W, dissipated ones positive; only those the scene can have."""
+    powers: dict[str, Scalar] = {}
+
+    def book(name: str, power: Scalar) -> None:
+        powers[name] = add(powers.get(name, 0.0), total(power))
+
+    for family in dynamics.contact_forces.values():
+        for force in family.values():
+            rate = force.contact.gap.rate
+            book("normal damping", (force.normal_force - force.elastic_force) * rate)
+            if force.friction is not None and force.contact.slip is not None:
+                book("friction", -force.friction.dot(force.contact.slip))
+    for element in scene.forces.values():
+        book("supplied", element.supplied_power(dynamics.motions, t))
+    for name, family in dynamics.rows.items():
+        for label, row in family.items():
+            multiplier = dynamics.multipliers[name][label]
+            book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
+            if not is_zero(row.time_rate):
+                book("supplied", -multiplier * row.time_rate)
+    return powers
+
+
+def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
+    """Kinetic, gravitational and elastic energies in J; those a scene lacks are left out."""
+    energies: dict[str, Scalar] = {"kinetic": 0.0}
+    for name, body in scene.bodies.items():
+        motion = motions[name]
+        linear = body.mass * motion.velocity.dot(motion.velocity)
+        angular = motion.spin.dot(body.angular_momentum(motion.spin))
+        energies["kinetic"] = energies["kinetic"] + total(0.5 * (linear + angular))
+    if scene.gravity is not None:
+        energies["gravity"] = 0.0
+        for name, body in scene.bodies.items():
+            height = scene.gravity.dot(motions[name].position)
+            energies["gravity"] = energies["gravity"] - total(body.mass * height)
+    if scene.forces:
+        stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
+        energies["springs"] = sum(stored[1:], stored[0])
+    for joint in scene.contact_joints().values():
+        laws = joint.laws()
+        for label, contact in joint.contacts(motions).items():
+            stored_energy = laws[label].stored_energy(contact.gap)
+            energies["contacts"] = add(energies.get("contacts", 0.0), total(stored_energy))
+    return energies

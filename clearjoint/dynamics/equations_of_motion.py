@@ -1,0 +1,168 @@
+"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+
+Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
+friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from ..math.linear_solvers import inner
+from ..math.vectors import Scalar, add
+from ..model.bodies import GROUND, NO_WRENCH
+from ..model.joints.base import Row
+from ..model.scene import Scene
+from .contact_forces import Closed, ContactForce, Memory, contact_forces
+from .coordinates import (
+    AbstractCoordinates,
+    AbstractMechanics,
+    Acceleration,
+    Motions,
+    Speeds,
+    Wrenches,
+)
+from .formulation import Formulation
+from .multipliers import response, row_rate
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """All that the equations of motion say at one instant.
+
+    `rows` and `multipliers` are those of the joints that the coordinates do not eliminate.
+    """
+
+    mechanics: AbstractMechanics
+    contact_forces: dict[str, dict[str, ContactForce]]
+    rows: dict[str, dict[str, Row]]
+    rates: Speeds
+    multipliers: dict[str, dict[str, Scalar]]
+
+    @property
+    def motions(self) -> Motions:
+        """Pose and twist of each body, the ground included."""
+        return self.mechanics.motions
+
+    @cached_property
+    def accelerations(self) -> dict[str, Acceleration]:
+        """Acceleration of each body."""
+        return self.mechanics.accelerations(self.rates)
+
+    @cached_property
+    def variable_rates(self) -> Any:
+        """Time derivative of the variables."""
+        return self.mechanics.variable_rates(self.rates)
+
+
+def _applied_wrenches(
+    scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
+) -> Wrenches:
+    """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
+    wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
+
+    def apply(name: str, wrench: Any) -> None:
+        wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
+
+    for element in scene.forces.values():
+        for name, wrench in element.wrenches(motions, t).items():
+            if name != GROUND:
+                apply(name, wrench)
+    for joint_name, joint in scene.contact_joints().items():
+        first, second = joint.pair()
+        for force in forces.get(joint_name, {}).values():
+            push = -(force.contact.normal * force.normal_force)
+            if force.friction is not None:
+                push = push + force.friction
+            on_first, on_second = force.contact.points_of_force(force.friction is not None)
+            if second != GROUND:
+                apply(second, motions[second].wrench(push, on_second))
+            if first != GROUND:
+                apply(first, motions[first].wrench(-push, on_first))
+    return wrenches
+
+
+def constraint_rows(
+    scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
+) -> dict[str, dict[str, Row]]:
+    """The constraint equations by joint and label; joints without any are left out, and so are
+    those that the coordinates eliminate."""
+    eliminated = coordinates.eliminated(scene)
+    rows = {
+        name: joint.rows(motions, t)
+        for name, joint in scene.joints.items()
+        if name not in eliminated
+    }
+    return {name: family for name, family in rows.items() if family}
+
+
+def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
+    """The rows in the order of their multipliers."""
+    return [row for family in rows.values() for row in family.values()]
+
+
+def evaluate(
+    scene: Scene,
+    formulation: Formulation,
+    variables: Any,
+    memory: Memory,
+    t: Scalar,
+    closed: Closed | None = None,
+) -> Dynamics:
+    """Solve the equations of motion at one instant. Only `closed` contacts push, if they are given;
+    otherwise those that penetrate."""
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    forces = contact_forces(scene, mechanics.motions, memory, closed)
+    return _solved(scene, formulation, mechanics, forces, t)
+
+
+def evaluate_under(
+    scene: Scene,
+    formulation: Formulation,
+    variables: Any,
+    forces: dict[str, dict[str, ContactForce]],
+    t: Scalar,
+) -> Dynamics:
+    """Solve the equations of motion at one instant under given contact forces."""
+    mechanics = formulation.coordinates.mechanics(scene, variables)
+    return _solved(scene, formulation, mechanics, forces, t)
+
+
+def evaluate_smooth(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Dynamics:
+    """Solve the equations of motion at one instant as if no contact were closed."""
+    return evaluate_under(scene, formulation, variables, {}, t)
+
+
+def _solved(
+    scene: Scene,
+    formulation: Formulation,
+    mechanics: AbstractMechanics,
+    forces: dict[str, dict[str, ContactForce]],
+    t: Scalar,
+) -> Dynamics:
+    """The equations of motion under the given contact forces."""
+    rates = mechanics.free_rates(_applied_wrenches(scene, mechanics.motions, forces, t))
+    rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
+    multipliers: dict[str, dict[str, Scalar]] = {}
+    if rows:
+        change, solved = _constraint_response(formulation, mechanics, flattened(rows), rates)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        remaining = iter(solved)
+        multipliers = {
+            name: {label: next(remaining) for label in family} for name, family in rows.items()
+        }
+    return Dynamics(mechanics, forces, rows, rates, multipliers)
+
+
+def _constraint_response(
+    formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], rates: Speeds
+) -> tuple[Speeds, list[Scalar]]:
+    """What the constraints change of the rates, and the multipliers."""
+    directions = [mechanics.projected(row.jacobian) for row in rows]
+    targets = [
+        formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
+        - add(row.bias, mechanics.bias(row))
+        - inner(direction, rates)
+        for row, direction in zip(rows, directions, strict=True)
+    ]
+    return response(mechanics, directions, targets, formulation.solver())

@@ -1,0 +1,1 @@
+"""Alike elements of a scene put together, and coordinates for what results."""

@@ -1,0 +1,237 @@
+"""Coordinates of a condensed scene: its groups of bodies in absolute ones, the rest in any.
+
+A body that moves freely has the same variables in all coordinates, and Newton and Euler take least
+arithmetic for it in absolute ones.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...math.groups import Several, by_name, element, gathered, is_structural, total
+from ...math.vectors import Scalar
+from ...model.bodies import NO_WRENCH, BodyState, Motion, Wrench
+from ...model.joints.base import Row
+from ...model.scene import Scene
+from ..absolute_coordinates import AbsoluteCoordinates, AbsoluteMechanics
+from ..coordinates import (
+    AbstractCoordinates,
+    AbstractMechanics,
+    Acceleration,
+    Motions,
+    Speeds,
+    Wrenches,
+)
+from ..formulation import Formulation
+from .condensing import condensed, groups
+
+Variables = tuple[Any, dict[str, BodyState]]
+"""Those of the rest of the scene, and the bodies of each group."""
+
+
+class GroupedCoordinates(AbstractCoordinates):
+    """Groups of free bodies beside the other coordinates' part of the scene.
+
+    States come by the bodies' own names and go by those of a condensed scene.
+    """
+
+    rest: AbstractCoordinates
+
+    def eliminated(self, scene: Scene) -> frozenset[str]:
+        """Those of the rest."""
+        return self.rest.eliminated(_rest(scene))
+
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Variables:
+        """The rest's variables, and the states of the groups."""
+        rest = {name: bodies[name] for name in _rest(scene).bodies}
+        return self.rest.encode(_rest(scene), rest), gathered(bodies, _groups(scene).bodies)
+
+    def decode(self, scene: Scene, variables: Variables) -> dict[str, BodyState]:
+        """The states of the rest, and those of the groups."""
+        return self.rest.decode(_rest(scene), variables[0]) | variables[1]
+
+    def motions(self, scene: Scene, variables: Variables) -> Motions:
+        """Motions that answer the bodies' own names too."""
+        rest = self.rest.motions(_rest(scene), variables[0])
+        return Views(rest | AbsoluteCoordinates().motions(_groups(scene), variables[1]))
+
+    def mechanics(self, scene: Scene, variables: Variables) -> "GroupedMechanics":
+        """The equations of motion of both parts."""
+        return GroupedMechanics(self.rest, scene, variables)
+
+    def settled(self, scene: Scene, variables: Variables) -> Variables:
+        """Those of both parts."""
+        groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
+        return self.rest.settled(_rest(scene), variables[0]), groups
+
+
+class GroupedMechanics(AbstractMechanics):
+    """The rest and the groups side by side; the speeds of the rest come first."""
+
+    def __init__(self, rest: AbstractCoordinates, scene: Scene, variables: Variables):
+        groups = _groups(scene)
+        self._rest = rest.mechanics(_rest(scene), variables[0])
+        free = AbsoluteCoordinates().mechanics(groups, variables[1])
+        self._groups: AbsoluteMechanics = free
+        self._bodies, self._variables = scene.bodies, variables
+        self._sizes = [len(name.members) for name in _several(groups.bodies) for _ in range(6)]
+        self.motions = Views(self._rest.motions | free.motions)
+
+    def free_rates(self, wrenches: Wrenches) -> Speeds:
+        """Rates of both parts."""
+        wrenches = folded(wrenches, self._bodies)
+        return [
+            *self._rest.free_rates(wrenches),
+            *self._filled(self._groups.free_rates(wrenches)),
+        ]
+
+    def _filled(self, rates: Speeds) -> Speeds:
+        """The groups' rates, one for each element even where they are all the same."""
+        return [
+            jnp.broadcast_to(rate, (size,)) for rate, size in zip(rates, self._sizes, strict=True)
+        ]
+
+    def _parted(self, numbers: Speeds) -> tuple[Speeds, Speeds]:
+        size = len(numbers) - len(self._sizes)
+        return numbers[:size], numbers[size:]
+
+    def projected(self, wrenches: Wrenches) -> Speeds:
+        """Forces on the speeds of both parts."""
+        wrenches = folded(wrenches, self._bodies)
+        return [*self._rest.projected(wrenches), *self._groups.projected(wrenches)]
+
+    def solved(self, forces: Speeds) -> Speeds:
+        """By the masses of both parts."""
+        rest, groups = self._parted(forces)
+        return [*self._rest.solved(rest), *self._groups.solved(groups)]
+
+    def bias(self, row: Row) -> Scalar:
+        """Of the rest: no constraint concerns a group."""
+        return self._rest.bias(row)
+
+    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+        """Accelerations of the bodies, by their own names."""
+        rest, groups = self._parted(rates)
+        return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
+
+    def variable_rates(self, rates: Speeds) -> Variables:
+        """Rates of the variables of both parts."""
+        rest, groups = self._parted(rates)
+        return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
+
+    def moved(self, changes: Speeds) -> Variables:
+        """The rest moved: no constraint concerns a group."""
+        return self._rest.moved(self._parted(changes)[0]), self._variables[1]
+
+    def kicked(self, changes: Speeds) -> Variables:
+        """The rest kicked."""
+        return self._rest.kicked(self._parted(changes)[0]), self._variables[1]
+
+
+class Views(dict[str, Motion]):
+    """Motions of single bodies and groups, which also answers the name of a body in a group, and a
+    `Several` of bodies in one group or of one and the same body."""
+
+    def __init__(self, motions: Motions):
+        super().__init__(motions)
+        self._seen: dict[str, Motion] = {}
+
+    def __missing__(self, name: str) -> Motion:
+        if name not in self._seen:
+            self._seen[name] = self._found(name)
+        return self._seen[name]
+
+    def _found(self, name: str) -> Motion:
+        if isinstance(name, Several) and name.members[0] in self:
+            return self[name.members[0]]
+        group = group_with(self, name)
+        if isinstance(name, Several):
+            places = [group.members.index(member) for member in name.members]
+            return _map_arrays(lambda leaf: _taken(leaf, places), self[group])
+        return element(self[group], group.members.index(name))
+
+
+def folded(wrenches: Wrenches, bodies: Any) -> Wrenches:
+    """Wrenches by the bodies' own names and by any `Several` as wrenches on single bodies and whole
+    groups, of which there is one for each key of `bodies`."""
+    found = dict.fromkeys(bodies, NO_WRENCH)
+    for name, wrench in wrenches.items():
+        key, here = _placed(name, wrench, bodies)
+        found[key] = found[key] + here
+    return found
+
+
+def _placed(name: str, wrench: Wrench, bodies: Any) -> tuple[str, Wrench]:
+    """The single body or whole group that a wrench acts on, and how."""
+    if name in bodies:
+        return name, wrench
+    if isinstance(name, Several) and name.members[0] in bodies:
+        return name.members[0], _map_arrays(total, wrench)
+    group = group_with(bodies, name)
+    members = name.members if isinstance(name, Several) else (name,)
+    places = [group.members.index(member) for member in members]
+    return group, _map_arrays(lambda leaf: _spread(leaf, places, len(group.members)), wrench)
+
+
+def group_with(family: Any, name: str) -> Several:
+    """The group that a body, or the first of several, is in. **Raises:** `KeyError` if none."""
+    member = name.members[0] if isinstance(name, Several) else name
+    for group in _several(family):
+        if member in group.members:
+            return group
+    raise KeyError(name)
+
+
+def _map_arrays(function: Any, tree: Any) -> Any:
+    return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else function(leaf), tree)
+
+
+def _taken(values: Any, places: list[int]) -> Any:
+    """The values (n,) at some places: a slice, where these follow each other."""
+    first, last = places[0], places[-1] + 1
+    if places == list(range(first, last)):
+        return values[first:last]
+    return values.at[np.array(places)].get(mode="promise_in_bounds")
+
+
+def _spread(values: Any, places: list[int], size: int) -> Any:
+    """The sums (n,) of the values that go to each of n places; gathered, since a scatter would keep
+    the stepping loop from becoming one native function."""
+    values = jnp.broadcast_to(values, (len(places),))
+    first, last = places[0], places[-1] + 1
+    if places == list(range(first, last)):
+        return jnp.pad(values, (first, size - last))
+    padded = jnp.pad(values, (0, 1))
+    sources = [[k for k, place in enumerate(places) if place == here] for here in range(size)]
+    most = max(len(source) for source in sources)
+    columns = np.array([source + [len(places)] * (most - len(source)) for source in sources]).T
+    return sum(padded.at[column].get(mode="promise_in_bounds") for column in columns)
+
+
+def _several(family: Any) -> list[Several]:
+    return [name for name in family if isinstance(name, Several)]
+
+
+def _rest(scene: Scene) -> Scene:
+    """The scene without its groups of bodies."""
+    single = {name: body for name, body in scene.bodies.items() if not isinstance(name, Several)}
+    return eqx.tree_at(lambda s: s.bodies, scene, single)
+
+
+def _groups(scene: Scene) -> Scene:
+    """The scene with nothing but its groups of bodies."""
+    bodies = {name: scene.bodies[name] for name in _several(scene.bodies)}
+    return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, (bodies, {}))
+
+
+def grouped(formulation: Formulation, scene: Scene) -> tuple[Formulation, Scene]:
+    """The scene (in scalar form) condensed, and its formulation; both as they are if no elements
+    are alike."""
+    together = condensed(scene)
+    if not groups(together):
+        return formulation, scene
+    coordinates = GroupedCoordinates(formulation.coordinates)
+    return eqx.tree_at(lambda f: f.coordinates, formulation, coordinates), together

@@ -1,0 +1,194 @@
+"""How a body of a tree moves: freely, or carried by an ideal joint.
+
+Each kind has variables of its own, and turns them into motions and rates.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any
+
+from ...math.rotations import composed, conjugate, euler_parameter_rates, normalised, turned
+from ...math.vectors import EulerParameters, Matrix, Vector, add
+from ...model.bodies import BodyState, Motion
+from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Relative, Twist
+from ..coordinates import Speeds, free_motion, settled_body
+from .links import Link, free_link, jointed_link
+
+UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
+BodyPose = tuple[EulerParameters, Motion]
+
+
+@dataclass(frozen=True)
+class AbstractBranch(abc.ABC):
+    """A body and its parent, by name."""
+
+    body: str
+    parent: str
+
+    @abc.abstractmethod
+    def encode(self, parent: BodyPose, body: BodyPose) -> Any:
+        """The variables, from orientations and motions."""
+
+    @abc.abstractmethod
+    def orientation(self, parent: EulerParameters, state: Any) -> EulerParameters:
+        """The body's Euler parameters."""
+
+    @abc.abstractmethod
+    def motion(self, parent: Motion, state: Any) -> Motion:
+        """The body's motion."""
+
+    @abc.abstractmethod
+    def link(self, parent: Link | None, state: Any) -> Link:
+        """The body as a link of its tree, of which it is the root if it has no parent there."""
+
+    @abc.abstractmethod
+    def rates(self, state: Any, speeds: Speeds, axes: Matrix, gravity: Vector) -> Any:
+        """Time derivative of the variables for rates of the speeds; `axes` turn the root's
+        components into global ones."""
+
+    @abc.abstractmethod
+    def moved(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
+        """The variables after a small motion along the speeds."""
+
+    @abc.abstractmethod
+    def kicked(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
+        """The variables after changes of the speeds."""
+
+    @abc.abstractmethod
+    def settled(self, state: Any) -> Any:
+        """The same variables in numbers that don't drift in many steps."""
+
+    @abc.abstractmethod
+    def falls(self) -> bool:
+        """Whether the rates of the speeds are those against free fall."""
+
+
+@dataclass(frozen=True)
+class FreeBranch(AbstractBranch):
+    """A body that nothing carries: a `BodyState` as in absolute coordinates.
+
+    With an anchor, a point of the body and one of the ground, its position is the former's from the
+    latter. Speeds are velocity and spin, both in body axes; rates of the former are those against
+    free fall, since gravity changes nothing else of a free tree.
+    """
+
+    anchor: tuple[Vector, Vector] | None
+
+    def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
+        """Position of the centre of mass or of the anchor's point."""
+        orientation, motion = body
+        position = motion.position
+        if self.anchor is not None:
+            local, origin = self.anchor
+            position = (position + motion.rotation @ local) - origin
+        return BodyState(position, orientation, motion.velocity, motion.spin)
+
+    def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
+        """As it is."""
+        return state.orientation
+
+    def motion(self, parent: Motion, state: BodyState) -> Motion:
+        """The state itself, or what the anchor makes of it."""
+        return free_motion(state, self.anchor)
+
+    def link(self, parent: Link | None, state: BodyState) -> Link:
+        """The root of its tree."""
+        return free_link(state.spin)
+
+    def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
+        """Velocity, Euler parameter rates, and accelerations."""
+        return BodyState(
+            self._shift(axes, state.velocity, state.spin),
+            euler_parameter_rates(state.orientation, state.spin),
+            axes @ Vector(*speeds[:3]) + gravity,
+            Vector(*speeds[3:]),
+        )
+
+    def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
+        """Velocity, or displacement, of the position's point."""
+        if self.anchor is None:
+            return velocity
+        return velocity + axes @ spin.cross(self.anchor[0])
+
+    def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+        """Shifted and turned."""
+        turn = Vector(*changes[3:])
+        shift = self._shift(axes, axes @ Vector(*changes[:3]), turn)
+        orientation = turned(state.orientation, turn)
+        return BodyState(state.position + shift, orientation, state.velocity, state.spin)
+
+    def kicked(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+        """Velocity and spin changed."""
+        velocity = state.velocity + axes @ Vector(*changes[:3])
+        spin = state.spin + Vector(*changes[3:])
+        return BodyState(state.position, state.orientation, velocity, spin)
+
+    def settled(self, state: BodyState) -> BodyState:
+        """Euler parameters of unit norm."""
+        return settled_body(state)
+
+    def falls(self) -> bool:
+        """They are."""
+        return True
+
+
+@dataclass(frozen=True)
+class JointedBranch(AbstractBranch):
+    """A body carried by an ideal joint: a `JointState` of the joint's freedom."""
+
+    joint: str
+    freedom: AbstractFreedom
+
+    def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
+        """The relative motion, as far as the joint allows it."""
+        here, there = self.freedom.point_child, self.freedom.point_parent
+        (turn_parent, first), (turn, second) = parent, body
+        displacement = second.components(second.point(here) - first.point(there))
+        spin = second.spin - second.components(first.direction(first.spin))
+        velocity = second.components(second.velocity_at(here) - first.velocity_at(there))
+        slide = velocity - second.spin.cross(displacement)
+        orientation = composed(conjugate(turn_parent), turn)
+        return self.freedom.encode(Relative(orientation, displacement, Twist(spin, slide)))
+
+    def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
+        """The parent's, and then the joint's."""
+        return normalised(composed(parent, self.freedom.orientation(state.position)))
+
+    def motion(self, parent: Motion, state: JointState) -> Motion:
+        """The parent's motion, and the joint's on top."""
+        turn, twist = self.freedom.rotation(state.position), self.freedom.twist(state)
+        rotation = parent.rotation.times(turn)
+        spin = turn.transposed_times(parent.spin) + twist.turn
+        arm = self.freedom.displacement(state.position) - self.freedom.point_child
+        point = self.freedom.point_parent
+        return Motion(
+            parent.point(point) + rotation @ arm,
+            rotation,
+            parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.slide),
+            spin,
+        )
+
+    def link(self, parent: Link | None, state: JointState) -> Link:
+        """The root of a tree if the parent is the ground."""
+        return jointed_link(parent, self.freedom, state)
+
+    def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
+        """The position's rates, and the speeds'."""
+        return JointState(self.freedom.rates(state), tuple(speeds))
+
+    def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+        """Moved along the freedom."""
+        return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
+
+    def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+        """The speeds changed."""
+        speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
+        return JointState(state.position, speeds)
+
+    def settled(self, state: JointState) -> JointState:
+        """As the freedom says."""
+        return JointState(self.freedom.settled(state.position), state.speeds)
+
+    def falls(self) -> bool:
+        """They are not."""
+        return False

@@ -1,0 +1,196 @@
+"""Where journals are in their bearings: at the start of a run, what puts them there, and at its
+end."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..fields.cautions import LeftBearingWarning, caution, quiet
+from ..fields.checks import caution_unless, require
+from ..math.rotations import rotation_matrix
+from ..math.vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
+from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.scene import Scene
+from .absolute_coordinates import AbsoluteCoordinates
+from .equations_of_motion import evaluate_smooth
+from .formulation import Formulation
+from .stabilisation import Unstabilised
+
+OUTSIDE = 1e-6
+"""Penetration beyond which `assemble` puts a journal into the middle of its bearing, m."""
+FAR_OUTSIDE = 1e-2
+"""Penetration at the start, over the deepest that makes sense, beyond which one is warned."""
+HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
+Depths = dict[str, dict[str, float]]
+"""Penetrations by joint and contact, m; negative inside."""
+
+
+def depths(scene: Scene, state: State) -> Depths:
+    """How deep each contact of a state is."""
+    return _numbers(_depths(scene, state.bodies)) if scene.contact_joints() else {}
+
+
+def outside(scene: Scene, state: State) -> set[str]:
+    """The joints of which a contact penetrates."""
+    return {name for name, family in depths(scene, state).items() if max(family.values()) > OUTSIDE}
+
+
+def centred(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
+    """The ideal joints that hold journals in the middle, of those joints that know one."""
+    joints = scene.contact_joints()
+    ideal = {name: joints[name].centred() for name in names}
+    return {name: joint for name, joint in ideal.items() if joint is not None}
+
+
+def seated(
+    scene: Scene,
+    held: Mapping[str, AbstractConstraint],
+    names: Collection[str],
+    state: State,
+    t: Any,
+) -> dict[str, AbstractConstraint]:
+    """The ideal joints that hold journals at the wall, where the bodies at rest press them.
+
+    **Arguments:** `held`: ideal joints in the place of joints, the named ones among them; `state`
+    satisfies these.
+    """
+    joints, found = scene.contact_joints(), {}
+    loads = _loads(with_ideal(scene, held), state.bodies, jnp.asarray(t, dtype=float))
+    for name in names:
+        first, second = joints[name].pair()
+        load = np.asarray(loads[name])
+        joint = joints[name].seated(load)
+        require(
+            joint is not None,
+            "seated",
+            name,
+            f"a joint in which {second!r} is pressed against {first!r} across the axis",
+            f"the load there is {load.tolist()} N; give the scene its gravity, or leave it out",
+        )
+        assert joint is not None
+        found[name] = joint
+    return found
+
+
+def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
+    """The scene with ideal joints in the place of its own of the same names."""
+    with quiet():
+        return replace(scene, joints={**scene.joints, **ideal})
+
+
+def require_in_bearings(scene: Scene, state: State) -> None:
+    """Check that no contact of an initial state is deeper than its joint can make sense of, and
+    warn of those that are far inside the wall."""
+    for name, family in depths(scene, state).items():
+        limits = _numbers(scene.contact_joints()[name].deepest())
+        if not limits:
+            continue
+        label = max(limits, key=lambda label: family[label] / limits[label])
+        depth, limit = family[label], limits[label]
+        where = f"contact {label!r} of joint {name!r}"
+        require(
+            depth <= limit,
+            "state",
+            depth,
+            f"one with its journals in their bearings ({where} at most {limit:g} m deep)",
+            "call assemble(scene, state) first",
+        )
+        caution_unless(
+            depth <= FAR_OUTSIDE * limit,
+            "state",
+            depth,
+            f"m deep in the wall at {where}",
+            f"at most {FAR_OUTSIDE * limit:g} m",
+            "call assemble(scene, state), which puts the journal into its bearing",
+        )
+
+
+def warn_of_journals_outside(
+    scene: Scene, time: Any, final: State, kept: Iterable[tuple[Any, State]]
+) -> None:
+    """Warn of journals that have slid out of their bearings, and when that is first seen.
+
+    **Arguments:** `time` s and `final`: where a run ended, and the state there. `kept`: times (N,)
+    s and the states there, with the times in front.
+    """
+    last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
+    joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
+    found: dict[str, tuple[float, float]] = {}
+    for times, states in (*kept, last):
+        for name, excess in slid_out(joints, states.bodies).items():
+            if (excess > 0.0).any():
+                first = int(np.argmax(excess > 0.0))
+                seen = float(times[first]), float(excess[first])
+                found[name] = min(seen, found.get(name, seen))
+    for name, (when, excess) in found.items():
+        caution(
+            f"The journal of joint {name!r} has slid out of its bearing, which nothing hinders: at "
+            f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. "
+            f"{HOLD_IT}",
+            LeftBearingWarning,
+        )
+
+
+def slid_out(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, np.ndarray]:
+    """How far the journals of joints that don't hold them are beyond their bearings, (N,) m.
+
+    **Arguments:** joints in scalar form, of numpy numbers or arrays (N,); states of the bodies with
+    the N in front.
+    """
+    motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
+    excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
+    return {name: np.asarray(excess) for name, excess in excesses.items() if excess is not None}
+
+
+def _motions(body: BodyState) -> Motion:
+    """A body's motion at several times at once, in numpy, so that nothing is compiled for it."""
+    parts = (body.position, body.orientation, body.velocity, body.spin)
+    columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
+    position, velocity, spin = (Vector(*columns[k]) for k in (0, 2, 3))
+    return Motion(position, rotation_matrix(EulerParameters(*columns[1])), velocity, spin)
+
+
+def _numbers(tree: Any) -> Any:
+    """The tree with Python numbers."""
+    if isinstance(tree, dict):
+        return {key: _numbers(inner) for key, inner in tree.items()}
+    return float(tree)
+
+
+@eqx.filter_jit
+def _depths(scene: Scene, bodies: dict[str, BodyState]) -> Any:
+    scene, coordinates = unpack(scene), AbsoluteCoordinates()
+    motions = coordinates.motions(scene, coordinates.encode(scene, unpack(bodies)))
+    return {
+        name: {label: contact.gap.depth for label, contact in joint.contacts(motions).items()}
+        for name, joint in scene.contact_joints().items()
+    }
+
+
+@eqx.filter_jit
+def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, Any]:
+    """What the second body of each ideal joint presses the first with while nothing moves yet, N,
+    (3,) in the first body's axes."""
+    scene, formulation = unpack(scene), Formulation(AbsoluteCoordinates(), Unstabilised(), True)
+    resting = {
+        name: BodyState(body.position, body.orientation, ZERO, ZERO)
+        for name, body in unpack(bodies).items()
+    }
+    variables = formulation.coordinates.encode(scene, resting)
+    found = evaluate_smooth(scene, formulation, variables, t)
+    loads = {}
+    for name, rows in found.rows.items():
+        bodies_of = scene.joints[name].body_names()
+        load = ZERO
+        for label, row in rows.items():
+            load = load - row.jacobian[bodies_of[-1]].force * found.multipliers[name][label]
+        loads[name] = pack(found.motions[bodies_of[0]].components(load))
+    return loads

@@ -1,0 +1,90 @@
+"""Coordinates: from what is integrated to the motion of each body, and back from accelerations.
+
+Everything else (forces, laws, joints) is written once for bodies. A coordinate system turns its
+variables into `Motion`s, with twists V = H u for its speeds u, and projects the equations of motion
+onto them: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraints J H.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+
+from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
+from ..math.vectors import Scalar, add, is_zero, multiply
+from ..model.bodies import GROUND
+from ..model.joints.base import Row
+from .coordinates import AbstractMechanics, Motions, Speeds
+
+
+def response(
+    mechanics: AbstractMechanics,
+    directions: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """The change M^-1 D^T lambda of the rates with D times it equal to the targets (eqs 30, 32).
+
+    `directions` are the rows D = J H. Also returns lambda. The same map gives the projections: with
+    speeds or displacements for rates it is the correction of least kinetic energy. A row that is
+    structurally zero, as of a planar loop out of its plane, holds by itself and has no multiplier.
+    """
+    kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+    multipliers: list[Scalar] = [0.0] * len(directions)
+    if not kept:
+        return [0.0] * len(directions[0]), multipliers
+    rows, aims = [directions[k] for k in kept], [targets[k] for k in kept]
+    weighted = [mechanics.solved(row) for row in rows]
+    solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
+    change, found = solve(rows, weighted, aims, solver)
+    for k, multiplier in zip(kept, found, strict=True):
+        multipliers[k] = multiplier
+    return change, multipliers
+
+
+def _unrolled_response(
+    directions: Sequence[Speeds],
+    weighted: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """In scalar form, from the directions and M^-1 times them."""
+    schur = [
+        [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
+    ]
+    multipliers = solver.unrolled(schur, targets)
+    change: Speeds = [0.0] * len(directions[0])
+    for part, multiplier in zip(weighted, multipliers, strict=True):
+        change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+    return change, multipliers
+
+
+def _dense_response(
+    directions: Sequence[Speeds],
+    weighted: Sequence[Speeds],
+    targets: Sequence[Scalar],
+    solver: AbstractSolver,
+) -> tuple[Speeds, list[Scalar]]:
+    """The same in arrays, for systems too large to be unrolled."""
+    jacobian, inverse = (
+        jnp.stack([stacked(row) for row in rows]) for rows in (directions, weighted)
+    )
+    multipliers = solver.dense(jacobian @ inverse.T, stacked(targets))
+    change = multipliers @ inverse
+    return list(change), list(multipliers)
+
+
+def stacked(numbers: Sequence[Scalar]) -> jax.Array:
+    """An array of scalars."""
+    return jnp.stack([jnp.asarray(number, dtype=float) for number in numbers])
+
+
+def row_rate(row: Row, motions: Motions) -> Scalar:
+    """First derivative of a row's value."""
+    total = row.time_rate
+    for name, pair in row.jacobian.items():
+        if name != GROUND:
+            motion = motions[name]
+            part = add(pair.force.dot(motion.velocity), pair.moment.dot(motion.spin))
+            total = add(total, part)
+    return total

@@ -1,0 +1,69 @@
+"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+
+Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
+friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+"""
+
+import abc
+from typing import Any
+
+from ..fields.checks import quantity, require_positive
+from ..fields.conversion import AbstractConverting
+from ..math.vectors import Scalar
+
+
+class AbstractStabilisation(AbstractConverting):
+    """What keeps the constraints satisfied in spite of integration error.
+
+    ```python
+    import clearjoint as cj
+
+    class CriticallyDamped(cj.AbstractStabilisation):
+        time_constant: float  # s
+
+        def target(self, value, rate):
+            return -2.0 * rate / self.time_constant - value / self.time_constant**2
+
+    stabilisation = CriticallyDamped(time_constant=0.01)
+    ```
+    """
+
+    @abc.abstractmethod
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """The second derivative that a constraint of given value and rate shall have."""
+
+
+class Unstabilised(AbstractStabilisation):
+    """No stabilisation: the constraints drift with the integration error."""
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Zero."""
+        del value, rate
+        return 0.0
+
+
+class Baumgarte(AbstractStabilisation):
+    """Feedback -2 alpha rate - beta^2 value (eq. 32; J. Baumgarte 1972).
+
+    The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
+    """
+
+    alpha: Any = quantity("1/s", default=5.0)
+    beta: Any = quantity("1/s", default=5.0)
+
+    def __check_init__(self):
+        require_positive("alpha", self.alpha, "give a rate in 1/s", zero=True)
+        require_positive("beta", self.beta, "give a rate in 1/s", zero=True)
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """-2 alpha rate - beta^2 value."""
+        return -2.0 * self.alpha * rate - self.beta**2 * value
+
+
+class Projection(AbstractStabilisation):
+    """Positions and velocities at the end of each step are projected onto the constraints."""
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Zero."""
+        del value, rate
+        return 0.0

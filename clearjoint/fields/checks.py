@@ -1,0 +1,239 @@
+"""Fields with units, and checks of values with one form of message.
+
+Numbers become 64-bit numpy arrays, not JAX arrays: building a scene then starts no JAX backend and
+keeps its digits whatever JAX's precision setting. Values under a JAX transformation pass unchecked;
+a run re-checks what it can (`clearjoint.simulation.simulate`).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+
+from .cautions import UnusualValueWarning, caution, quiet
+
+
+def as_number(value: Any) -> Any:
+    """A float64 numpy array, or the JAX array that was given."""
+    if isinstance(value, jax.Array):
+        return value
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"Expected a number or an array of numbers, but got {value!r}: pass a float, a list of "
+            "floats or an array."
+        ) from error
+
+
+def quantity(unit: str, **options: Any) -> Any:
+    """A field that holds a number or array in the given SI unit ("1" if it has none)."""
+    return eqx.field(converter=as_number, metadata={"unit": unit}, **options)
+
+
+def optional_quantity(unit: str) -> Any:
+    """A `quantity` that may be ``None``: absent, and then without cost."""
+    return eqx.field(
+        converter=lambda value: None if value is None else as_number(value),
+        metadata={"unit": unit},
+        default=None,
+    )
+
+
+def concrete(value: Any) -> np.ndarray | None:
+    """The value as a numpy array, or ``None`` while JAX traces it."""
+    return None if isinstance(value, Tracer) else np.asarray(value)
+
+
+def require(condition: bool, argument: str, value: Any, expected: str, remedy: str) -> None:
+    """Raise a ``ValueError`` that names argument, value, expectation and remedy."""
+    if not condition:
+        shown = value.tolist() if isinstance(value, np.ndarray) else value
+        raise ValueError(f"Argument `{argument}` must be {expected}, but is {shown!r}: {remedy}.")
+
+
+def require_shape(argument: str, value: Any, shape: tuple[int, ...], remedy: str) -> None:
+    """Check the shape of an array and that its values are finite."""
+    require(np.shape(value) == shape, argument, value, f"an array of shape {shape}", remedy)
+    require_finite(argument, value)
+
+
+def require_finite(argument: str, value: Any) -> None:
+    """Check that no value is NaN or infinite."""
+    numbers = concrete(value)
+    if numbers is not None:
+        require(
+            bool(np.isfinite(numbers).all()),
+            argument,
+            numbers,
+            "finite",
+            "replace the NaN or infinite entries",
+        )
+
+
+def require_positive(argument: str, value: Any, remedy: str, *, zero: bool = False) -> None:
+    """Check a scalar to be finite and positive, or not negative when ``zero`` is allowed."""
+    require_shape(argument, value, (), "pass a single number")
+    number = concrete(value)
+    if number is not None:
+        expected = "zero or positive" if zero else "positive"
+        require(
+            bool(number >= 0 if zero else number > 0), argument, float(number), expected, remedy
+        )
+
+
+def require_count(argument: str, value: Any, remedy: str) -> None:
+    """Check for a whole number of one at least; 2.0 is none, nor is a truth value."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    require(whole and bool(value > 0), argument, value, "a whole number, positive", remedy)
+
+
+def require_names(argument: str, given: Any, remedy: str) -> None:
+    """Check for a dictionary whose keys are texts, none of them empty."""
+    kind = type(given).__name__
+    require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
+    for name in given:
+        fine = isinstance(name, str) and name != ""
+        require(fine, argument, name, "named by non-empty strings", "name every element")
+
+
+def named(argument: str, given: Any, remedy: str) -> dict[str, Any]:
+    """A dictionary of one's own, of any mapping whose keys `require_names` accepts.
+
+    For classes with an ``__init__`` of their own: JAX, which sorts keys, looks at the arguments of
+    other modules before any check of theirs.
+    """
+    require_names(argument, given, remedy)
+    return dict(given)
+
+
+def require_range(argument: str, value: Any, lower: float, upper: float, remedy: str) -> None:
+    """Check a scalar to lie in a closed interval."""
+    require_shape(argument, value, (), "pass a single number")
+    number = concrete(value)
+    if number is not None:
+        inside = bool(lower <= number <= upper)
+        require(inside, argument, float(number), f"in [{lower}, {upper}]", remedy)
+
+
+def caution_unless(
+    condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
+) -> None:
+    """Warn of a number that is possible, but far from what machines have."""
+    if not condition:
+        caution(
+            f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
+            f"{remedy}.",
+            UnusualValueWarning,
+        )
+
+
+def caution_below(argument: str, value: Any, unit: str, least: float, remedy: str) -> None:
+    """`caution_unless` a number is at least so large."""
+    number = concrete(value)
+    if number is not None:
+        expected = f"at least {least:g} {unit}"
+        caution_unless(bool(number >= least), argument, number.item(), unit, expected, remedy)
+
+
+def caution_above(argument: str, value: Any, unit: str, most: float, remedy: str) -> None:
+    """`caution_unless` a number is at most so large."""
+    number = concrete(value)
+    if number is not None:
+        expected = f"at most {most:g} {unit}"
+        caution_unless(bool(number <= most), argument, number.item(), unit, expected, remedy)
+
+
+def require_point(argument: str, value: Any) -> None:
+    """Check a point or vector of three finite coordinates."""
+    require_shape(argument, value, (3,), "pass three coordinates in m")
+
+
+def require_axis(argument: str, value: Any) -> None:
+    """Check a direction: three finite components of which one at least is not zero."""
+    require_shape(argument, value, (3,), "pass three components")
+    numbers = concrete(value)
+    if numbers is not None:
+        require(
+            float(np.linalg.norm(numbers)) > 1e-12,
+            argument,
+            numbers,
+            "a vector of non-zero length",
+            "give a direction, for example (0, 0, 1)",
+        )
+
+
+def require_euler_parameters(argument: str, value: Any) -> None:
+    """Check four Euler parameters of unit norm."""
+    require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
+    parameters = concrete(value)
+    if parameters is not None:
+        require(
+            abs(float(np.linalg.norm(parameters)) - 1.0) < 1e-6,
+            argument,
+            parameters,
+            "Euler parameters of unit norm, scalar part first",
+            "divide them by their norm",
+        )
+
+
+def recheck(tree: Any) -> None:
+    """Run every construction check of the modules in a PyTree again, on its present values.
+
+    What was unusual at construction is not warned of again.
+    """
+    with quiet():
+        _recheck(tree)
+
+
+def _recheck(tree: Any) -> None:
+    _check_here(tree)
+    for child in _children(tree):
+        _recheck(child)
+
+
+def recheck_changes(tree: Any, base: Any) -> None:
+    """`recheck`, of those modules only that hold other numbers than in a tree of like structure.
+
+    What holds such a module is checked too, but not across a dictionary: its entries are
+    independent.
+    """
+    pairs = zip(jax.tree.leaves(tree), jax.tree.leaves(base), strict=True)
+    with quiet():
+        _recheck_changed(tree, iter([a is not b for a, b in pairs]))
+
+
+def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:
+    """Go through the leaves in their order; whether any number here has changed."""
+    if tree is None:
+        return False
+    if isinstance(tree, eqx.Module):
+        inner = [getattr(tree, f.name) for f in fields(tree) if not f.metadata.get("static", False)]
+        touched = sum(_recheck_changed(child, changed) for child in inner) > 0
+        if touched:
+            _check_here(tree)
+        return touched
+    if isinstance(tree, dict | list | tuple):
+        for child in _children(tree):
+            _recheck_changed(child, changed)
+        return False
+    return next(changed)
+
+
+def _check_here(tree: Any) -> None:
+    if isinstance(tree, eqx.Module):
+        for cls in type(tree).__mro__:
+            if "__check_init__" in cls.__dict__:
+                cls.__dict__["__check_init__"](tree)
+
+
+def _children(tree: Any) -> list[Any]:
+    if isinstance(tree, eqx.Module):
+        return [getattr(tree, field.name) for field in fields(tree)]
+    if isinstance(tree, dict):
+        return [tree[key] for key in sorted(tree)]
+    return list(tree) if isinstance(tree, list | tuple) else []

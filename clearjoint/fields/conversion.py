@@ -1,0 +1,87 @@
+"""Modules whose fields convert themselves, so that a class of one's own needs only annotations."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import Field
+from types import MappingProxyType
+from typing import Any, ClassVar, get_origin
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .checks import as_number
+from .readable import AbstractReadable
+
+NAMES = (str, bool, "str", "bool")
+"""Annotations of what can't be a number: such fields are static."""
+
+
+class AbstractConverting(AbstractReadable):
+    """A PyTree that takes plain numbers, and stores arrays.
+
+    A field that a subclass merely annotates becomes
+
+    - static if it is annotated as `str` or `bool`: the name of a body, say;
+    - else a 64-bit array, or several, of the numbers, tuples and lists that it is given. No number
+      is then part of the program: another value compiles nothing anew.
+
+    `clearjoint.quantity("N m")` in its place also tells the unit. A number that the program's form
+    depends on, such as how often something is repeated, and a function are declared with
+    ``equinox.field(static=True)``.
+    """
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        for name, annotation in inspect.get_annotations(cls).items():
+            if not _is_no_field(annotation):
+                setattr(cls, name, _declared(cls, name, annotation))
+
+    @classmethod
+    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+        """What turns the value given to a field into the one stored, where the field does not tell
+        by itself."""
+        del name
+        return as_numbers
+
+
+def as_numbers(value: Any) -> Any:
+    """The value with its Python numbers, and tuples and lists of them, as 64-bit arrays."""
+    if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
+        return as_number(value)
+    if isinstance(value, dict):
+        return {key: as_numbers(inner) for key, inner in value.items()}
+    if type(value) not in (tuple, list):
+        return value
+    parts = [as_numbers(part) for part in value]
+    shapes = {part.shape if isinstance(part, np.ndarray | jax.Array) else None for part in parts}
+    if len(shapes) != 1 or None in shapes:
+        return type(value)(parts)
+    library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
+    return library.stack(parts)
+
+
+def _is_no_field(annotation: Any) -> bool:
+    if isinstance(annotation, str):
+        return "ClassVar" in annotation
+    return annotation is ClassVar or get_origin(annotation) in (
+        ClassVar,
+        eqx.AbstractVar,
+        eqx.AbstractClassVar,
+    )
+
+
+def _declared(cls: type[AbstractConverting], name: str, annotation: Any) -> Any:
+    """The field as its class declares it, with a converter unless that says what it is."""
+    given = cls.__dict__.get(name)
+    field = given if isinstance(given, Field) else _plain_field(cls, name)
+    if "converter" in field.metadata or field.metadata.get("static", False):
+        return field
+    added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}
+    field.metadata = MappingProxyType({**field.metadata, **added})
+    return field
+
+
+def _plain_field(cls: type[AbstractConverting], name: str) -> Any:
+    return eqx.field(default=cls.__dict__[name]) if name in cls.__dict__ else eqx.field()

@@ -1,0 +1,1 @@
+"""Fits of long records in windows, each with a start of its own."""

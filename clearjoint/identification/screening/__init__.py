@@ -1,0 +1,1 @@
+"""Starts for fits, screened by many runs without derivatives."""

@@ -1,0 +1,122 @@
+"""Runs at many parameters without derivatives, side by side: chi squared over the record.
+
+Such a run costs a small part of one with derivatives, since lanes share the device
+(`clearjoint.simulation.batch.scheduler`). Of each only the chi squared over time is kept.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...math.vectors import structured
+from ...runtime import busy_devices
+from ...simulation.batch.device_pool import Common, Task
+from ...simulation.batch.lane import Plan
+from ...simulation.batch.scheduler import Batch, Ended
+from ...sweeps.work import extent
+from ..residuals import UNREACHED, Experiment, Samples
+
+LOG = "samples"
+TOGETHER = 64
+"""Runs whose samples are compared with the data at once."""
+
+
+@dataclass(frozen=True)
+class SideBySide:
+    """Runs of an experiment and the samples that they are compared with."""
+
+    runs: Experiment
+    data: Samples
+
+    @property
+    def times(self) -> np.ndarray:
+        """(T,) s, padded."""
+        return np.asarray(self.runs.times)
+
+    @property
+    def count(self) -> int:
+        """Number of times to the last sample."""
+        return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
+
+    def time(self, count: float) -> float:
+        """s, at the last of a number of times that has begun; of none, the start."""
+        whole = int(np.ceil(count))
+        return float(self.times[whole - 1]) if whole else float(self.runs.start_time)
+
+    def chi_squared(self, coordinates: np.ndarray, count: int, smoothing: int = 1) -> np.ndarray:
+        """Chi squared (n, count + 1) of the first 0, 1, ..., count times at coordinates (n, p).
+
+        Samples that a run does not reach count `UNREACHED`. With `smoothing`, it is that of the
+        residuals' means over so many times, each of which counts as a part of one, since they share
+        their samples.
+        """
+        curves = np.zeros((len(coordinates), count + 1))
+        waiting: dict[int, np.ndarray] = {}
+
+        def take() -> None:
+            lanes = list(waiting)
+            rows = np.stack([waiting.pop(lane) for lane in lanes])
+            filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            found = np.asarray(_cumulated(self.data, filled, smoothing))
+            curves[lanes, 1:] = found[: len(lanes), :count]
+
+        def on_ended(ended: Ended) -> None:
+            rows, reached = ended.logs[LOG]
+            predicted = np.stack([rows[name] for name in self.runs.names])
+            predicted[:, reached:] = np.nan
+            waiting[ended.lane] = predicted
+            if len(waiting) == TOGETHER:
+                take()
+
+        devices = busy_devices()
+        batch = Batch(self._common, self._tasks(coordinates, count), devices, extent(devices))
+        batch.run(range(len(coordinates)), on_ended)
+        if waiting:
+            take()
+        return curves
+
+    def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
+        varied, states = jax.device_get(_made(self.runs, self._varied, coordinates))
+        lanes, times = len(coordinates), self.times.copy()
+        end_time, start_time = times[count - 1], float(self.runs.start_time)
+        times[count:] = np.inf  # never come to, so that nothing is recorded for padding
+        return Task(
+            varied,
+            states,
+            np.full(lanes, end_time),
+            np.full(lanes, 1e-6 * (end_time - start_time)),
+            np.tile(times, (lanes, 1)),
+        )
+
+    @cached_property
+    def _varied(self) -> Any:
+        return self.runs.family.varied()
+
+    @cached_property
+    def _common(self) -> Common:
+        runs = self.runs
+        plan = Plan(runs.method, {}, {}, True, runs.max_steps)
+        form = structured(runs.family.base[0], self._varied)
+        return Common(plan, form, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+
+
+@eqx.filter_jit
+def _made(runs: Experiment, varied: Any, coordinates: np.ndarray) -> tuple[Any, Any]:
+    """What varies of the scenes, and the initial states, with lanes in front."""
+    scenes, states = jax.vmap(runs.family.made)(coordinates)
+    return eqx.filter(scenes, varied), states
+
+
+@eqx.filter_jit
+def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
+    """Chi squared (n, T) up to each time of predictions (n, S, T), by residuals or their means."""
+    residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
+    if smoothing > 1:
+        sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)
+        residuals = (sums[..., smoothing:] - sums[..., :-smoothing]) / smoothing
+    return jnp.cumsum((residuals**2).sum(axis=1), axis=1)

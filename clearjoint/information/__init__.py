@@ -1,0 +1,2 @@
+"""What data can tell of parameters: Fisher information, identifiability, horizons of
+predictability."""

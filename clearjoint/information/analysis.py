@@ -1,0 +1,285 @@
+"""What data can tell about parameters, before there are any.
+
+The bounds of Cramér and Rao from the sensitivities of what sensors would read;
+`studies.identifiability` sets them beside those from an event-exact solver.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fields.checks import require
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter, coordinates_of
+from ..parametrisation.scales import AbstractScale
+from ..simulation.sensitivities import Sensitivities, sensitivities
+from ..simulation.settings import Integration
+from . import fisher_information as information
+from .fisher_information import Combination
+from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
+from .text_tables import aligned, number, percent
+
+ACCURACY_OF_DERIVATIVES = 1e3
+"""Error of a sensitivity over `rtol`, at most: 4e2 at 1e-9 and 2e3 at 1e-11 on the pendulum."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """Derivatives of a sensor's samples in units of their noise.
+
+    `times`: (N,) s; `rows`: (N, channels, p).
+    """
+
+    times: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What data from sensors can tell about parameters.
+
+    Standard deviations are lower bounds, those of an estimate as good as can be, of normally
+    distributed noise so small that outputs follow their derivatives. `of` and `until` give those
+    for fewer sensors and shorter records.
+
+    - `names`: of the p parameters, in the order of all arrays; `scales`, `coordinates` theirs.
+    - `records`: by sensor.
+    - `accuracy`: relative error of the derivatives; see `information.together`.
+    """
+
+    names: tuple[str, ...]
+    scales: tuple[AbstractScale, ...]
+    coordinates: np.ndarray
+    records: dict[str, Record]
+    accuracy: float
+
+    def of(self, *sensors: str) -> "Identifiability":
+        """That from some of the sensors alone.
+
+        **Raises:** `ValueError` for a name that none has.
+        """
+        for name in sensors:
+            known = f"among {sorted(self.records)}"
+            require(name in self.records, "sensors", name, known, "correct the name")
+        require(len(sensors) > 0, "sensors", sensors, "a name at least", "name those to take")
+        return replace(self, records={name: self.records[name] for name in sensors})
+
+    def until(self, time: float) -> "Identifiability":
+        """That from the samples up to a time, s.
+
+        **Raises:** `ValueError` if there are none.
+        """
+        kept = {
+            name: Record(record.times[record.times <= time], record.rows[record.times <= time])
+            for name, record in self.records.items()
+            if record.times[0] <= time
+        }
+        first = float(self.times[0])
+        require(len(kept) > 0, "time", time, f"{first} s or later, that of a sample", "raise it")
+        return replace(self, records=kept)
+
+    @property
+    def times(self) -> np.ndarray:
+        """All times at which there is a sample, rising, s."""
+        return np.unique(np.concatenate([record.times for record in self.records.values()]))
+
+    @property
+    def root(self) -> np.ndarray:
+        """(p, p), with root^T root the Fisher information of the coordinates."""
+        return information.root_of(self._rows()[1])
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """The Fisher information (p, p) of the coordinates."""
+        return self.root.T @ self.root
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """(p,) standard deviations of the coordinates, all estimated together. Of a `Log` scale's
+        they are relative errors of the value."""
+        return information.together(self.root, self.accuracy)
+
+    @property
+    def deviations_alone(self) -> np.ndarray:
+        """(p,) standard deviations of the coordinates, each estimated alone."""
+        return information.alone(self.root)
+
+    @property
+    def labels(self) -> list[str]:
+        """What the parameters' coordinates are called."""
+        return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
+
+    @property
+    def values(self) -> np.ndarray:
+        """(p,) values of the parameters."""
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.array([float(scale.value(u)) for scale, u in pairs])
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """(p,) sizes of the derivatives of the values to the coordinates."""
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.abs([float(scale.slope(u)) for scale, u in pairs])
+
+    @property
+    def value_deviations(self) -> np.ndarray:
+        """(p,) standard deviations of the values, all estimated together."""
+        return self.slopes * self.deviations
+
+    @property
+    def limits(self) -> np.ndarray:
+        """(p,) standard deviations of the coordinates beyond which a parameter is not identifiable:
+        an estimate then says nothing about it; see `AbstractScale.vague`."""
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.array([scale.vague(float(u)) for scale, u in pairs])
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        """Of each parameter, whether data can tell it: a deviation within its limit."""
+        found = self.deviations <= self.limits
+        return dict(zip(self.names, found.tolist(), strict=True))
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations that the data see at all."""
+        return int(information.rank(self.root, self.accuracy))
+
+    @property
+    def condition(self) -> float:
+        """See `information.condition`."""
+        return float(information.condition(self.root))
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(p, p) of the estimates."""
+        return information.correlation(self.root)
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Independent combinations of the coordinates, from the best seen to the worst."""
+        return information.combinations(self.root, self.accuracy)
+
+    def over_time(self) -> np.ndarray:
+        """(T, p) standard deviations of the coordinates, all estimated together from the samples up
+        to each of the `times`."""
+        when, rows = self._rows()
+        ends = np.searchsorted(when, self.times, side="right")
+        roots = information.roots_over(rows, ends.tolist())
+        return information.together(roots, self.accuracy)
+
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (N,) and rows (N, p) of all samples in the order of time."""
+        records, p = self.records.values(), len(self.names)
+        when = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
+        rows = np.concatenate([r.rows.reshape(-1, p) for r in records])
+        order = np.argsort(when, kind="stable")
+        return when[order], rows[order]
+
+    def __str__(self) -> str:
+        """A readable table."""
+        return "\n".join([self._head(), "", *self._bounds(), "", *self._seen()])
+
+    def _head(self) -> str:
+        sensors, times = ", ".join(self.records), self.times
+        span = f"{len(times)} instants from {times[0]:g} to {times[-1]:g} s"
+        return f"Standard deviations that data can reach at best: {sensors}; {span}"
+
+    def _bounds(self) -> list[str]:
+        """A row a parameter: its bounds together and alone, and its correlations r."""
+        rows: list[tuple[str, ...]] = [
+            ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
+        ]
+        together, alone = self.value_deviations, self.slopes * self.deviations_alone
+        for k, (name, fine) in enumerate(self.identifiable.items()):
+            value = self.values[k]
+            share = percent(together[k] / abs(value)) if value != 0.0 else "-"
+            bounds = (number(together[k]), share) if fine else ("not identifiable", "-")
+            correlations = [number(c, 3) for c in self.correlation[k]]
+            rows.append((name, f"{value:.5g}", *bounds, number(alone[k]), *correlations))
+        return aligned(rows)
+
+    def _seen(self) -> list[str]:
+        """A line a combination, and one a parameter that is not identifiable."""
+        labels = self.labels
+        rows = [("combination, from best to worst", "deviation", "")]
+        for one in self.combinations:
+            seen = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
+            deviation = number(one.standard_deviation)
+            rows.append((one.described(labels), deviation, "" if seen else "not seen"))
+        lines = aligned(rows)
+        for k, (name, fine) in enumerate(self.identifiable.items()):
+            if not fine:
+                found, limit = self.deviations[k], self.limits[k]
+                size = f"{found:.2g}" if np.isfinite(found) else "without bound"
+                lines.append(
+                    f"{name} is not identifiable: the standard deviation of {labels[k]} is {size}, "
+                    f"and beyond {limit:.2g} says nothing."
+                )
+        return lines
+
+
+def identifiability(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    sensors: Sensors,
+    *,
+    start_time: float = 0.0,
+    integration: Integration | None = None,
+) -> Identifiability:
+    """What data from sensors could tell about parameters, by one run with derivatives.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s: as in `simulate`.
+    - `parameters`: by name, at the values that are expected.
+    - `sensors`: `Sensor` by name, each with its times; a measured `Series` or `Measurements` serve
+      too, and their values are not looked at.
+    - `integration`: tolerances and method; `Integration()` unless given.
+
+    **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run fails.
+    """
+    integration = Integration() if integration is None else integration
+    planned = as_sensors(sensors, scene)
+    times = times_of(planned)
+    found = sensitivities(
+        scene,
+        state,
+        float(times[-1]),
+        parameters,
+        outputs_of(planned),
+        times,
+        start_time=start_time,
+        integration=integration,
+    )
+    coordinates = coordinates_of(scene, state, parameters)
+    return identifiability_from(found, parameters, coordinates, planned, integration)
+
+
+def identifiability_from(
+    found: Sensitivities,
+    parameters: Mapping[str, Parameter],
+    coordinates: np.ndarray,
+    sensors: Mapping[str, Sensor],
+    integration: Integration,
+) -> Identifiability:
+    """The same from a run that is there already.
+
+    **Arguments:** `found`: a run with the sensors' outputs at all their times, and derivatives of
+    which the first are along the parameters. `coordinates`: (p,) of the parameters in that run.
+    """
+    return Identifiability(
+        tuple(parameters),
+        tuple(parameter.scale for parameter in parameters.values()),
+        coordinates,
+        {name: _record(found, name, one, len(coordinates)) for name, one in sensors.items()},
+        ACCURACY_OF_DERIVATIVES * integration.rtol,
+    )
+
+
+def _record(found: Sensitivities, name: str, sensor: Sensor, p: int) -> Record:
+    at = np.searchsorted(found.times, sensor.times)
+    columns = [found.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+    return Record(sensor.times, np.stack(columns, axis=1) / sensor.noise[:, None, None])

@@ -1,0 +1,96 @@
+"""How a motion answers to small changes: displacements of points of its bodies per unit of change.
+
+Each body has four points, its centre of mass and one a radius of gyration away along each body
+axis. The size of an answer is the root mean square displacement of all of them, in m.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import numpy as np
+
+from ..dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..math.vectors import Scalar, pack, structured, unpack
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
+from ..quantities.bodies import PointPosition
+from ..quantities.joints import Penetration
+from ..simulation.batch.reductions import Quantity
+
+DISTURBANCE = "initial velocity"
+"""What the disturbance of the initial state is called."""
+DIRECTION = (0.53, 0.62, 0.58)
+"""Of the disturbance, a unit vector along no axis."""
+
+
+@dataclass(frozen=True)
+class _Push:
+    """Adds a velocity in m/s to every body, and a spin that gives its points a like speed, as far
+    as the ideal joints allow."""
+
+    radii: tuple[tuple[str, float], ...]
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        along = value * np.array(DIRECTION)
+        bodies = dict(state.bodies)
+        for name, radius in self.radii:
+            changed = (bodies[name].velocity + along, bodies[name].spin + along / radius)
+            bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], changed)
+        scalars, coordinates = unpack(structured(scene)), JointCoordinates()
+        variables = coordinates.encode(scalars, unpack(bodies))
+        allowed = pack(coordinates.decode(scalars, variables))
+        return scene, eqx.tree_at(lambda s: s.bodies, state, allowed)
+
+
+def disturbance(scene: Scene) -> Parameter:
+    """The initial velocity as a parameter of value zero, m/s.
+
+    Joints of a closed loop, and drivers, resist it during the run by their stabilisation.
+    """
+    return Parameter.change(_Push(tuple(_radii(scene).items())), 0.0, unit="m/s")
+
+
+def points(scene: Scene) -> dict[str, Quantity]:
+    """Coordinates of the points whose displacements count."""
+    found: dict[str, Quantity] = {}
+    for body, radius in _radii(scene).items():
+        for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
+            for component in ("x", "y", "z"):
+                name = f"point {k} of {body}: {component}"
+                found[name] = PointPosition(body, point, component)
+    return found
+
+
+def penetrations(scene: Scene) -> dict[str, Quantity]:
+    """Penetrations of all contacts, m."""
+    return {
+        f"penetration of {joint}: {contact}": Penetration(joint, contact)
+        for joint, laws in scene.laws().items()
+        for contact in laws
+    }
+
+
+def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
+    """(T, p) of the answers, from derivatives (T, p) of the points' coordinates."""
+    squares = [derivatives[name] ** 2 for name in names]
+    return np.sqrt(3.0 * np.mean(squares, axis=0))
+
+
+def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
+    """Mean growth of the logarithm of sizes (T,) since a time, 1/s: the slope of a line fitted."""
+    chosen = (times >= since) & (size > 0.0)
+    if chosen.sum() < 2:
+        return float("nan")
+    return float(np.polyfit(times[chosen], np.log(size[chosen]), 1)[0])
+
+
+def _radii(scene: Scene) -> dict[str, float]:
+    """Mean radii of gyration of the bodies, m."""
+    found = {}
+    for name, body in scene.bodies.items():
+        inertia = np.asarray(body.inertia)
+        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
+        found[name] = float(np.sqrt(trace / (2.0 * float(body.mass))))
+    return found

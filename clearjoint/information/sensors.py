@@ -1,0 +1,114 @@
+"""Sensors as they are planned: what they measure, when, and how noisy, but no values yet."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..fields.checks import as_number, require, require_names
+from ..model.scene import Scene
+from ..quantities.base import check_quantity
+from ..simulation.batch.reductions import Quantity
+
+
+class Samples(Protocol):
+    """What a measured series has: a channel, times (N,) in s, and noise, one standard deviation, a
+    number or (N,). Its values don't matter here."""
+
+    @property
+    def channel(self) -> Quantity:
+        """A scalar function of an `Instant`."""
+        ...
+
+    @property
+    def times(self) -> Any:
+        """(N,) s."""
+        ...
+
+    @property
+    def noise(self) -> Any:
+        """A number, or (N,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """An instrument with one or more channels that are sampled together.
+
+    **Arguments:**
+
+    - `channels`: scalar functions of an `Instant`, such as those of `clearjoint.quantities`; a
+      single one or several.
+    - `times`: (N,) s, each later than the one before.
+    - `noise`: one standard deviation of every sample, independent of all others, in the channels'
+      SI unit: a number, or (N,).
+
+    **Raises:** `ValueError` for times that don't rise and for noise that is not positive.
+    """
+
+    channels: tuple[Quantity, ...]
+    times: np.ndarray
+    noise: np.ndarray
+
+    def __init__(self, channels: Any, times: Any, noise: Any):
+        several = isinstance(channels, list | tuple)
+        object.__setattr__(self, "channels", tuple(channels) if several else (channels,))
+        object.__setattr__(self, "times", np.asarray(as_number(times)))
+        given = np.asarray(as_number(noise))
+        _check(self.channels, self.times, given)
+        object.__setattr__(self, "noise", given * np.ones(len(self.times)))
+
+
+def _check(channels: tuple[Any, ...], times: np.ndarray, noise: np.ndarray) -> None:
+    functions = len(channels) > 0 and all(callable(channel) for channel in channels)
+    expected = "scalar functions of an Instant"
+    require(functions, "channels", channels, expected, "pass one or several of cj.quantities")
+    row = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
+    require(row, "times", times, "a row of finite times", "pass shape (N,), N > 0")
+    rising = bool((np.diff(times) > 0.0).all())
+    require(rising, "times", times, "rising", "sort them and merge repeated ones")
+    shaped = noise.shape in ((), times.shape)
+    require(shaped, "noise", noise.shape, f"a number or of shape {times.shape}", "one a time")
+    positive = bool((np.isfinite(noise) & (noise > 0.0)).all())
+    remedy = "give the standard deviation of the samples"
+    require(positive, "noise", noise, "finite and positive", remedy)
+
+
+Sensors = Mapping[str, Sensor | Samples]
+"""Sensors by name; a measured `Series` is one of a single channel."""
+
+
+def as_sensors(sensors: Any, scene: Scene) -> dict[str, Sensor]:
+    """Sensors by name, of a dictionary of `Sensor` or `Series`, or of `Measurements`.
+
+    **Raises:** `ValueError` for anything else, and for sensors of what the scene has not.
+    """
+    given = getattr(sensors, "series", sensors)
+    remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
+    filled = isinstance(given, Mapping) and len(given) > 0
+    require(filled, "sensors", given, "a dictionary with a sensor at least", remedy)
+    require_names("sensors", given, remedy)
+    found = {}
+    for name, one in given.items():
+        is_series = all(hasattr(one, part) for part in ("channel", "times", "noise"))
+        fine = isinstance(one, Sensor) or is_series
+        require(fine, f"sensors[{name!r}]", type(one).__name__, "a Sensor or a Series", remedy)
+        found[name] = one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
+        for channel in found[name].channels:
+            check_quantity(f"Sensor {name!r}", channel, scene)
+    return found
+
+
+def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
+    """Every channel of every sensor, by the sensor's name and the channel's number."""
+    return {
+        f"{name} {k}": channel
+        for name, sensor in sensors.items()
+        for k, channel in enumerate(sensor.channels)
+    }
+
+
+def times_of(sensors: Mapping[str, Sensor]) -> np.ndarray:
+    """All times at which one of them has a sample, rising, s."""
+    return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))

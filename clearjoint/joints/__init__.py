@@ -1,1 +1,0 @@
-"""Everything that connects bodies: ideal joints, clearance joints, springs and loads."""

@@ -1,0 +1,167 @@
+"""Solution of symmetric positive semidefinite systems.
+
+Small systems, rows of scalars, are unrolled into scalar arithmetic, which keeps the stepping loop
+native. Unrolled code grows with the cube of the size and so does its compile time (over a minute
+for 30 rows), so larger systems are arrays and go to LAPACK.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+
+from .vectors import Scalar, add, is_zero, multiply, subtract
+
+LARGEST_UNROLLED = 12
+Rows = Sequence[Sequence[Scalar]]
+
+
+class UnrolledFactorisation:
+    """L D L^T of a symmetric positive definite matrix given by its lower triangle.
+
+    Entries that are Python zeros are structural and cost nothing, fill-in excepted, so a sparse
+    matrix is factorised sparsely.
+    """
+
+    def __init__(self, matrix: Rows):
+        n = len(matrix)
+        self._lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        self._inverse_diagonal: list[Scalar] = []
+        scaled: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        for j in range(n):
+            pivot = self._reduced(matrix[j][j], self._lower[j], scaled[j][:j])
+            self._inverse_diagonal.append(1.0 / pivot)
+            for i in range(j + 1, n):
+                scaled[i][j] = self._reduced(matrix[i][j], self._lower[i], scaled[j][:j])
+                self._lower[i][j] = multiply(scaled[i][j], self._inverse_diagonal[j])
+
+    @staticmethod
+    def _reduced(start: Scalar, first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
+        for a, b in zip(first, second, strict=False):
+            start = subtract(start, multiply(a, b))
+        return start
+
+    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
+        """The x with matrix x = right."""
+        n = len(right)
+        z: list[Scalar] = []
+        for i in range(n):
+            z.append(self._reduced(right[i], self._lower[i], z))
+        x = [multiply(z[i], self._inverse_diagonal[i]) for i in range(n)]
+        for i in reversed(range(n)):
+            column = [self._lower[k][i] for k in range(i + 1, n)]
+            x[i] = self._reduced(x[i], column, x[i + 1 :])
+        return x
+
+
+class OrderedFactorisation:
+    """`UnrolledFactorisation` of a sparse matrix in an order that fills in little.
+
+    The next unknown to eliminate is one with the fewest others left in its row (W. F. Tinney, J. W.
+    Walker, Direct solutions of sparse network equations, 1967).
+    """
+
+    def __init__(self, matrix: Rows):
+        self._order = _least_degree_order(matrix)
+        full = [[matrix[max(i, j)][min(i, j)] for j in self._order] for i in self._order]
+        self._factorisation = UnrolledFactorisation(full)
+
+    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
+        """The x with matrix x = right."""
+        solution = self._factorisation.solve([right[i] for i in self._order])
+        placed = dict(zip(self._order, solution, strict=True))
+        return [placed[i] for i in range(len(right))]
+
+
+def _least_degree_order(matrix: Rows) -> list[int]:
+    n = len(matrix)
+    neighbours: dict[int, set[int]] = {
+        i: {j for j in range(n) if i != j and not is_zero(matrix[max(i, j)][min(i, j)])}
+        for i in range(n)
+    }
+    order = []
+    while neighbours:
+        chosen = min(neighbours, key=lambda i: len(neighbours[i]))
+        order.append(chosen)
+        around = neighbours.pop(chosen)
+        for i in around:
+            neighbours[i] |= around
+            neighbours[i] -= {i, chosen}
+    return order
+
+
+class AbstractSolver:
+    """A way to solve matrix x = right in either form."""
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """The solution for a matrix given by its lower triangle, row by row."""
+        raise NotImplementedError
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """The solution for arrays of shapes (n, n) and (n,)."""
+        raise NotImplementedError
+
+
+class Exact(AbstractSolver):
+    """For regular matrices."""
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """By L D L^T."""
+        return UnrolledFactorisation(matrix).solve(right)
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """By Cholesky factorisation."""
+        return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
+
+
+class LeastNorm(AbstractSolver):
+    """The solution of least norm of a singular but consistent system.
+
+    The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
+    converges to the solution of least norm by a factor eps/(eps + sigma) a sweep (E. Bayo, A.
+    Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
+    decomposition it can be differentiated where eigenvalues coincide.
+    """
+
+    relative_shift = 1e-8
+    sweeps = 3
+
+    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
+        """By L D L^T of the shifted matrix."""
+        trace: Scalar = 0.0
+        for i in range(len(matrix)):
+            trace = add(trace, matrix[i][i])
+        shift = trace * (self.relative_shift / len(matrix))
+        shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
+        factorisation = UnrolledFactorisation(shifted)
+        x = factorisation.solve(right)
+        for _ in range(self.sweeps - 1):
+            image = product(matrix, x)
+            rest = [subtract(b, s) for b, s in zip(right, image, strict=True)]
+            x = [add(a, d) for a, d in zip(x, factorisation.solve(rest), strict=True)]
+        return x
+
+    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
+        """By Cholesky factorisation of the shifted matrix."""
+        n = matrix.shape[0]
+        shift = jnp.trace(matrix) * (self.relative_shift / n)
+        factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
+        x = jnp.zeros(n)
+        for _ in range(self.sweeps):
+            x = x + jax.scipy.linalg.cho_solve(factor, right - matrix @ x)
+        return x
+
+
+def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
+    """The inner product of two rows of scalars."""
+    total: Scalar = 0.0
+    for a, b in zip(first, second, strict=True):
+        total = add(total, multiply(a, b))
+    return total
+
+
+def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
+    """The product of a symmetric matrix, given by its lower triangle, with a vector."""
+    n = len(vector)
+    return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

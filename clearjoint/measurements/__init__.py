@@ -1,0 +1,1 @@
+"""Measured series: units, files, residuals. Nothing here fits anything."""

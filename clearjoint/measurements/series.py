@@ -1,0 +1,208 @@
+"""Measurements as labelled series: what was measured, when, in which unit, and how noisy."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ..fields.checks import as_number, concrete, named, require
+from ..fields.readable import AbstractReadable
+from ..model.scene import Scene
+from ..quantities.base import check_quantity
+from ..simulation.batch.reductions import Quantity
+from .units import to_si
+
+
+class Series(AbstractReadable):
+    """Samples of one channel, in SI.
+
+    **Arguments:**
+
+    - `channel`: what was measured, a scalar function of an `Instant`: one of
+      `clearjoint.quantities` or a function of one's own. A `period` of it, such as 2 pi of an
+      angle, is that of residuals.
+    - `times`: (N,) s, each later than the one before.
+    - `values`: (N,) in `unit`.
+    - `noise`: one standard deviation, in `unit`: a number, or (N,).
+    - `unit`: any that pint knows; that of the channel unless given. A function of one's own has
+      none: it then returns the SI unit of this dimension.
+    - `name`: what errors call the series.
+
+    **Raises:** `ValueError` for values that no measurement can have.
+    """
+
+    channel: Quantity = eqx.field(static=True)
+    times: Any = eqx.field(metadata={"unit": "s"})
+    values: Any
+    noise: Any
+    unit: str = eqx.field(static=True)
+    name: str | None = eqx.field(static=True)
+
+    def __init__(
+        self,
+        channel: Quantity,
+        times: Any,
+        values: Any,
+        noise: Any,
+        unit: str | None = None,
+        name: str | None = None,
+    ):
+        expected = "a scalar function of an Instant"
+        require(callable(channel), "channel", channel, expected, "pass one of cj.quantities")
+        si = getattr(channel, "unit", None)
+        unit = si if unit is None else unit
+        expected = "given for a channel that names none itself"
+        require(unit is not None, "unit", unit, expected, 'pass it, for example unit="mm"')
+        assert unit is not None
+        factor, self.unit = to_si(unit, si)
+        self.channel, self.name = channel, name
+        self.times = as_number(times)
+        self.values = as_number(values) * factor
+        self.noise = as_number(noise) * factor * np.ones(np.shape(self.values))
+
+    def __check_init__(self):
+        rows = [concrete(row) for row in (self.times, self.values, self.noise)]
+        if any(row is None for row in rows):
+            return
+        times, values, noise = map(np.asarray, rows)
+        label = "" if self.name is None else f" of {self.name!r}"
+        fine = times.ndim == 1 and times.size > 0
+        require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
+        same = values.shape == noise.shape == times.shape
+        shapes = values.shape, noise.shape
+        expected = f"of the shape {times.shape} of the times, as the noise"
+        require(same, f"values{label}", shapes, expected, "pass one value a time")
+        require_each(np.isfinite(times), f"times{label}", times, "finite", "leave the sample out")
+        require_each(np.isfinite(values), f"values{label}", values, "finite", "leave it out")
+        positive = np.isfinite(noise) & (noise > 0.0)
+        remedy = "give the standard deviation of the samples"
+        require_each(positive, f"noise{label}", noise, "finite and positive", remedy)
+        rising = np.append(True, np.diff(times) > 0.0)
+        expected, remedy = "later than the time before", "sort the samples and merge repeated ones"
+        require_each(rising, f"times{label}", times, expected, remedy)
+
+    @property
+    def period(self) -> float | None:
+        """That of the channel, or ``None``."""
+        return getattr(self.channel, "period", None)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def residuals(self, prediction: Any) -> jax.Array:
+        """(Prediction - values) / noise, (N,); of a channel with a period the nearest multiple of
+        it is left out, so that -pi and pi agree.
+
+        **Arguments:** `prediction`: (N,) the channel at `times`, SI.
+        """
+        prediction = jnp.asarray(prediction)
+        shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
+        require(shape == np.shape(self.values), "prediction", shape, expected, "one value a time")
+        difference = prediction - self.values
+        if self.period is not None:
+            difference = difference - self.period * jnp.round(difference / self.period)
+        return difference / self.noise
+
+    def with_noise(self, generator: np.random.Generator) -> "Series":
+        """The series with normally distributed noise added: synthetic measurements, if the values
+        are a prediction."""
+        drawn = self.values + self.noise * generator.standard_normal(len(self))
+        return self._of(self.times, drawn, self.noise)
+
+    def between(self, start: float, end: float) -> "Series | None":
+        """The samples with start <= time < end, or ``None`` if there are none."""
+        inside = (self.times >= start) & (self.times < end)
+        if not inside.any():
+            return None
+        return self._of(self.times[inside], self.values[inside], self.noise[inside])
+
+    def _of(self, times: Any, values: Any, noise: Any) -> "Series":
+        return Series(self.channel, times, values, noise, self.unit, self.name)
+
+
+def require_each(
+    fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
+) -> None:
+    """Check every entry of a row; the error names the first that is not fine."""
+    if not fine.all():
+        k = int(np.argmin(fine))
+        require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
+
+
+class Measurements(AbstractReadable):
+    """Series by name.
+
+    **Arguments:** `series`: a dictionary of `Series`, at least one.
+    """
+
+    series: dict[str, Series]
+
+    def __init__(self, series: Mapping[str, Series]):
+        remedy = 'pass for example {"probe": cj.Series(...)}'
+        self.series = named("series", series, remedy)
+        require(len(series) > 0, "series", {}, "a dictionary with at least one Series", remedy)
+        for name, one in self.series.items():
+            kind = type(one).__name__
+            require(isinstance(one, Series), f"series[{name!r}]", kind, "a Series", remedy)
+
+    def __getitem__(self, name: str) -> Series:
+        return self.series[name]
+
+    def times(self) -> np.ndarray:
+        """Every time at which some series has a sample, rising, s."""
+        return np.unique(np.concatenate([series.times for series in self.series.values()]))
+
+    def between(self, start: float, end: float) -> "Measurements":
+        """The window with start <= time < end, so that successive windows share no sample; series
+        without any in it are left out.
+
+        **Raises:** `ValueError` if there is none at all.
+        """
+        found = {name: series.between(start, end) for name, series in self.series.items()}
+        kept = {name: series for name, series in found.items() if series is not None}
+        times = self.times()
+        require(
+            bool(kept),
+            "start, end",
+            (start, end),
+            "a window with samples in it",
+            f"choose it between {times[0]} and {times[-1]} s, the end excluded",
+        )
+        return Measurements(kept)
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has the bodies and joints that the channels name.
+
+        **Raises:** `ValueError` that names the series, and lists what there is.
+        """
+        for name, series in self.series.items():
+            check_quantity(f"Series {name!r}", series.channel, scene)
+
+    def with_noise(self, generator: np.random.Generator) -> "Measurements":
+        """`Series.with_noise`, of all."""
+        return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
+
+    def to_dataset(self) -> xr.Dataset:
+        """An `xarray.Dataset` with units: each series, and its noise as "<name>_noise".
+
+        Their dimension is "time" if all have the same times; else each has its own, "<name>_time".
+        """
+        first, *others = (series.times for series in self.series.values())
+        shared = all(np.array_equal(first, times) for times in others)
+        variables, coordinates = {}, {}
+        for name, series in self.series.items():
+            dimension, noise = "time" if shared else f"{name}_time", f"{name}_noise"
+            attributes = {"units": series.unit, "ancillary_variables": noise}
+            deviation = {"units": series.unit, "long_name": "one standard deviation"}
+            variables[name] = (dimension, np.asarray(series.values), attributes)
+            variables[noise] = (dimension, np.asarray(series.noise), deviation)
+            coordinates[dimension] = (dimension, np.asarray(series.times), {"units": "s"})
+        names = sorted([*variables, *coordinates])
+        unique = len(variables) == 2 * len(self.series) and not set(variables) & set(coordinates)
+        remedy = 'rename those called "time" or "..._noise"'
+        require(unique, "series", names, "of names that don't meet those of noise and time", remedy)
+        return xr.Dataset(variables, coordinates)

@@ -1,0 +1,268 @@
+"""Rigid bodies, their motion, and the state of a system."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..fields.checks import (
+    as_number,
+    caution_unless,
+    concrete,
+    named,
+    quantity,
+    require,
+    require_euler_parameters,
+    require_finite,
+    require_positive,
+    require_shape,
+)
+from ..fields.readable import AbstractReadable
+from ..math.vectors import IDENTITY, ZERO, Matrix, Vector
+
+GROUND = "ground"
+"""The name of the fixed body, which every scene has and no state holds."""
+DENSITIES = 1e-2, 1e6
+"""Densities of a body's equivalent box, kg/m^3, beyond which a unit is mistaken. Solids have 10 to
+2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
+THINNEST = 1e-2
+"""Smallest side of that box over the largest."""
+
+
+class Body(AbstractReadable):
+    """A rigid body with its frame at the centre of mass.
+
+    **Arguments:**
+
+    - `mass`: kg, positive.
+    - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
+      the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
+
+    **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
+    inequality (each at most the sum of the other two) are among them.
+    """
+
+    mass: Any = quantity("kg")
+    inertia: Any = quantity("kg m^2")
+
+    def __check_init__(self):
+        require_positive(
+            "mass", self.mass, 'give the mass in kg, and use "ground" for a fixed body'
+        )
+        shape = np.shape(self.inertia)
+        require(
+            shape in ((3,), (3, 3)),
+            "inertia",
+            self.inertia,
+            "of shape (3,) or (3, 3)",
+            "give three principal moments or the whole inertia matrix in kg m^2",
+        )
+        require_finite("inertia", self.inertia)
+        inertia = concrete(self.inertia)
+        if inertia is not None:
+            _check_moments(inertia)
+            self._check_density(inertia)
+
+    def _check_density(self, inertia: np.ndarray) -> None:
+        mass = concrete(self.mass)
+        if mass is not None:
+            density = _box_density(float(mass), inertia)
+            least, most = DENSITIES
+            caution_unless(
+                least <= density <= most,
+                "mass",
+                float(mass),
+                "kg",
+                f"a density between {least:g} and {most:g} kg/m^3",
+                f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2",
+            )
+
+    def gyration_radius(self) -> float:
+        """Radius of gyration about the centre of mass, m; of numbers that are known."""
+        inertia = np.asarray(self.inertia)
+        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
+        return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
+
+    def angular_momentum(self, spin: Vector) -> Vector:
+        """Inertia times spin, body axes, kg m^2/s. In scalar form."""
+        if isinstance(self.inertia, Matrix):
+            return self.inertia @ spin
+        return spin.times(self.inertia)
+
+
+def _box_density(mass: float, inertia: np.ndarray) -> float:
+    """Density of the homogeneous box, kg/m^3; one without thickness counts as a thin plate."""
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
+    sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
+    return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
+
+
+def _check_moments(inertia: np.ndarray) -> None:
+    if inertia.ndim == 2:
+        symmetric = np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
+        require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
+    require(
+        bool(moments[0] > 0),
+        "inertia",
+        inertia,
+        "positive definite",
+        "give every body a positive moment of inertia about each axis",
+    )
+    require(
+        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)),
+        "inertia",
+        inertia,
+        "such that no principal moment exceeds the sum of the other two",
+        "check the order of the moments and their units (kg m^2)",
+    )
+
+
+class BodyState(AbstractReadable):
+    """Position and velocity of one body, in arrays or in scalar form.
+
+    - `position`: (3,) m, centre of mass, global.
+    - `orientation`: (4,) Euler parameters, scalar first, body to global.
+    - `velocity`: (3,) m/s, of the centre of mass, global.
+    - `spin`: (3,) rad/s, angular velocity in body axes.
+    """
+
+    position: Any = eqx.field(metadata={"unit": "m"})
+    orientation: Any = eqx.field(metadata={"unit": "1"})
+    velocity: Any = eqx.field(metadata={"unit": "m/s"})
+    spin: Any = eqx.field(metadata={"unit": "rad/s"})
+
+
+class State(AbstractReadable):
+    """State of a system: the bodies by name, and the memory of the contacts that have one.
+
+    `memory[joint][contact]` is the entry speed of the present contact in m/s, or zero in flight;
+    the dictionary is empty for scenes whose laws keep no memory. `work` holds the integrals of the
+    energy ledger in J by name, and is empty unless the ledger is asked for.
+    """
+
+    bodies: dict[str, BodyState]
+    memory: dict[str, dict[str, Any]]
+    work: dict[str, Any]
+
+    def __init__(
+        self,
+        bodies: Mapping[str, BodyState],
+        memory: dict[str, dict[str, Any]] | None = None,
+        work: dict[str, Any] | None = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass State({name: body_state(...)})")
+        self.memory = {} if memory is None else memory
+        self.work = {} if work is None else work
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Wrench:
+    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it."""
+
+    force: Vector
+    moment: Vector
+
+    def __add__(self, other: "Wrench") -> "Wrench":
+        return Wrench(self.force + other.force, self.moment + other.moment)
+
+
+NO_WRENCH = Wrench(ZERO, ZERO)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """A point of a body, `local` in body axes, near a fixed point `origin` of the ground.
+
+    `offset` is the small vector from origin to point. Kept as such, and not as the difference of
+    coordinates a metre long, it has digits enough for penetrations of a few nanometres. `velocity`
+    is that of the point, m/s.
+    """
+
+    local: Vector
+    origin: Vector
+    offset: Vector
+    velocity: Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Pose and twist of a body: the whole interface between coordinates and everything else.
+
+    Position and velocity are global, the spin is in body axes, `rotation` turns body components
+    into global ones. Where there is an `anchor`, points near it are known to more digits than the
+    position, and so are their velocities.
+    """
+
+    position: Vector
+    rotation: Matrix
+    velocity: Vector
+    spin: Vector
+    anchor: Anchor | None = None
+
+    def point(self, local: Vector) -> Vector:
+        """Global position of a point given in body axes (eqs 6 and 7)."""
+        return self.position + self.rotation @ local
+
+    def point_from(self, origin: Vector, local: Vector) -> Vector:
+        """The vector from a fixed global point to a point given in body axes."""
+        if self.anchor is None:
+            return self.point(local) - origin
+        near = self.anchor.offset + self.rotation @ (local - self.anchor.local)
+        return (self.anchor.origin - origin) + near
+
+    def direction(self, local: Vector) -> Vector:
+        """Global components of a direction given in body axes."""
+        return self.rotation @ local
+
+    def components(self, vector: Vector) -> Vector:
+        """Components in body axes of a vector given in global axes."""
+        return self.rotation.transposed_times(vector)
+
+    def velocity_at(self, local: Vector) -> Vector:
+        """Global velocity of a material point given in body axes (eq. 19)."""
+        if self.anchor is None:
+            return self.velocity + self.rotation @ self.spin.cross(local)
+        arm = local - self.anchor.local
+        return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
+
+    def wrench(self, force: Vector, local: Vector) -> Wrench:
+        """A global force at a point given in body axes, carried to the centre of mass (eqs 22-23).
+
+        Arms in body axes are free of the rounding of global positions.
+        """
+        return Wrench(force, local.cross(self.components(force)))
+
+    def torque(self, torque: Vector) -> Wrench:
+        """A pure torque given in global axes."""
+        return Wrench(ZERO, self.rotation.transposed_times(torque))
+
+    def power(self, wrench: Wrench) -> Any:
+        """Power of a wrench on this motion, W."""
+        return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
+
+
+GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)
+
+
+def body_state(
+    position: Any,
+    orientation: Any = (1.0, 0.0, 0.0, 0.0),
+    velocity: Any = (0.0, 0.0, 0.0),
+    spin: Any = (0.0, 0.0, 0.0),
+) -> BodyState:
+    """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
+
+    **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
+    """
+    numbers = BodyState(*(as_number(value) for value in (position, orientation, velocity, spin)))
+    for name in ("position", "velocity", "spin"):
+        require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
+    require_euler_parameters("orientation", numbers.orientation)
+    return numbers

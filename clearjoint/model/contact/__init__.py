@@ -1,0 +1,1 @@
+"""Contact of two surfaces: the gap, stiffness, normal laws, friction, delivered restitution."""

@@ -1,0 +1,98 @@
+"""Friction laws: the coefficient that turns a normal force into a tangential one."""
+
+import abc
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ...fields.checks import concrete, quantity, require, require_positive
+from ...fields.conversion import AbstractConverting
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector
+
+
+class AbstractFriction(AbstractConverting):
+    """Tangential force against the slip, as a multiple of the normal force.
+
+    A subclass gives the ratio of friction to normal force as a function of the slip speed; it must
+    vanish with the speed, which makes the force and its derivatives finite at zero slip.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+    from clearjoint.testing import check_friction
+
+    class Stribeck(cj.AbstractFriction):
+        breakaway: float
+        kinetic: float
+        stribeck_speed: float  # m/s
+        regularisation_speed: float = 1e-3  # m/s
+
+        def ratio(self, slip_speed):
+            excess = (self.breakaway - self.kinetic) * jnp.exp(-slip_speed / self.stribeck_speed)
+            return (self.kinetic + excess) * jnp.tanh(slip_speed / self.regularisation_speed)
+
+    friction = Stribeck(breakaway=0.15, kinetic=0.1, stribeck_speed=0.01)
+    check_friction(friction)
+    scene, state = cj.double_pendulum(friction=friction)
+    ```
+    """
+
+    @abc.abstractmethod
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Friction over normal force at a slip speed in m/s."""
+
+    def force(self, normal_force: Scalar, slip: Vector) -> Vector:
+        """Tangential force in N on the body whose slip velocity (m/s) is given."""
+        speed, _ = norm_and_direction(slip)
+        rests = speed == 0.0
+        _, slope = jax.jvp(self.ratio, (jnp.zeros_like(speed),), (jnp.ones_like(speed),))
+        # At rest the ratio over the speed is its limit, so that the derivatives are right there.
+        per_speed = jnp.where(rests, slope, self.ratio(speed) / jnp.where(rests, 1.0, speed))
+        return slip * (-normal_force * per_speed)
+
+
+class RegularisedCoulomb(AbstractFriction):
+    """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load."""
+
+    coefficient: Any = quantity("1")
+    regularisation_speed: Any = quantity("m/s", default=1e-3)
+
+    def __check_init__(self):
+        require_positive("coefficient", self.coefficient, "give mu", zero=True)
+        require_positive("regularisation_speed", self.regularisation_speed, "give v_d in m/s")
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu tanh(v/v_d)."""
+        return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
+
+
+class Ambrosio(AbstractFriction):
+    """mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
+
+    **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
+    """
+
+    coefficient: Any = quantity("1")
+    lower_speed: Any = quantity("m/s", default=1e-4)
+    upper_speed: Any = quantity("m/s", default=1e-3)
+
+    def __check_init__(self):
+        require_positive("coefficient", self.coefficient, "give mu", zero=True)
+        require_positive("lower_speed", self.lower_speed, "give v0 in m/s", zero=True)
+        lower, upper = concrete(self.lower_speed), concrete(self.upper_speed)
+        if lower is not None and upper is not None:
+            require(
+                bool(upper > lower),
+                "upper_speed",
+                float(upper),
+                f"above lower_speed = {float(lower)}",
+                "give v1 > v0 in m/s",
+            )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu c_d(v)."""
+        rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
+        # At v0 the slope is that of rising friction: with v0 = 0 there are no lower speeds.
+        return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)

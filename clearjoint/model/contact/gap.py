@@ -1,0 +1,39 @@
+"""Normal contact laws: the force from penetration, its rate, and the memory of the impact.
+
+All laws here are of the Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed); they differ
+in chi. A law of another form subclasses `AbstractContactLaw`; `clearjoint.testing.check_law` tells
+whether it behaves.
+"""
+
+from dataclasses import dataclass
+
+import jax
+
+from ...math.vectors import Scalar, Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """All that a law may know of a contact.
+
+    `depth`: penetration, m, negative in flight (eq. 13); `rate`: its time derivative, m/s (eq. 21);
+    `bearing_radius` and radial `clearance`: m (``None`` for flat surfaces). The clearance is given,
+    and not the journal's radius, since a difference of radii would spoil its last digits.
+    """
+
+    depth: Scalar
+    rate: Scalar
+    bearing_radius: Scalar | None = None
+    clearance: Scalar | None = None
+
+    @property
+    def journal_radius(self) -> Scalar:
+        """Bearing radius less clearance, m."""
+        assert self.bearing_radius is not None and self.clearance is not None
+        return self.bearing_radius - self.clearance
+
+
+def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
+    """The tangential part of a relative velocity, m/s."""
+    return relative - normal * rate

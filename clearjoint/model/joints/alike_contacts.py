@@ -1,0 +1,97 @@
+"""Alike clearance joints in the place of one.
+
+What a joint or its law says of one element is applied to each, so that both may be anybody's.
+"""
+
+from typing import Any
+
+import equinox as eqx
+
+from ...math.groups import each
+from ...math.vectors import Scalar, Vector
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
+from .base import AbstractContactJoint, Contact, Motions
+
+
+class SeveralContactJoints(AbstractContactJoint):
+    """Contact joints of one structure, which differ in their numbers and in the bodies they join.
+
+    - `joint`: the first of them, with arrays of all their numbers.
+    - `members`: all of them as they were given.
+    - `first`, `second`: names of their bodies; each that of the ground, or a `Several` in the order
+      of the joints.
+    """
+
+    joint: AbstractContactJoint
+    members: tuple[AbstractContactJoint, ...]
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+
+    def pair(self) -> tuple[str, str]:
+        """The first bodies and the second ones."""
+        return self.first, self.second
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """The laws of each contact."""
+        return {
+            label: SeveralContactLaws(
+                joint=self.joint,
+                label=label,
+                has_memory=law.has_memory,
+                force_jumps=law.force_jumps,
+            )
+            for label, law in self.joint.laws().items()
+        }
+
+    def deepest(self) -> dict[str, Scalar]:
+        """The greatest sensible penetrations of each joint's contacts, m."""
+        return each(lambda joint: joint.deepest(), self.joint)
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """The geometry of each joint's contacts."""
+        names = self.joint.pair()
+
+        def of(joint: AbstractContactJoint, *pair: Any) -> dict[str, Contact]:
+            return joint.contacts(dict(zip(names, pair, strict=True)))
+
+        return each(of, self.joint, motions[self.first], motions[self.second])
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Friction of each joint on its second body, N, or ``None``."""
+
+        def of(joint: AbstractContactJoint, contact: Contact, normal_force: Scalar) -> Any:
+            return joint.friction_force(name, contact, normal_force)
+
+        return each(of, self.joint, contact, normal_force)
+
+
+class SeveralContactLaws(AbstractContactLaw):
+    """The laws of one contact of several joints."""
+
+    joint: AbstractContactJoint
+    label: str = eqx.field(static=True)
+    has_memory: bool = eqx.field(static=True)  # pyright: ignore
+    force_jumps: bool = eqx.field(static=True)
+
+    def _each(self, method: str, *arguments: Any) -> Any:
+        def of(joint: AbstractContactJoint, *arguments: Any) -> Any:
+            return getattr(joint.laws()[self.label], method)(*arguments)
+
+        return each(of, self.joint, *arguments)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal forces in N."""
+        return self._each("force", gap, entry_speed)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Their parts that come from stored energy, N."""
+        return self._each("elastic_force", gap)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Elastic energies in J."""
+        return self._each("stored_energy", gap)
+
+    def reach(self) -> Scalar:
+        """Distances ahead of the surface at which the forces begin, m."""
+        return self._each("reach")

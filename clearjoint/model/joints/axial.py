@@ -1,0 +1,104 @@
+"""What holds the journal of a clearance joint along the bearing's axis."""
+
+from typing import Any, ClassVar
+
+from ...fields.checks import quantity, require, require_positive
+from ...fields.conversion import AbstractConverting
+from ...math.vectors import Scalar
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw, AbstractHertzianLaw
+from ..contact.stiffness import GivenStiffness
+
+
+class AbstractAxialPolicy(AbstractConverting):
+    """The declared axial behaviour of a clearance joint.
+
+    A subclass either sets `holds_centre`, and an ideal constraint keeps the journal's centre in the
+    bearing's middle plane, or gives the law of the two shoulders at the bearing's ends:
+
+    ```python
+    import clearjoint as cj
+
+    class ThrustWashers(cj.AbstractAxialPolicy):
+        lower_play: float  # m, from the journal's end to the washer
+        upper_play: float
+        stiffness: float  # N/m^1.5
+
+        def shoulder_law(self):
+            return cj.Hertz(self.stiffness)
+
+        def shoulder_gap(self, side, offset, rate):
+            play = self.lower_play if side < 0 else self.upper_play
+            return cj.Gap(offset - play, rate)
+
+    washers = ThrustWashers(lower_play=1e-4, upper_play=3e-4, stiffness=1e9)
+    scene, state = cj.double_pendulum(axial=washers)
+    ```
+    """
+
+    holds_centre: ClassVar[bool] = False
+
+    def shoulder_law(self) -> AbstractContactLaw | None:
+        """The normal law of the shoulders; ``None``, the default, where there are none."""
+        return None
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """The gap at one shoulder.
+
+        **Arguments:** `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for
+        the upper one. `offset` (m) and its `rate` (m/s): how far the journal's end is towards the
+        shoulder, from where it is with the journal in the middle.
+        """
+        del side
+        return Gap(offset, rate)
+
+
+class FreeAxially(AbstractAxialPolicy):
+    """Nothing holds the journal along an endless bearing, as in the paper.
+
+    For a mechanism whose other joints hold the bodies in a plane, as a slider-crank's do. Where
+    they don't, the journal slides out sooner or later; `simulate` then warns with a
+    `LeftBearingWarning`. Take `EndPlay` for a real bearing, whose collars stop the journal, or
+    `FixedAxially` where the axial motion is of no interest.
+    """
+
+
+class FixedAxially(AbstractAxialPolicy):
+    """An ideal constraint keeps the journal's centre in the bearing's middle plane."""
+
+    holds_centre = True
+
+
+class EndPlay(AbstractAxialPolicy):
+    """Shoulders at both ends stop the journal after half the play to each side.
+
+    **Arguments:**
+
+    - `play`: m, total axial travel between the shoulders.
+    - `law`: the normal law of a shoulder, with a given stiffness (the surfaces are flat).
+
+    The force acts along the bearing's axis at the journal's base. No friction at the shoulders.
+    """
+
+    play: Any = quantity("m")
+    law: AbstractContactLaw
+
+    def __check_init__(self):
+        require_positive("play", self.play, "give the axial travel in m", zero=True)
+        if isinstance(self.law, AbstractHertzianLaw):
+            require(
+                isinstance(self.law.stiffness, GivenStiffness),
+                "law",
+                type(self.law.stiffness).__name__,
+                "a law with a given stiffness",
+                "shoulders are flat, so pass a number in N/m^n as the law's stiffness",
+            )
+
+    def shoulder_law(self) -> AbstractContactLaw:
+        """The law given."""
+        return self.law
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """The gap after half the play."""
+        del side
+        return Gap(offset - 0.5 * self.play, rate)

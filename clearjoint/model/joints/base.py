@@ -1,0 +1,271 @@
+"""What an element of a scene may do: constrain, push, and touch.
+
+A third party subclasses `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; nothing is
+registered. All methods work on the scalar form of `clearjoint.math.vectors`.
+"""
+
+import abc
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from ...fields.conversion import AbstractConverting
+from ...math.vectors import Scalar, Vector
+from ..bodies import Motion, Wrench
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
+from .motion_subspaces import AbstractFreedom
+
+Motions = Mapping[str, Motion]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One scalar constraint at a configuration.
+
+    `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
+    moment . spin + `time_rate` (so that the reaction on the body is this pair times the
+    multiplier); `bias` is what is left of Phi's second derivative when all accelerations vanish.
+    `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
+    as a driver's does, which then supplies the power -multiplier time_rate.
+    """
+
+    value: Scalar
+    jacobian: dict[str, Wrench]
+    bias: Scalar
+    time_rate: Scalar = 0.0
+
+
+class AbstractElement(AbstractConverting):
+    """Anything in a scene that names bodies."""
+
+    @abc.abstractmethod
+    def body_names(self) -> tuple[str, ...]:
+        """Names of the bodies it acts on, the ground included."""
+
+    def breakpoints(self) -> Any:
+        """Times in s where the element changes as no smooth function of time does: its force jumps
+        or has a kink, or the angle it prescribes has a kink. None by default.
+
+        A number, an array or a tuple of such, in any order; computed from the element's own numbers
+        they may be parameters. Steps end there, each sees one side only, and derivatives have the
+        jump's own term. A force that jumps at an instant that it does not declare is integrated
+        with many short steps, and `sensitivities` refuses it.
+        """
+        return ()
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The points that it has on bodies: argument, body, and (3,) m in the body's axes. None by
+        default; units are checked by them."""
+        return ()
+
+
+class AbstractConstraint(AbstractElement):
+    """An ideal joint: constraint equations Phi = 0 (eq. 27) that the multipliers enforce.
+
+    A rod without mass between two centres of mass, by a residual that is differentiated:
+
+    ```python
+    import clearjoint as cj
+
+    class Rod(cj.AbstractConstraint):
+        first: str
+        second: str
+        length: float  # m
+
+        def body_names(self):
+            return self.first, self.second
+
+        def rows(self, motions, t):
+            def residual(first, second):
+                (here, _), (there, _) = first, second
+                apart = there - here
+                return (0.5 * (apart.dot(apart) - self.length**2),)
+
+            names = self.body_names()
+            pair = [motions[name] for name in names]
+            return cj.rows_from_residual(names, ("length",), residual, *pair)
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, {"rod": Rod("ground", "ball", length=0.5)})
+    state = cj.State({"ball": cj.body_state((0.5, 0.0, 0.0))})
+    ```
+    """
+
+    @abc.abstractmethod
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The constraint equations by name, independent of each other."""
+
+    def freedom(self, parent: str) -> AbstractFreedom | None:
+        """The motion that the joint leaves the other one of its two bodies against the given one.
+
+        Joint coordinates follow it and leave the constraint equations out. ``None``, the default,
+        keeps them in.
+        """
+        del parent
+        return None
+
+
+class AbstractForce(AbstractElement):
+    """A force element without contact.
+
+    ```python
+    import clearjoint as cj
+
+    class Drag(cj.AbstractForce):
+        body: str
+        factor: float  # N s^2/m^2
+        point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, body axes
+
+        def body_names(self):
+            return (self.body,)
+
+        def wrenches(self, motions, t):
+            motion = motions[self.body]
+            velocity = motion.velocity_at(self.point)
+            speed, _ = cj.norm_and_direction(velocity)
+            return {self.body: motion.wrench(velocity * (-self.factor * speed), self.point)}
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, forces={"air": Drag("ball", factor=0.02)}, gravity=(0, 0, -9.81))
+    ```
+    """
+
+    @abc.abstractmethod
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Wrench on each body by name; the ground's is never used."""
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Potential energy in J; 0 unless the element stores some."""
+        del motions, t
+        return 0.0
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Power in W that enters the system beside the change of the stored energy.
+
+        The default, all the power of the wrenches, is right for an element that stores nothing.
+        """
+        power: Scalar = 0.0
+        for name, wrench in self.wrenches(motions, t).items():
+            power = power + motions[name].power(wrench)
+        return power
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Geometry of one possible contact between two surfaces.
+
+    `normal` is the direction in which the second body penetrates the first, a global unit vector:
+    the normal force on the second body is -F normal, on the first +F normal. `arm_first` and
+    `arm_second` are the contact points on the two surfaces, from each body's centre of mass in its
+    axes, m (eq. 17). `slip` is the tangential velocity of the second body relative to the first,
+    m/s, or ``None`` without friction. A normal force alone may act at any points on its line,
+    `line_first` and `line_second`, if some are known with less arithmetic and rounding.
+    """
+
+    gap: Gap
+    normal: Vector
+    arm_first: Vector
+    arm_second: Vector
+    slip: Vector | None
+    line_first: Vector | None = None
+    line_second: Vector | None = None
+
+    def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
+        """Where the force acts on the first and on the second body, in their axes, m."""
+        if has_friction or self.line_first is None or self.line_second is None:
+            return self.arm_first, self.arm_second
+        return self.line_first, self.line_second
+
+
+class AbstractContactJoint(AbstractElement):
+    """A joint of unilateral contacts, each with a normal law that may remember its impact.
+
+    ```python
+    import clearjoint as cj
+
+    class BallOnFloor(cj.AbstractContactJoint):
+        ball: str
+        radius: float  # m
+        law: cj.AbstractContactLaw
+
+        def pair(self):
+            return "ground", self.ball
+
+        def laws(self):
+            return {"floor": self.law}
+
+        def contacts(self, motions):
+            ball, down = motions[self.ball], cj.Vector(0.0, 0.0, -1.0)
+            gap = cj.Gap(self.radius - ball.position.z, -ball.velocity.z)
+            on_floor = cj.Vector(ball.position.x, ball.position.y, 0.0)
+            on_ball = ball.components(down * self.radius)
+            return {"floor": cj.Contact(gap, down, on_floor, on_ball, slip=None)}
+
+        def friction_force(self, name, contact, normal_force):
+            return None
+
+    bodies = {"ball": cj.Body(0.1, (4e-6, 4e-6, 4e-6))}
+    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.Hertz(1e9))}
+    scene = cj.Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    ```
+    """
+
+    @abc.abstractmethod
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """The law of each contact by name."""
+
+    @abc.abstractmethod
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """The geometry of each contact by name."""
+
+    @abc.abstractmethod
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Friction on the second body in N, or ``None`` where there is none."""
+
+    @abc.abstractmethod
+    def pair(self) -> tuple[str, str]:
+        """Names of the first and the second body."""
+
+    def body_names(self) -> tuple[str, ...]:
+        """The two bodies."""
+        return self.pair()
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
+        run ends there. None by default."""
+        return {}
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """How far the second body has slid beyond the end of its room, m, negative inside; ``None``
+        where something stops it, and by default. A run warns of it."""
+        del motions
+        return None
+
+    def centred(self) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body in the middle of its room; ``None``, the
+        default, where there is no middle. `assemble` takes it for a body that is outside."""
+        return None
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The ideal joint that holds the second body where a load lets it rest; ``None``, the
+        default, where it can't rest. In packed form, as `centred`.
+
+        **Arguments:** `load`: (3,) N, of the second body on the first, in the first one's axes.
+        """
+        del load
+        return None
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """A moving body, a point of it (body axes), and the ground's point that it stays near."""
+        return None
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Constraint equations that the joint adds to its contacts; none by default."""
+        del motions, t
+        return {}

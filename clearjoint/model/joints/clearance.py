@@ -1,0 +1,369 @@
+"""The spatial revolute joint with clearance (eqs 1-23).
+
+The bearing belongs to the first body, the journal to the second. Both bases V and W of the journal
+are checked against the bearing's wall, each with the full law. The tilt between journal and bearing
+is small, so that the bases' circles are taken in the bearing's cross-section (as in the paper);
+contact of an edge along the wall is not modelled.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ...fields.checks import (
+    as_number,
+    caution_above,
+    caution_unless,
+    concrete,
+    quantity,
+    require,
+    require_axis,
+    require_point,
+    require_positive,
+)
+from ...math.rotations import transverse_axes, unit
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector, add, subtract
+from ..bodies import GROUND, Motion
+from ..contact.friction import AbstractFriction
+from ..contact.gap import Gap, slip_velocity
+from ..contact.laws import AbstractContactLaw
+from .axial import AbstractAxialPolicy, FreeAxially
+from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from .constraint_rows import point_in_plane, turning_about_axes
+from .ideal import CylindricalJoint, RevoluteJoint, require_distinct
+
+BASES = ("V", "W")
+SHOULDERS = ("lower shoulder", "upper shoulder")
+"""At the ends of the bearing: against its axis, and along it."""
+SIDES = (-1.0, 1.0)
+LEAST_SHARE = 1e-6
+"""Of a load, across the axis: less is rounding's and seats no journal."""
+WIDEST_CLEARANCE = 0.1
+"""Clearance over the bearing's radius beyond which one is warned."""
+LARGEST_BEARING = 2.0
+"""Likewise its radius, m."""
+LONGEST_JOURNAL = 100.0
+"""Likewise the journal's length over the bearing's radius."""
+
+
+class ClearanceJoint(AbstractContactJoint):
+    """A journal inside a slightly larger bearing.
+
+    **Arguments:**
+
+    - `bearing_body`, `journal_body`: names; one may be the ground.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in body axes.
+    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in body axes. Base V
+      lies half a length against the axis, base W half a length along it.
+    - `bearing_radius`: m; and either `journal_radius` or radial `clearance`, m, both positive. The
+      clearance is what is stored, since it is small and swept.
+    - `journal_length`: m, distance between the bases.
+    - `law`: the normal law at each base.
+    - `friction`: an `AbstractFriction`, or ``None``.
+    - `axial`: `FreeAxially()`, the default, for a mechanism whose other joints hold the journal
+      along the axis; `EndPlay(...)` where they don't, or `FixedAxially()`.
+
+    **Raises:** `ValueError` for a journal that is not smaller than the bearing, axes of no length,
+    or other values that no joint can have.
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    bearing_point: Any = quantity("m")
+    bearing_axis: Any = quantity("1")
+    journal_point: Any = quantity("m")
+    journal_axis: Any = quantity("1")
+    bearing_radius: Any = quantity("m")
+    clearance: Any = quantity("m")
+    journal_length: Any = quantity("m")
+    law: AbstractContactLaw
+    friction: AbstractFriction | None
+    axial: AbstractAxialPolicy
+
+    def __init__(
+        self,
+        bearing_body: str,
+        journal_body: str,
+        *,
+        bearing_point: Any = (0.0, 0.0, 0.0),
+        bearing_axis: Any = (0.0, 0.0, 1.0),
+        journal_point: Any = (0.0, 0.0, 0.0),
+        journal_axis: Any = (0.0, 0.0, 1.0),
+        bearing_radius: Any,
+        journal_radius: Any = None,
+        clearance: Any = None,
+        journal_length: Any,
+        law: AbstractContactLaw,
+        friction: AbstractFriction | None = None,
+        axial: AbstractAxialPolicy | None = None,
+    ):
+        require(
+            (journal_radius is None) != (clearance is None),
+            "clearance",
+            clearance,
+            "given if and only if `journal_radius` is not",
+            "pass one of the two, in m",
+        )
+        if clearance is None:
+            clearance = as_number(bearing_radius) - as_number(journal_radius)
+            number = concrete(clearance)
+            if number is not None and number.shape == ():
+                require(
+                    not number <= 0.0,
+                    "journal_radius",
+                    journal_radius,
+                    f"smaller than the bearing's {float(bearing_radius)} m",
+                    "swap the radii, or use an ideal RevoluteJoint for no clearance",
+                )
+        self.bearing_body, self.journal_body = bearing_body, journal_body
+        self.bearing_point, self.bearing_axis = as_number(bearing_point), as_number(bearing_axis)
+        self.journal_point, self.journal_axis = as_number(journal_point), as_number(journal_axis)
+        self.bearing_radius, self.clearance = as_number(bearing_radius), as_number(clearance)
+        self.journal_length = as_number(journal_length)
+        self.law, self.friction = law, friction
+        self.axial = FreeAxially() if axial is None else axial
+
+    def __check_init__(self):
+        require_distinct(self.bearing_body, self.journal_body)
+        for name in ("bearing_point", "journal_point"):
+            require_point(name, getattr(self, name))
+        for name in ("bearing_axis", "journal_axis"):
+            require_axis(name, getattr(self, name))
+        require_positive("bearing_radius", self.bearing_radius, "give it in m")
+        require_positive("clearance", self.clearance, "give the radial clearance in m")
+        require_positive("journal_length", self.journal_length, "give it in m")
+        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
+        if radius is not None and clearance is not None:
+            require(
+                bool(clearance < radius),
+                "clearance",
+                float(clearance),
+                f"smaller than the bearing's radius {float(radius)} m",
+                "check the units (m)",
+            )
+            caution_unless(
+                bool(clearance <= WIDEST_CLEARANCE * radius),
+                "clearance",
+                float(clearance),
+                "m",
+                f"at most a tenth of the bearing's radius of {float(radius):g} m",
+                "give the journal's radius as `journal_radius`, and the radial clearance in m",
+            )
+            remedy = "give lengths in m; 1 mm is 1e-3 m"
+            caution_above("bearing_radius", radius, "m", LARGEST_BEARING, remedy)
+            longest = LONGEST_JOURNAL * float(radius)
+            caution_above("journal_length", self.journal_length, "m", longest, remedy)
+        kinds = {
+            "law": AbstractContactLaw,
+            "axial": AbstractAxialPolicy,
+            "friction": AbstractFriction,
+        }
+        for name, kind in kinds.items():
+            value = getattr(self, name)
+            require(
+                isinstance(value, kind) or (name == "friction" and value is None),
+                name,
+                value,
+                f"an {kind.__name__}",
+                f"subclass {kind.__name__} or pass one of clearjoint's",
+            )
+
+    @property
+    def journal_radius(self) -> Any:
+        """Bearing radius less clearance, m."""
+        return self.bearing_radius - self.clearance
+
+    def pair(self) -> tuple[str, str]:
+        """The bearing's body and the journal's."""
+        return self.bearing_body, self.journal_body
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """The law of each base, and of each shoulder if there are any."""
+        laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
+        of_shoulders = self.axial.shoulder_law()
+        return laws if of_shoulders is None else laws | dict.fromkeys(SHOULDERS, of_shoulders)
+
+    def deepest(self) -> dict[str, Scalar]:
+        """The journal's radius at both bases: deeper, its axis has left the bearing."""
+        return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Contact geometry at both bases, and at both shoulders if there are any."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axis = bearing.direction(unit(self.bearing_axis))
+        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        centre = self._offset(bearing, journal)
+        arm, turning = journal.direction(half), journal.direction(journal.spin.cross(half))
+        middle = journal.velocity_at(self.journal_point)
+
+        def base(sign: Scalar) -> _Base:
+            local, reach = self.journal_point + half * sign, arm * sign
+            offset = centre + reach
+            on_bearing = self.bearing_point + bearing.components(offset)
+            relative = (middle + turning * sign) - bearing.velocity_at(on_bearing)
+            across = _across(centre, axis), _across(reach, axis)
+            return _Base(axis, offset.dot(axis), *across, local, on_bearing, relative)
+
+        contacts = {
+            label: self._radial(bearing, journal, base(sign))
+            for sign, label in zip(SIDES, BASES, strict=True)
+        }
+        if self.axial.shoulder_law() is not None:
+            facing = jnp.where(arm.dot(axis) < 0.0, -1.0, 1.0)
+            for side, label in zip(SIDES, SHOULDERS, strict=True):
+                contacts[label] = self._axial(side, base(side * facing))
+        return contacts
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """From the bearing's centre to the journal's, or to one of its bases, m.
+
+        In the bearing's frame, where x and y are across its axis and z is along it; for a
+        `bearing_axis` of (0, 0, 1) these are the body's own axes.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        reach = self._offset(bearing, journal)
+        if base is not None:
+            signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
+            half = unit(self.journal_axis) * (0.5 * self.journal_length)
+            reach = reach + journal.direction(half) * signs[base]
+        offset = bearing.components(reach)
+        axis = unit(self.bearing_axis)
+        first, second = transverse_axes(axis)
+        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+
+    def turn(self, motions: Motions) -> Row:
+        """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axes = self.bearing_axis, self.journal_axis
+        return turning_about_axes(self.pair(), bearing, journal, *axes)
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """How far an axially free journal is beyond a bearing as long as itself."""
+        if not self._is_free():
+            return None
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        height = self._offset(bearing, journal).dot(bearing.direction(unit(self.bearing_axis)))
+        return abs(height) - self.journal_length
+
+    def _is_free(self) -> bool:
+        """Whether nothing holds the journal along the axis."""
+        return not self.axial.holds_centre and self.axial.shoulder_law() is None
+
+    def centred(self) -> AbstractConstraint:
+        """A revolute joint, or a cylindrical one if the journal is axially free."""
+        return self._ideal(self.bearing_point)
+
+    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The same with the journal along the wall, in the direction of the load across the axis;
+        ``None`` if there is no such load."""
+        axis = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ axis) * axis
+        size = np.linalg.norm(across)
+        if not size > LEAST_SHARE * np.linalg.norm(load):
+            return None
+        return self._ideal(self.bearing_point + self.clearance / size * across)
+
+    def _ideal(self, centre: Any) -> AbstractConstraint:
+        """An ideal joint about a centre in the bearing's body, m."""
+        kind = CylindricalJoint if self._is_free() else RevoluteJoint
+        return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
+        if self.bearing_body == GROUND:
+            return self.journal_body, self.journal_point, self.bearing_point
+        if self.journal_body == GROUND:
+            return self.bearing_body, self.bearing_point, self.journal_point
+        return None
+
+    def _offset(self, bearing: Motion, journal: Motion) -> Vector:
+        """From the bearing's centre to the journal's (eq. 8)."""
+        if self.journal_body == GROUND:
+            return -bearing.point_from(self.journal_point, self.bearing_point)
+        return journal.point_from(bearing.point(self.bearing_point), self.journal_point)
+
+    def _axial(self, side: float, base: "_Base") -> Contact:
+        """Contact of the base at one end of the bearing with the shoulder there."""
+        outward = base.axis * side
+        offset = side * base.height - 0.5 * self.journal_length
+        gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
+        return Contact(gap, outward, base.on_bearing, base.local, None)
+
+    def _radial(self, bearing: Motion, journal: Motion, base: "_Base") -> Contact:
+        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
+        eccentricity, normal = norm_and_direction(base.centre + base.reach)
+        depth = self._depth(base, eccentricity)
+        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
+        along = base.axis * base.height
+        # Friction acts on both bodies at one point between the surfaces: at the points of eqs
+        # (15)-(16), a penetration apart, it would leave a moment.
+        shift = 0.0 if self.friction is None else 0.5 * gap.depth
+        to_wall = along + normal * add(self.bearing_radius, shift)
+        on_bearing = self.bearing_point + bearing.components(to_wall)
+        on_journal = base.local + journal.components(normal * subtract(self.journal_radius, shift))
+        slip = None
+        if self.friction is not None:
+            sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
+            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+        on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
+        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+
+    def _depth(self, base: "_Base", eccentricity: Scalar) -> Scalar:
+        """Eccentricity less clearance, by the difference of their squares.
+
+        Subtracting the two themselves leaves each base a rounding of its own, from which impacts
+        grow a misalignment. Here what rounds most is common to both.
+        """
+        common = base.centre.dot(base.centre) - self.clearance * self.clearance
+        own = base.reach.dot(base.centre * 2.0 + base.reach)
+        return (common + own) / (eccentricity + self.clearance)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Friction on the journal at a base, N."""
+        del name
+        if self.friction is None or contact.slip is None:
+            return None
+        return self.friction.force(normal_force, contact.slip)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The axial constraint of a policy that holds the centre; else none."""
+        del t
+        if not self.axial.holds_centre:
+            return {}
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axis = unit(self.bearing_axis)
+        row = point_in_plane(
+            self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
+        )
+        return {"axial": row}
+
+
+@dataclass(frozen=True)
+class _Base:
+    """Where a base is: `local` in the journal's body axes; along the bearing's `axis` at a `height`
+    from its centre; and across it by the journal's `centre` and by the `reach` from there. There is
+    the point `on_bearing` of the bearing, in its body axes; `velocity` is relative to that."""
+
+    axis: Vector
+    height: Scalar
+    centre: Vector
+    reach: Vector
+    local: Vector
+    on_bearing: Vector
+    velocity: Vector
+
+
+def _across(vector: Vector, axis: Vector) -> Vector:
+    """The part of a vector at a right angle to an axis."""
+    return vector - axis * vector.dot(axis)

@@ -1,0 +1,183 @@
+"""The constraint rows that ideal joints are made of."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from ...math.rotations import transverse_axes, unit
+from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
+from ..bodies import Motion, Wrench
+from .base import Row
+
+Pair = tuple[str, str]
+
+
+def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
+    """Jacobian and bias of direction . (velocity of a body-fixed point)."""
+    body_direction = motion.rotation.transposed_times(direction)
+    centripetal = motion.spin.cross(motion.spin.cross(local))
+    return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
+
+
+def _negative(wrench: Wrench) -> Wrench:
+    return Wrench(-wrench.force, -wrench.moment)
+
+
+def coincident_points(
+    names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
+) -> dict[str, Row]:
+    """Three rows: a point of each body, given in body axes, stay together (eq. 25)."""
+    separation = first.point(local_first) - second.point(local_second)
+    rows = {}
+    for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
+        wrench_first, bias_first = _along(first, local_first, axis)
+        wrench_second, bias_second = _along(second, local_second, axis)
+        jacobian = {names[0]: wrench_first, names[1]: _negative(wrench_second)}
+        rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
+    return rows
+
+
+def perpendicular(
+    names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
+) -> Row:
+    """One row: a direction of each body, in body axes, stay at a right angle."""
+    a, b = first.direction(axis_first), second.direction(axis_second)
+    b_in_first = first.rotation.transposed_times(b)
+    a_in_second = second.rotation.transposed_times(a)
+    turn_first, turn_second = first.spin.cross(axis_first), second.spin.cross(axis_second)
+    bias = (
+        first.spin.cross(turn_first).dot(b_in_first)
+        + second.spin.cross(turn_second).dot(a_in_second)
+        + 2.0 * first.direction(turn_first).dot(second.direction(turn_second))
+    )
+    jacobian = {
+        names[0]: Wrench(ZERO, axis_first.cross(b_in_first)),
+        names[1]: Wrench(ZERO, axis_second.cross(a_in_second)),
+    }
+    return Row(a.dot(b), jacobian, bias)
+
+
+def point_in_plane(
+    names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
+) -> Row:
+    """One row: a point of the second body stays in the plane of the first with a given normal."""
+    normal = first.direction(axis)
+    arm = first.components(second.point(local) - first.position)
+    along, bias_second = _along(second, local, normal)
+    velocity = first.components(second.velocity_at(local) - first.velocity)
+    relative = velocity - first.spin.cross(arm)
+    spin = first.spin
+    bias_first = axis.dot(spin.cross(spin.cross(arm))) + 2.0 * axis.dot(spin.cross(relative))
+    jacobian = {
+        names[0]: Wrench(-normal, axis.cross(arm)),
+        names[1]: along,
+    }
+    return Row(axis.dot(arm - origin), jacobian, bias_second - bias_first)
+
+
+def turning_angle(
+    names: Pair, first: Motion, second: Motion, axis: Vector, direction: Vector
+) -> Row:
+    """One row: the angle, within (-pi, pi], of a direction of the second body about an axis of the
+    first, from the first of its `transverse_axes`.
+
+    It is that of the direction's projection across the axis, so that its derivatives are exact
+    wherever the axes of both bodies point.
+    """
+    start, quarter = transverse_axes(axis)
+    cosine = perpendicular(names, first, second, start, direction)
+    sine = perpendicular(names, first, second, quarter, direction)
+    c, s = cosine.value, sine.value
+    inverse = 1.0 / (c * c + s * s)
+    jacobian = {}
+    for name in names:
+        turn = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
+        jacobian[name] = Wrench(ZERO, turn * inverse)
+    c_rate, s_rate = (
+        add(first.power(row.jacobian[names[0]]), second.power(row.jacobian[names[1]]))
+        for row in (cosine, sine)
+    )
+    rate = (c * s_rate - s * c_rate) * inverse
+    swing = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
+    return Row(jnp.arctan2(s, c), jacobian, swing * inverse)
+
+
+def turning_about_axes(
+    names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
+) -> Row:
+    """`turning_angle` about an axis that both bodies have, in the axes of each, of any length.
+
+    Zero where the bodies' frames differ by the shortest turn between the axes' components.
+    """
+    a, b = unit(axis_first), unit(axis_second)
+    start, _ = transverse_axes(a)
+    b = b * jnp.where(a.dot(b) < 0.0, -1.0, 1.0)
+    direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
+    return turning_angle(names, first, second, a, direction)
+
+
+Pose = tuple[Vector, Matrix]
+Twist = tuple[Vector, Vector]
+
+
+def _pose_rate(pose: Pose, twist: Twist) -> Pose:
+    """Time derivative of a pose whose twist is (velocity, spin in body axes): A' = A ~spin."""
+    velocity, spin = twist
+    rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
+    return velocity, Matrix(*(row.cross(spin) for row in rows))
+
+
+def rows_from_residual(
+    names: Pair,
+    labels: Sequence[str],
+    residual: Callable[[Pose, Pose], Sequence[Scalar]],
+    first: Motion,
+    second: Motion,
+) -> dict[str, Row]:
+    """Rows of a constraint given as a function of the two poses, by forward differentiation.
+
+    **Arguments:** `residual` maps ((position, rotation matrix) of the first body, of the second)
+    to one scalar a label. For a joint of one's own where derivatives by hand are not worth it.
+    """
+    poses, twists = _as_arrays(
+        (
+            ((first.position, first.rotation), (second.position, second.rotation)),
+            ((first.velocity, first.spin), (second.velocity, second.spin)),
+        )
+    )
+
+    def rate(poses: tuple[Pose, Pose], twists: tuple[Twist, Twist]) -> tuple[Scalar, ...]:
+        moved = tuple(_pose_rate(p, v) for p, v in zip(poses, twists, strict=True))
+        return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (moved,))[1]
+
+    moved = tuple(_pose_rate(p, v) for p, v in zip(poses, twists, strict=True))
+    biases = jax.jvp(lambda pair: rate(pair, twists), (poses,), (moved,))[1]
+    values = residual(*poses)
+    columns = [rate(poses, direction) for direction in _unit_twists()]
+    rows = {}
+    for k, label in enumerate(labels):
+        v = [column[k] for column in columns]
+        rows[label] = Row(
+            values[k],
+            {
+                names[0]: Wrench(Vector(*v[0:3]), Vector(*v[3:6])),
+                names[1]: Wrench(Vector(*v[6:9]), Vector(*v[9:12])),
+            },
+            biases[k],
+        )
+    return rows
+
+
+def _as_arrays(tree: Any) -> Any:
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), tree)
+
+
+def _unit_twists() -> list[tuple[Twist, Twist]]:
+    """The twelve unit twists of two bodies."""
+    zero = _as_arrays(ZERO)
+    units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
+    pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]
+    rest = (zero, zero)
+    return [(twist, rest) for twist in pairs] + [(rest, twist) for twist in pairs]

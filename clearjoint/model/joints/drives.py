@@ -1,0 +1,194 @@
+"""Drivers between two bodies that turn about a common axis: a prescribed rotation, or a torque.
+
+Neither holds the axis: a revolute joint beside it does, ideal or with clearance.
+"""
+
+import abc
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...fields.checks import quantity, require_axis, require_euler_parameters, require_shape
+from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.vectors import Scalar, add
+from ..bodies import Wrench
+from .base import AbstractConstraint, AbstractElement, AbstractForce, Motions, Row
+from .constraint_rows import turning_angle
+from .ideal import require_distinct
+
+
+class AbstractDrive(AbstractElement):
+    """An element on the angle of a second body about an axis of a first.
+
+    - `axis`: (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that turn components in the second body's
+      frame into the first's where the angle is zero.
+    """
+
+    first: eqx.AbstractVar[str]
+    second: eqx.AbstractVar[str]
+    axis: eqx.AbstractVar[Any]
+    orientation: eqx.AbstractVar[Any]
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        require_axis("axis", self.axis)
+        require_euler_parameters("orientation", self.orientation)
+
+    def body_names(self) -> tuple[str, ...]:
+        """The two bodies."""
+        return self.first, self.second
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        axis = unit(self.axis)
+        start, _ = transverse_axes(axis)
+        direction = rotation_matrix(self.orientation).transposed_times(start)
+        names = (self.first, self.second)
+        return turning_angle(names, *(motions[name] for name in names), axis, direction)
+
+
+class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
+    """An ideal driver: the second body's angle follows a function of time; one row.
+
+    The multiplier is the driving moment in N m, positive where it pushes the second body towards
+    larger angles: `observe(...).reactions[driver]` has it as the moment on each body. Its work is
+    "supplied" in the energy ledger.
+
+    Angles count modulo 2 pi, so that the number of revolutions is unlimited.
+
+    An angle with kinks declares their times as `breakpoints`: there velocities jump, by an impulse
+    of the driver. A run whose driver isn't followed ends with `RESULTS.not_followed`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Swing(cj.AbstractRotationDriver):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        amplitude: float  # rad
+        frequency: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def angle(self, t):
+            return self.amplitude * jnp.sin(self.frequency * t)
+
+    swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
+    scene, guess = cj.slider_crank(motor=swing)
+    state = cj.assemble(scene, guess)
+    ```
+    """
+
+    @abc.abstractmethod
+    def angle(self, t: Scalar) -> Scalar:
+        """The angle in rad at a time in s: continuous, and twice differentiable by JAX between the
+        `breakpoints`."""
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The angle less that prescribed."""
+
+        def speed(t: Scalar) -> Scalar:
+            return jax.jvp(self.angle, (t,), (jnp.ones_like(t),))[1]
+
+        t = jnp.asarray(t, dtype=float)
+        prescribed, acceleration = jax.jvp(speed, (t,), (jnp.ones_like(t),))
+        turn = self.turn(motions)
+        error = turn.value - self.angle(t)
+        wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
+        return {"angle": Row(wrapped, turn.jacobian, turn.bias - acceleration, -prescribed)}
+
+
+class PrescribedRotation(AbstractRotationDriver):
+    """Turns the second body against the first at constant speed.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `speed`: rad/s, right-handed about the axis.
+    - `initial_angle`: rad, at time zero.
+    - `orientation`: (4,) Euler parameters, scalar first, that turn components in the second body's
+      frame into the first's where the angle is zero; parallel frames by default.
+
+    For another motion subclass `AbstractRotationDriver` and give its angle over time.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Any = quantity("1")
+    speed: Any = quantity("rad/s")
+    initial_angle: Any = quantity("rad", default=0.0)
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_shape("speed", self.speed, (), "pass a single number in rad/s")
+        require_shape("initial_angle", self.initial_angle, (), "pass a single number in rad")
+
+    def angle(self, t: Scalar) -> Scalar:
+        """The initial angle and the speed times the time."""
+        return self.initial_angle + self.speed * t
+
+
+class AbstractDriveTorque(AbstractDrive, AbstractForce):
+    """A torque about the axis on the second body, and its opposite on the first.
+
+    ```python
+    import clearjoint as cj
+
+    class Motor(cj.AbstractDriveTorque):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        stall_torque: float  # N m
+        idle_speed: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def torque_at(self, angle, speed, t):
+            return self.stall_torque * (1.0 - speed / self.idle_speed)
+
+    motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
+    scene, state = cj.slider_crank(motor=motor)
+    ```
+    """
+
+    @abc.abstractmethod
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """The torque in N m, positive towards larger angles, for an angle in rad within (-pi, pi],
+        its rate in rad/s, and a time in s."""
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """The torque and its reaction: what works on the angle's rate."""
+        turn = self.turn(motions)
+        speed = add(*(motions[name].power(pair) for name, pair in turn.jacobian.items()))
+        torque = self.torque_at(turn.value, speed, t)
+        return {
+            name: Wrench(pair.force, pair.moment * torque) for name, pair in turn.jacobian.items()
+        }
+
+
+class DriveTorque(AbstractDriveTorque):
+    """A constant torque.
+
+    **Arguments:** as `PrescribedRotation`, but `torque` in N m; zero lets the bodies turn freely.
+
+    For a motor whose torque depends on angle, speed or time subclass `AbstractDriveTorque`.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Any = quantity("1")
+    torque: Any = quantity("N m")
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_shape("torque", self.torque, (), "pass a single number in N m")
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """The constant."""
+        del angle, speed, t
+        return self.torque

@@ -1,0 +1,106 @@
+"""Springs, dampers and applied loads."""
+
+from typing import Any
+
+import equinox as eqx
+
+from ...fields.checks import quantity, require_point, require_positive, require_shape
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector
+from ..bodies import Wrench
+from .base import AbstractForce, Motions
+from .ideal import require_distinct
+
+
+class SpringDamper(AbstractForce):
+    """A linear spring and damper between a point of each of two bodies.
+
+    **Arguments:** names; points (3,) m in body axes; `stiffness` N/m, `damping` N s/m, and
+    `free_length` m, none of them negative. The force has no direction where the points coincide
+    and is zero there.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    stiffness: Any = quantity("N/m")
+    damping: Any = quantity("N s/m", default=0.0)
+    free_length: Any = quantity("m", default=0.0)
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        require_point("point_first", self.point_first)
+        require_point("point_second", self.point_second)
+        for name in ("stiffness", "damping", "free_length"):
+            require_positive(name, getattr(self, name), "give it in SI units", zero=True)
+
+    def body_names(self) -> tuple[str, ...]:
+        """The two bodies."""
+        return self.first, self.second
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Its point on each body."""
+        return (
+            ("point_first", self.first, self.point_first),
+            ("point_second", self.second, self.point_second),
+        )
+
+    def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
+        first, second = motions[self.first], motions[self.second]
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        length, direction = norm_and_direction(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
+        return length - self.free_length, velocity.dot(direction), direction
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Equal and opposite forces along the line between the points."""
+        del t
+        stretch, rate, direction = self._stretch(motions)
+        force = direction * (self.stiffness * stretch + self.damping * rate)
+        return {
+            self.first: motions[self.first].wrench(force, self.point_first),
+            self.second: motions[self.second].wrench(-force, self.point_second),
+        }
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Half the stiffness times the squared stretch, J."""
+        del t
+        return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Minus the damper's dissipation, W."""
+        del t
+        return -self.damping * self._stretch(motions)[1] ** 2
+
+
+class AppliedLoad(AbstractForce):
+    """A constant force and torque on a body, given in global axes.
+
+    **Arguments:** `body`; `force` (3,) N at `point` (3,) m in body axes; `torque` (3,) N m.
+    A load that changes with time or motion is a subclass of `AbstractForce`.
+    """
+
+    body: str = eqx.field(static=True)
+    force: Any = quantity("N", default=(0.0, 0.0, 0.0))
+    torque: Any = quantity("N m", default=(0.0, 0.0, 0.0))
+    point: Any = quantity("m", default=(0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_shape("force", self.force, (3,), "pass three components in N")
+        require_shape("torque", self.torque, (3,), "pass three components in N m")
+        require_point("point", self.point)
+
+    def body_names(self) -> tuple[str, ...]:
+        """The body."""
+        return (self.body,)
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Where the force acts."""
+        return (("point", self.body, self.point),)
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """The load carried to the centre of mass."""
+        del t
+        motion = motions[self.body]
+        return {self.body: motion.wrench(self.force, self.point) + motion.torque(self.torque)}

@@ -1,0 +1,265 @@
+"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
+
+from typing import Any
+
+import equinox as eqx
+
+from ...fields.checks import (
+    quantity,
+    require,
+    require_axis,
+    require_euler_parameters,
+    require_point,
+)
+from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
+from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
+from .base import AbstractConstraint, Motions, Row
+from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
+from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
+
+
+class AbstractPairJoint(AbstractConstraint):
+    """An ideal joint between two bodies at a point of each."""
+
+    first: eqx.AbstractVar[str]
+    second: eqx.AbstractVar[str]
+    point_first: eqx.AbstractVar[Any]
+    point_second: eqx.AbstractVar[Any]
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        require_point("point_first", self.point_first)
+        require_point("point_second", self.point_second)
+
+    def body_names(self) -> tuple[str, ...]:
+        """The two bodies."""
+        return self.first, self.second
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """Its point on each body."""
+        return (
+            ("point_first", self.first, self.point_first),
+            ("point_second", self.second, self.point_second),
+        )
+
+    def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
+        """What belongs to the first and the second body, the parent's before the child's."""
+        return (of_first, of_second) if parent == self.first else (of_second, of_first)
+
+    def _coincidence(self, motions: Motions) -> dict[str, Row]:
+        first, second = motions[self.first], motions[self.second]
+        return coincident_points(
+            (self.first, self.second), first, second, self.point_first, self.point_second
+        )
+
+    def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
+        names = (self.first, self.second)
+        return perpendicular(names, motions[self.first], motions[self.second], a, b)
+
+    def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
+        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
+        across = transverse_axes(unit(axis))
+        return {
+            label: point_in_plane(names, *pair, self.point_first, normal, self.point_second)
+            for label, normal in zip(("offset 1", "offset 2"), across, strict=True)
+        }
+
+    def _parallel_axes(self, motions: Motions, first: Vector, second: Vector) -> dict[str, Row]:
+        across = transverse_axes(unit(second))
+        return {
+            label: self._perpendicular(motions, unit(first), direction)
+            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
+        }
+
+    def _turn(self, motions: Motions, first: Vector, second: Vector) -> Row:
+        names = (self.first, self.second)
+        return turning_about_axes(names, *(motions[name] for name in names), first, second)
+
+    def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
+        relative = rotation_matrix(orientation)
+        return {
+            label: self._perpendicular(motions, a, relative.transposed_times(b))
+            for label, a, b in (
+                ("rotation x", UNIT_Y, UNIT_Z),
+                ("rotation y", UNIT_Z, UNIT_X),
+                ("rotation z", UNIT_X, UNIT_Y),
+            )
+        }
+
+
+def require_distinct(first: str, second: str) -> None:
+    """Check that a joint connects two different bodies by name."""
+    for argument, name in (("first", first), ("second", second)):
+        require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
+    require(first != second, "second", second, "another body than `first`", "name two bodies")
+
+
+class SphericalJoint(AbstractPairJoint):
+    """A point of each body coincide; three rows (eq. 25).
+
+    **Arguments:** names of the bodies, and the joint's point on each, (3,) m in body axes.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Three translations."""
+        del t
+        return self._coincidence(motions)
+
+    def freedom(self, parent: str) -> Ball:
+        """Turning freely."""
+        return Ball(*self._ordered(parent, self.point_first, self.point_second))
+
+
+class RevoluteJoint(AbstractPairJoint):
+    """Points coincide and axes stay parallel; five rows.
+
+    The cross product of eq. (26) has three rows of rank two. Here the first body's axis is kept at
+    a right angle to two directions across the second body's axis: independent in every orientation.
+
+    **Arguments:** as `SphericalJoint`, and the axis on each body, (3,) in body axes, any length.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis_first: Any = quantity("1")
+    axis_second: Any = quantity("1")
+
+    def __check_init__(self):
+        require_axis("axis_first", self.axis_first)
+        require_axis("axis_second", self.axis_second)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Three translations and two tilts."""
+        del t
+        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
+        return self._coincidence(motions) | tilts
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        return self._turn(motions, self.axis_first, self.axis_second)
+
+    def freedom(self, parent: str) -> Hinge:
+        """Turning about the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return Hinge(*points, here, aligning(there, here))
+
+
+class FixedJoint(AbstractPairJoint):
+    """Two bodies that move as one; six rows.
+
+    **Arguments:** as `SphericalJoint`, and `orientation`: (4,) Euler parameters, scalar first, that
+    turn components in the second body's frame into the first body's; parallel frames by default.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_euler_parameters("orientation", self.orientation)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Three translations and three rotations."""
+        del t
+        return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
+
+    def freedom(self, parent: str) -> Weld:
+        """None."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        return Weld(*points, turn)
+
+
+class InlineJoint(AbstractPairJoint):
+    """A point of the second body stays on a line of the first; two rows.
+
+    **Arguments:** as `SphericalJoint`, and the line's `axis` on the first body, (3,) in its axes,
+    any length. With the axis across a planar mechanism it is a pin that adds no redundant
+    constraint to those that already hold the bodies in the plane.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis: Any = quantity("1")
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations across the line."""
+        del t
+        return self._point_on_line(motions, self.axis)
+
+
+class CylindricalJoint(AbstractPairJoint):
+    """Bodies that turn about a common axis and slide along it; four rows.
+
+    **Arguments:** as `RevoluteJoint`.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis_first: Any = quantity("1")
+    axis_second: Any = quantity("1")
+
+    def __check_init__(self):
+        require_axis("axis_first", self.axis_first)
+        require_axis("axis_second", self.axis_second)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations and two tilts."""
+        del t
+        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
+        return self._point_on_line(motions, self.axis_first) | tilts
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        return self._turn(motions, self.axis_first, self.axis_second)
+
+
+class PrismaticJoint(AbstractPairJoint):
+    """The second body slides along an axis of the first without turning; five rows.
+
+    **Arguments:** as `FixedJoint`, and the `axis` on the first body, (3,) in its axes, any length;
+    the joint's point on the second body stays on the line along it through that on the first.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Any = quantity("m")
+    point_second: Any = quantity("m")
+    axis: Any = quantity("1")
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+        require_euler_parameters("orientation", self.orientation)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations across the axis and three rotations."""
+        del t
+        held = self._same_orientation(motions, self.orientation)
+        return self._point_on_line(motions, self.axis) | held
+
+    def freedom(self, parent: str) -> Slider:
+        """Sliding along the axis."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        axis = unit(self.axis)
+        in_second = rotation_matrix(self.orientation).transposed_times(axis)
+        _, here = self._ordered(parent, axis, in_second)
+        return Slider(*points, here, turn)

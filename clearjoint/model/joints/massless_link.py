@@ -1,0 +1,105 @@
+"""The journal that never leaves the wall: clearance as a massless link."""
+
+from typing import Any
+
+import equinox as eqx
+
+from ...fields.checks import quantity, require, require_axis, require_point, require_positive
+from ...math.rotations import transverse_axes, unit
+from ...math.vectors import Scalar, Vector
+from ..bodies import NO_WRENCH, Wrench
+from .axial import AbstractAxialPolicy, FreeAxially
+from .base import AbstractConstraint, Motions, Row
+from .clearance import BASES
+from .constraint_rows import point_in_plane
+from .ideal import require_distinct
+
+
+class MasslessLink(AbstractConstraint):
+    """A `ClearanceJoint` in continuous contact: both bases at the distance of the clearance.
+
+    Two rows. The eccentricity vector is then a rod without mass between the axes (S. W. E. Earles,
+    C. L. S. Wu 1973; R. S. Haines 1985). There are no impacts, and the wall holds the journal where
+    it would have parted: a reaction that pulls tells that the model fails there.
+
+    **Arguments:** as of `ClearanceJoint`; `axial` is `FreeAxially()`, the default, or
+    `FixedAxially()`. The journal must start at the wall: call `assemble` on a state in which it is
+    nearer to the side meant.
+
+    **Raises:** `ValueError` for values that no joint can have.
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    clearance: Any = quantity("m")
+    journal_length: Any = quantity("m")
+    bearing_point: Any = quantity("m", default=(0.0, 0.0, 0.0))
+    bearing_axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
+    journal_point: Any = quantity("m", default=(0.0, 0.0, 0.0))
+    journal_axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
+    axial: AbstractAxialPolicy = eqx.field(default_factory=FreeAxially)
+
+    def __check_init__(self):
+        require_distinct(self.bearing_body, self.journal_body)
+        require_positive("clearance", self.clearance, "give the radial clearance in m")
+        require_positive("journal_length", self.journal_length, "give the distance of the bases")
+        for name in ("bearing_point", "journal_point"):
+            require_point(name, getattr(self, name))
+        for name in ("bearing_axis", "journal_axis"):
+            require_axis(name, getattr(self, name))
+        require(
+            self.axial.shoulder_law() is None,
+            "axial",
+            type(self.axial).__name__,
+            "FreeAxially() or FixedAxially()",
+            "shoulders are contacts, which a ClearanceJoint has",
+        )
+
+    def body_names(self) -> tuple[str, ...]:
+        """The bearing's body and the journal's."""
+        return self.bearing_body, self.journal_body
+
+    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+        """The centres of bearing and journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Half the difference of the squares of eccentricity and clearance, over the clearance, of
+        each base; and the axial constraint of a policy that holds the centre."""
+        del t
+        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        places = self.journal_point - half, self.journal_point + half
+        rows = {
+            base: self._distance(motions, place) for base, place in zip(BASES, places, strict=True)
+        }
+        if self.axial.holds_centre:
+            rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
+        return rows
+
+    def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
+        """Where a point of the journal is along a direction from the bearing's centre."""
+        names = self.bearing_body, self.journal_body
+        pair = motions[self.bearing_body], motions[self.journal_body]
+        return point_in_plane(names, *pair, self.bearing_point, direction, local)
+
+    def _distance(self, motions: Motions, local: Vector) -> Row:
+        """The eccentricity x, y of a base: (x^2 + y^2 - c^2)/(2 c)."""
+        across = [
+            self._height(motions, direction, local)
+            for direction in transverse_axes(unit(self.bearing_axis))
+        ]
+        value, bias = -0.5 * self.clearance, 0.0
+        jacobian = dict.fromkeys(self.body_names(), NO_WRENCH)
+        for row in across:
+            share = row.value / self.clearance
+            rate: Scalar = 0.0
+            for name, wrench in row.jacobian.items():
+                rate = rate + motions[name].power(wrench)
+                scaled = Wrench(wrench.force * share, wrench.moment * share)
+                jacobian[name] = jacobian[name] + scaled
+            value = value + 0.5 * share * row.value
+            bias = bias + rate * rate / self.clearance + share * row.bias
+        return Row(value, jacobian, bias)

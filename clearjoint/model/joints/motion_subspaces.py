@@ -1,0 +1,314 @@
+"""What an ideal joint leaves free: the motions that coordinates may follow instead of constraining.
+
+A freedom moves a *child* body against its *parent*: a point of the child may slide away from a
+point of the parent, and the child may turn about it. All is told in the child's axes, in which the
+directions of motion of the usual joints are constant.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...math.rotations import (
+    composed,
+    conjugate,
+    euler_parameter_rates,
+    kept_unit,
+    rotation_matrix,
+    turned,
+    within_two_turns,
+)
+from ...math.vectors import (
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    ZERO,
+    EulerParameters,
+    Matrix,
+    Scalar,
+    Vector,
+    add,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A spin of the child and a velocity of its joint's point, against the parent."""
+
+    turn: Vector
+    slide: Vector
+
+    def __add__(self, other: "Twist") -> "Twist":
+        return Twist(self.turn + other.turn, self.slide + other.slide)
+
+    def __mul__(self, factor: Scalar) -> "Twist":
+        return Twist(self.turn * factor, self.slide * factor)
+
+
+REST = Twist(ZERO, ZERO)
+
+
+@dataclass(frozen=True, slots=True)
+class Relative:
+    """Pose and twist of a child against its parent.
+
+    `orientation` turns the child's components into the parent's; `displacement` leads from the
+    parent's point to the child's, in the child's axes, in which its rate is ``twist.slide``.
+    """
+
+    orientation: EulerParameters
+    displacement: Vector
+    twist: Twist
+
+
+class JointState(eqx.Module):
+    """Variables of one joint: its `position` (any PyTree), and one of the `speeds` a freedom."""
+
+    position: Any
+    speeds: tuple[Scalar, ...]
+
+
+class AbstractFreedom(eqx.Module):
+    """The relative motion that a joint allows.
+
+    `point_parent` and `point_child` are the joint's points, m in each body's axes.
+    """
+
+    point_parent: eqx.AbstractVar[Vector]
+    point_child: eqx.AbstractVar[Vector]
+
+    @abc.abstractmethod
+    def encode(self, relative: Relative) -> JointState:
+        """The variables of a relative motion that the joint allows."""
+
+    @abc.abstractmethod
+    def orientation(self, position: Any) -> EulerParameters:
+        """Euler parameters, of any norm, that turn the child's components into the parent's."""
+
+    @abc.abstractmethod
+    def columns(self, position: Any) -> tuple[Twist, ...]:
+        """The relative twist that each speed gives by itself."""
+
+    @abc.abstractmethod
+    def rates(self, state: JointState) -> Any:
+        """Time derivative of the position."""
+
+    @abc.abstractmethod
+    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+        """The position after a small motion along the columns."""
+
+    def settled(self, position: Any) -> Any:
+        """The same position in numbers that don't drift in many steps; the default, as it is."""
+        return position
+
+    def rotation(self, position: Any) -> Matrix:
+        """The matrix that turns the child's components into the parent's."""
+        return rotation_matrix(self.orientation(position))
+
+    def displacement(self, position: Any) -> Vector:
+        """From the parent's point to the child's, child's axes; none unless the joint slides."""
+        del position
+        return ZERO
+
+    def bias(self, state: JointState) -> Twist:
+        """Rate of the relative twist at constant speeds, in the child's axes; zero for constant
+        columns."""
+        del state
+        return REST
+
+    def twist(self, state: JointState) -> Twist:
+        """The relative twist."""
+        parts = zip(self.columns(state.position), state.speeds, strict=True)
+        return sum((column * speed for column, speed in parts), REST)
+
+
+class Weld(AbstractFreedom):
+    """No motion at all. `reference` turns the child's components into the parent's."""
+
+    point_parent: Vector
+    point_child: Vector
+    reference: EulerParameters
+
+    def encode(self, relative: Relative) -> JointState:
+        """Nothing."""
+        del relative
+        return JointState((), ())
+
+    def orientation(self, position: Any) -> EulerParameters:
+        """Constant."""
+        del position
+        return self.reference
+
+    def columns(self, position: Any) -> tuple[Twist, ...]:
+        """None."""
+        del position
+        return ()
+
+    def rates(self, state: JointState) -> Any:
+        """None."""
+        return state.position
+
+    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+        """Not at all."""
+        del changes
+        return position
+
+
+class Hinge(AbstractFreedom):
+    """Turning by an angle (rad) about `axis`, a unit vector in the child's axes.
+
+    `reference` turns the child's components into the parent's at angle zero; see `aligning`.
+    """
+
+    point_parent: Vector
+    point_child: Vector
+    axis: Vector
+    reference: EulerParameters
+
+    def encode(self, relative: Relative) -> JointState:
+        """The angle within two turns, as Euler parameters tell it, so that none changes its sign
+        between a state and its variables."""
+        turn = composed(conjugate(self.reference), relative.orientation)
+        vector = Vector(turn.e1, turn.e2, turn.e3)
+        angle = 2.0 * jnp.arctan2(vector.dot(self.axis), turn.e0)
+        return JointState(angle, (relative.twist.turn.dot(self.axis),))
+
+    def orientation(self, position: Any) -> EulerParameters:
+        """Turned about the axis from the reference."""
+        vector = self.axis * jnp.sin(0.5 * position)
+        turn = EulerParameters(jnp.cos(0.5 * position), vector.x, vector.y, vector.z)
+        return composed(self.reference, turn)
+
+    def rotation(self, position: Any) -> Matrix:
+        """R (b b^T + cos (1 - b b^T) + sin ~b) with constant R, so that two products an entry are
+        left, and none where they are zeros and ones."""
+        b, cosine, sine = self.axis, jnp.cos(position), jnp.sin(position)
+
+        def row(reference: Vector) -> Vector:
+            along = b * reference.dot(b)
+            return along + (reference - along) * cosine + reference.cross(b) * sine
+
+        matrix = rotation_matrix(self.reference)
+        return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
+
+    def columns(self, position: Any) -> tuple[Twist, ...]:
+        """The axis."""
+        del position
+        return (Twist(self.axis, ZERO),)
+
+    def rates(self, state: JointState) -> Any:
+        """The angle's rate."""
+        return state.speeds[0]
+
+    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+        """The angle changed."""
+        return add(position, changes[0])
+
+    def settled(self, position: Any) -> Any:
+        """The angle within two turns, as `encode` gives it."""
+        return within_two_turns(position)
+
+
+class Ball(AbstractFreedom):
+    """Turning freely: relative Euler parameters, and relative spin in the child's axes."""
+
+    point_parent: Vector
+    point_child: Vector
+
+    def encode(self, relative: Relative) -> JointState:
+        """Relative orientation and spin."""
+        spin = relative.twist.turn
+        return JointState(relative.orientation, (spin.x, spin.y, spin.z))
+
+    def orientation(self, position: EulerParameters) -> EulerParameters:
+        """The Euler parameters themselves."""
+        return position
+
+    def columns(self, position: EulerParameters) -> tuple[Twist, ...]:
+        """The child's axes."""
+        del position
+        return tuple(Twist(axis, ZERO) for axis in (UNIT_X, UNIT_Y, UNIT_Z))
+
+    def rates(self, state: JointState) -> EulerParameters:
+        """Euler parameter rates."""
+        return euler_parameter_rates(state.position, Vector(*state.speeds))
+
+    def moved(self, position: EulerParameters, changes: tuple[Scalar, ...]) -> EulerParameters:
+        """Turned."""
+        return turned(position, Vector(*changes))
+
+    def settled(self, position: EulerParameters) -> EulerParameters:
+        """Of unit norm."""
+        return kept_unit(position)
+
+
+class Slider(AbstractFreedom):
+    """Sliding by a distance (m) along `axis`, a unit vector in the child's axes.
+
+    `reference` turns the child's components into the parent's.
+    """
+
+    point_parent: Vector
+    point_child: Vector
+    axis: Vector
+    reference: EulerParameters
+
+    def encode(self, relative: Relative) -> JointState:
+        """Distance and speed."""
+        distance = relative.displacement.dot(self.axis)
+        return JointState(distance, (relative.twist.slide.dot(self.axis),))
+
+    def orientation(self, position: Any) -> EulerParameters:
+        """Constant."""
+        del position
+        return self.reference
+
+    def displacement(self, position: Any) -> Vector:
+        """Along the axis."""
+        return self.axis * position
+
+    def columns(self, position: Any) -> tuple[Twist, ...]:
+        """The axis."""
+        del position
+        return (Twist(ZERO, self.axis),)
+
+    def rates(self, state: JointState) -> Any:
+        """The speed."""
+        return state.speeds[0]
+
+    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+        """The distance changed."""
+        return add(position, changes[0])
+
+
+def aligning(first: Vector, second: Vector) -> EulerParameters:
+    """Euler parameters, not normalised, of a turn that takes the second direction to the first.
+
+    Equal directions give the identity to the last bit.
+    """
+    return composed(_from_zeta(first), conjugate(_from_zeta(second)))
+
+
+def _from_zeta(axis: Vector) -> EulerParameters:
+    """The shortest turn of the zeta axis to a unit vector, after a half turn about xi where the
+    vector points backwards."""
+    if isinstance(axis.z, int | float):
+        return _forwards(axis) if axis.z >= 0.0 else _backwards(axis)
+    both = zip(_parts(_forwards(axis)), _parts(_backwards(axis)), strict=True)
+    return EulerParameters(*(jnp.where(axis.z >= 0.0, a, b) for a, b in both))
+
+
+def _forwards(axis: Vector) -> EulerParameters:
+    return EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
+
+
+def _backwards(axis: Vector) -> EulerParameters:
+    shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
+    return composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))
+
+
+def _parts(p: EulerParameters) -> tuple[Scalar, ...]:
+    return p.e0, p.e1, p.e2, p.e3

@@ -1,0 +1,134 @@
+"""The scene: bodies, joints, forces and gravity, by name."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..fields.checks import (
+    caution_above,
+    caution_unless,
+    concrete,
+    named,
+    optional_quantity,
+    require,
+    require_shape,
+)
+from ..fields.readable import AbstractReadable
+from .bodies import GROUND, Body
+from .contact.laws import AbstractContactLaw
+from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+
+FARTHEST = 100.0
+"""Distance of a body's point from its centre of mass, over the radius of gyration, beyond which one
+is warned."""
+STRONGEST_GRAVITY = 1e3
+"""Likewise the acceleration of gravity, m/s^2."""
+
+
+class Scene(AbstractReadable):
+    """A mechanism: a PyTree whose numbers may change without compiling anew.
+
+    **Arguments:**
+
+    - `bodies`: `Body` by name. The name "ground" is taken by the fixed body.
+    - `joints`: ideal joints and clearance joints by name.
+    - `forces`: springs, dampers and loads by name.
+    - `gravity`: (3,) m/s^2, or ``None``.
+
+    **Raises:** `ValueError` for an element of the wrong kind or one that names an unknown body.
+    """
+
+    bodies: dict[str, Body]
+    joints: dict[str, AbstractConstraint | AbstractContactJoint]
+    forces: dict[str, AbstractForce]
+    gravity: Any = optional_quantity("m/s^2")
+
+    def __init__(
+        self,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
+        forces: Mapping[str, AbstractForce] = MappingProxyType({}),
+        gravity: Any = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
+        self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
+        self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
+        self.gravity = gravity
+
+    def __check_init__(self):
+        remedy = "pass {name: Body(...)}"
+        require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
+        require(
+            GROUND not in self.bodies,
+            "bodies",
+            GROUND,
+            "without the name of the fixed body",
+            "rename the body",
+        )
+        _check_kinds("bodies", self.bodies, Body)
+        _check_kinds("joints", self.joints, (AbstractConstraint, AbstractContactJoint))
+        _check_kinds("forces", self.forces, AbstractForce)
+        for family in ("joints", "forces"):
+            for name, element in getattr(self, family).items():
+                self._check_names(f"{family}[{name!r}]", element)
+                self._check_distances(f"{family}[{name!r}]", element)
+        shared = sorted(set(self.joints) & set(self.forces))
+        require(not shared, "forces", shared, "of other names than the joints", "rename them")
+        if self.gravity is not None:
+            require_shape("gravity", self.gravity, (3,), "pass three components in m/s^2")
+            size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
+            if size is not None:
+                caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
+
+    def _check_names(self, argument: str, element: AbstractElement) -> None:
+        known = {GROUND, *self.bodies}
+        for name in element.body_names():
+            require(
+                name in known,
+                argument,
+                name,
+                f"between known bodies {sorted(known)}",
+                "correct the name, or add the body to the scene",
+            )
+
+    def _check_distances(self, argument: str, element: AbstractElement) -> None:
+        for name, body, point in element.attachments():
+            numbers = (self.bodies[body], point) if body in self.bodies else ()
+            if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
+                continue
+            distance, radius = float(np.linalg.norm(point)), self.bodies[body].gyration_radius()
+            caution_unless(
+                distance <= FARTHEST * radius,
+                f"{argument}.{name}",
+                distance,
+                "m from the centre of mass",
+                f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
+                "give points in m, and inertias in kg m^2",
+            )
+
+    def contact_joints(self) -> dict[str, AbstractContactJoint]:
+        """The joints that have contacts, by name."""
+        return {
+            name: joint
+            for name, joint in self.joints.items()
+            if isinstance(joint, AbstractContactJoint)
+        }
+
+    def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
+        """The normal law of each contact, by joint and contact."""
+        return {name: joint.laws() for name, joint in self.contact_joints().items()}
+
+
+def _check_kinds(argument: str, elements: dict[str, Any], kinds: Any) -> None:
+    for name, element in elements.items():
+        allowed = kinds if isinstance(kinds, tuple) else (kinds,)
+        require(
+            isinstance(element, allowed),
+            f"{argument}[{name!r}]",
+            type(element).__name__,
+            "one of " + ", ".join(kind.__name__ for kind in allowed),
+            "pass an element of that kind",
+        )

@@ -1,0 +1,148 @@
+"""Pictures of the journal in its bearing: a sequence of frames, and an animation."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus, Circle
+
+from ..model.joints.clearance import BASES
+from ..simulation.observe import Observation
+from .journal import eccentricity_vectors
+from .style import DARK, GREY, LIGHT
+
+DRAWN_GAP = 0.3
+"""Clearance as drawn, as a share of the bearing's radius."""
+WALL = 0.14
+"""Thickness of the bearing's wall as drawn, likewise."""
+Instants = Sequence[float] | np.ndarray
+
+
+def journal_frames(
+    observation: Observation,
+    joint: str,
+    clearance: float,
+    instants: Instants,
+    *,
+    section: Mapping[str, Any] | None = None,
+    columns: int = 8,
+    figure: Figure | None = None,
+) -> Figure:
+    """A sequence of pictures of the journal in its bearing, base V above base W (Fig. 17).
+
+    The clearance is exaggerated. A journal in contact is dark, one in flight light.
+
+    **Arguments:**
+
+    - `joint`: name of the clearance joint. `clearance`: radial, m.
+    - `instants`: (M,) s; each picture shows the observed instant nearest to it.
+    - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
+    - `columns`: pictures in a line.
+
+    **Returns:** the figure.
+    """
+    blocks = -(-len(instants) // columns)
+    if figure is None:
+        figure = Figure(figsize=(1.3 * columns, 2.75 * blocks + 0.3), layout="constrained")
+    grid = figure.subplots(2 * blocks, columns, squeeze=False)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    nearest = _nearest(observation.times, instants)
+    for row, base in enumerate(BASES):
+        offsets, touching = _drawn(observation, joint, base, clearance, section)
+        for k, index in enumerate(nearest):
+            axes = grid[2 * (k // columns) + row, k % columns]
+            Picture(axes).show(offsets[index], touching[index])
+            if row == 0:
+                axes.set_title(f"{observation.times[index] * 1e3:.1f} ms", fontsize=10)
+            if k % columns == 0:
+                axes.text(-1.25, 0.0, f"base {base}", rotation=90, ha="right", va="center")
+    samples = [Circle((0, 0), 1, facecolor=face, edgecolor=DARK) for face in (DARK, LIGHT)]
+    figure.legend(
+        samples, ["in contact", "in flight"], loc="outside lower center", ncols=2, frameon=False
+    )
+    return figure
+
+
+def animate_journal(
+    observation: Observation,
+    joint: str,
+    clearance: float,
+    file: str | Path,
+    instants: Instants,
+    *,
+    section: Mapping[str, Any] | None = None,
+    frames_per_second: int = 15,
+) -> None:
+    """Write an animation of both bases of the journal in the bearing, as a GIF.
+
+    The clearance is exaggerated. A journal in contact is dark, one in flight light.
+
+    **Arguments:**
+
+    - `joint`: name of the clearance joint. `clearance`: radial, m.
+    - `file`: where to write; the name ends in ".gif".
+    - `instants`: (M,) s, one a frame; each shows the observed instant nearest to it.
+    - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
+    """
+    figure = Figure(figsize=(5.0, 2.9))
+    pair = figure.subplots(1, 2)
+    figure.subplots_adjust(left=0.02, right=0.98, bottom=0.02, top=0.8, wspace=0.05)
+    clock = figure.suptitle("", fontsize=11)
+    shows = []
+    for axes, base in zip(pair, BASES, strict=True):
+        axes.set_axis_off()
+        axes.set_title(f"base {base}", fontsize=10)
+        shows.append((Picture(axes), *_drawn(observation, joint, base, clearance, section)))
+
+    def draw(index: int) -> list[Any]:
+        for picture, offsets, touching in shows:
+            picture.show(offsets[index], touching[index])
+        clock.set_text(f"{observation.times[index] * 1e3:.1f} ms")
+        return []
+
+    frames = _nearest(observation.times, instants)
+    animation = FuncAnimation(figure, draw, frames=frames, init_func=list)
+    animation.save(file, writer=PillowWriter(frames_per_second), dpi=80)
+
+
+class Picture:
+    """A journal in its bearing, to be moved about."""
+
+    def __init__(self, axes: Axes):
+        axes.add_patch(Annulus((0.0, 0.0), 1.0 + WALL, WALL, facecolor=GREY, edgecolor="none"))
+        self._journal = Circle((0.0, 0.0), 1.0 - DRAWN_GAP, edgecolor=DARK)
+        axes.add_patch(self._journal)
+        axes.plot(0.0, 0.0, "+", color=GREY, markersize=7)
+        (self._centre,) = axes.plot(0.0, 0.0, ".", markersize=5)
+        limit = 1.02 + WALL
+        axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
+
+    def show(self, offset: np.ndarray, touching: bool) -> None:
+        """Move the journal to an offset, (2,) in bearing radii, and show whether it touches."""
+        self._journal.set_center((float(offset[0]), float(offset[1])))
+        self._journal.set_facecolor(DARK if touching else LIGHT)
+        self._centre.set_data(offset[:1], offset[1:])
+        self._centre.set_color("white" if touching else DARK)
+
+
+def _drawn(
+    observation: Observation,
+    joint: str,
+    base: str,
+    clearance: float,
+    section: Mapping[str, Any] | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets as drawn, (N, 2) in bearing radii, and whether the base touches, (N,)."""
+    vectors = eccentricity_vectors(observation, joint, base, section)
+    touching = observation.contacts[joint][base].penetration > 0.0
+    return vectors * (DRAWN_GAP / clearance), touching
+
+
+def _nearest(times: np.ndarray, instants: Instants) -> list[int]:
+    """Index of the observed time nearest to each instant."""
+    return [int(np.argmin(np.abs(times - instant))) for instant in instants]

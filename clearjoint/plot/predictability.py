@@ -1,0 +1,70 @@
+"""How differences grow along a run, and where that ends a fit."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..information.error_growth import DISTURBANCE
+from ..information.horizon import Horizon
+from .style import DARK, GREY, axes_or_new, dress, lines
+
+
+def growth(found: Horizon, *, axes: Axes | None = None) -> Axes:
+    """Displacements of the bodies per unit of each parameter's coordinate, and per m/s of initial
+    velocity, over time; with the times beyond which a fit by a single run fails.
+
+    **Arguments:** `found`: from `horizon`.
+
+    **Returns:** the axes; time in ms, displacements in m, logarithmic.
+    """
+    axes = axes_or_new(axes)
+    times, labels = found.times * 1e3, [*found.information.labels, f"{DISTURBANCE}, m/s"]
+    for k, (label, (colour, style)) in enumerate(zip(labels, lines(), strict=False)):
+        size = np.where(found.growth[:, k] > 0.0, found.growth[:, k], np.nan)
+        axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=label)
+    _mark_limits(found, axes)
+    axes.set_yscale("log")
+    axes.legend(frameon=False, title="displacement per unit of", loc="lower right")
+    return dress(axes, "time, ms", "displacement, m")
+
+
+def integration_error(found: Horizon, *, axes: Axes | None = None) -> Axes:
+    """Error of the integration over the noise, and relative error of the derivatives, over time.
+
+    **Arguments:** `found`: from `horizon`.
+
+    **Returns:** the axes; time in ms, errors logarithmic.
+    """
+    axes = axes_or_new(axes)
+    curves = {
+        "error of the run over the noise": found.error,
+        "relative error of derivatives": found.derivative_error,
+    }
+    for (label, error), (colour, style) in zip(curves.items(), lines(), strict=False):
+        there = np.where(error > 0.0, error, np.nan)
+        axes.plot(found.times * 1e3, there, color=colour, linestyle=style, label=label)
+    _mark_limits(found, axes)
+    axes.set_yscale("log")
+    axes.legend(frameon=False, loc="lower right")
+    return dress(axes, "time, ms", "error")
+
+
+def _mark_limits(found: Horizon, axes: Axes) -> None:
+    limits = {
+        "guesses go astray": (found.convergence, DARK),
+        "integration fails": (found.numerical, GREY),
+    }
+    for label, (time, colour) in limits.items():
+        if np.isfinite(time):
+            axes.axvline(1e3 * time, color=colour, linewidth=1.0, linestyle="--")
+            axes.annotate(
+                label,
+                (1e3 * time, 0.98),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                rotation=90,
+                ha="right",
+                va="top",
+                color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            )

@@ -1,0 +1,1 @@
+"""Many runs side by side on devices: lanes, what they reduce and record, and their scheduling."""

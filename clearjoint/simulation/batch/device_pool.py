@@ -1,0 +1,283 @@
+"""The pool of lanes on the devices: slices of turns for those with the most work left.
+
+A pool holds the lanes that have begun and not ended. A slice is a native loop of some hundred
+turns for a smaller number of them, the places; before each slice the places go to the lanes with
+the most work left, judged by their progress so far. So no lane waits for the slowest, and all lanes
+of a pool end at about the same time.
+
+Each device has a pool and places of its own and the same program; devices never speak to each
+other, and a turn is elementwise in the lanes. So a lane's numbers depend neither on how many
+devices there are nor on who runs beside it, or whether anyone does. But a program for one device
+alone is compiled by other passes and rounds otherwise, so that a lonely CPU device has an idle one
+beside it (`clearjoint.runtime`).
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, PartitionSpec
+
+from ...math.vectors import Scalar, Structured, pack, unpack
+from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
+from .recording import Ring, Row
+from .reductions import Quantity
+
+ACROSS = PartitionSpec("lanes")
+UNKNOWN_WORK = 500.0
+"""Attempts, and share of the run, from which on a lane's progress tells what it has left."""
+UNKNOWN_SHARE = 0.02
+
+
+class Extent(eqx.Module):
+    """How the lanes share a device.
+
+    - `pool`: lanes that have begun; `places`: lanes that advance in a slice.
+    - `turns`: of a slice, unless all lanes have ended or wait before; `slices`: before the host
+      looks again.
+    """
+
+    pool: int = eqx.field(static=True)
+    places: int = eqx.field(static=True)
+    turns: int = eqx.field(default=256, static=True)
+    slices: int = eqx.field(default=8, static=True)
+
+
+class Task(eqx.Module):
+    """A lane to run: what of its scene varies, its initial state (packed), and its end.
+
+    `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
+    """
+
+    varied: Any
+    state: Any
+    end_time: Any
+    first_step: Any
+    save_at: Any | None
+
+
+class Seat(eqx.Module):
+    """A lane in the pool, its task, and how many rows it has recorded in each log."""
+
+    task: Task
+    lane: Lane
+    recorded: dict[str, Any]
+
+
+class Common(eqx.Module):
+    """What all lanes of a batch share.
+
+    - `form`: the scene, what varies in it left as in the base; `start_time`: s.
+    - `capacity`: crossings to record, by section. `channels[log][name]`: quantities to report of
+      each recorded row; `saved` is the name of the log of saved states.
+    - `programs`: digests of what is computed, if they are known. Compiled programs are kept for
+      equal ones only, so that none is run that was traced from code since changed.
+    """
+
+    plan: Plan
+    form: Structured
+    start_time: Any
+    capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
+    channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
+    saved: str = eqx.field(default="", static=True)
+    programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
+
+    def logs(self, lane: Lane) -> dict[str, Ring]:
+        """The rings of a lane by the log that they fill."""
+        saved = {} if lane.saved is None else {self.saved: lane.saved}
+        return saved | lane.crossings
+
+    def scene(self, task: Task) -> Any:
+        """The scene of a lane, in scalar form."""
+        tree = eqx.combine(task.varied, self.form.tree)
+        return unpack(Structured(tree, self.form.patterns))
+
+
+class Status(eqx.Module):
+    """What the host looks at between segments.
+
+    For each lane the attempts it may still need, zero if it has ended, and the time reached, s;
+    and on each device the turns given to each place.
+    """
+
+    left: Any
+    time: Any
+    turns: Any
+
+
+class Page(eqx.Module):
+    """Rows recorded in one slice, as (places, slots, columns); how many; and by which seats."""
+
+    rows: dict[str, Any]
+    counts: dict[str, Any]
+    seats: Any
+
+
+@eqx.filter_jit
+def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
+    """Lanes before their first steps."""
+
+    def one(common: Common, task: Task) -> Seat:
+        orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+        lane = begin_lane(common.plan, common.scene(task), task.state, common.start_time, orders)
+        return Seat(task, lane, {name: jnp.zeros((), int) for name in common.logs(lane)})
+
+    return _on_devices(mesh, jax.vmap(one, (None, 0)), common, tasks)
+
+
+@eqx.filter_jit
+def replaced(fresh: Any, begun: Seat, seats: Seat) -> Seat:
+    """The pool with lanes that have just begun in the seats that `fresh` names."""
+    return _choose(fresh, begun, seats)
+
+
+@eqx.filter_jit(donate="all-except-first")
+def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, Status, Page]:
+    """Slice after slice, until all lanes of a device have ended or its slices are used up."""
+    common, extent, mesh = constants
+
+    def on_device(common: Common, seats: Seat) -> tuple[Seat, Status, Page]:
+        def goes(now: tuple[Seat, Page, Any]) -> Any:
+            return (now[2] < extent.slices) & (_work_left(common, now[0]) > 0.0).any()
+
+        def go(now: tuple[Seat, Page, Any]) -> tuple[Seat, Page, Any]:
+            seats, pages, number = now
+            seats, page = _slice(common, extent, seats)
+            pages = jax.tree.map(
+                lambda all_of, new: jax.lax.dynamic_update_index_in_dim(all_of, new, number, 0),
+                pages,
+                page,
+            )
+            return seats, pages, number + 1
+
+        blank = jax.eval_shape(lambda: _slice(common, extent, seats)[1])
+        pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
+        seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
+        left = _work_left(common, seats)
+        return seats, Status(left, seats.lane.step.t, slices[None] * extent.turns), pages
+
+    return _on_devices(mesh, on_device, common, seats)
+
+
+@eqx.filter_jit
+def harvest(
+    common: Common, mesh: Mesh, seats: Seat, logs: dict[str, Any]
+) -> tuple[Outcome, dict[str, Any]]:
+    """Outcome of every lane of the pool, and the channels of its logs' rows."""
+
+    def one(common: Common, seat: Seat, logs: dict[str, Any]) -> tuple[Outcome, dict[str, Any]]:
+        scene = common.scene(seat.task)
+        read = {
+            name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
+        }
+        return pack(outcome(common.plan, scene, seat.lane, seat.task.end_time)), read
+
+    return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
+
+
+def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
+    """Time and quantities of the rows of a log."""
+    example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
+    method, scene = common.plan.method.grouped(scene)
+    ends = np.cumsum([leaf.size for leaf in example])[:-1]
+
+    def at(row: Any) -> dict[str, Any]:
+        parts = zip(jnp.split(row, ends), example, strict=True)
+        columns = [part.reshape(leaf.shape) for part, leaf in parts]
+        here: Row = jax.tree.unflatten(structure, columns)
+        now = here.instant(scene, method.formulation)
+        values = {key: quantity(now) for key, quantity in common.channels[name].items()}
+        return {"time": here.t, **values}
+
+    return jax.vmap(at)(rows)
+
+
+def _on_devices(mesh: Mesh, function: Callable[..., Any], shared: Any, *trees: Any) -> Any:
+    """The function of what is shared and of the lanes, applied on each device to its lanes."""
+    arrays, rest = eqx.partition(shared, eqx.is_array)
+
+    def on_device(arrays: Any, *trees: Any) -> Any:
+        return function(eqx.combine(arrays, rest), *trees)
+
+    specs = (PartitionSpec(), *(ACROSS for _ in trees))
+    mapped = jax.shard_map(on_device, mesh=mesh, in_specs=specs, out_specs=ACROSS, check_vma=False)
+    return mapped(arrays, *trees)
+
+
+def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
+    """Give the lanes with the most work left their turns; what they recorded, beside."""
+    order = jnp.argsort(-_work_left(common, seats))
+    rank = jnp.argsort(order)
+    chosen = jax.tree.map(lambda leaf: leaf[order[: extent.places]], seats)
+    orders = jax.vmap(partial(_orders, common))(chosen)
+
+    def one(lane: Lane, task: Task, orders: Orders) -> Lane:
+        return turn(common.plan, common.scene(task), lane, orders)
+
+    def goes(now: tuple[Any, Lane]) -> Any:
+        return (now[0] < extent.turns) & jax.vmap(partial(moves, common.plan))(now[1], orders).any()
+
+    def all_turn(now: tuple[Any, Lane]) -> tuple[Any, Lane]:
+        return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
+
+    _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
+    rings = common.logs(lanes)
+    counts = {name: ring.count for name, ring in rings.items()}
+    page = Page(
+        {name: _table(ring) for name, ring in rings.items()}, counts, order[: extent.places]
+    )
+    recorded = {name: chosen.recorded[name] + count for name, count in counts.items()}
+    chosen = Seat(chosen.task, emptied(lanes), recorded)
+    back = jnp.minimum(rank, extent.places - 1)
+    moved = jax.tree.map(lambda leaf: leaf[back], chosen)
+    return _choose(rank < extent.places, moved, seats), page
+
+
+def _table(ring: Ring) -> Any:
+    """The slots of many lanes' rings: (lanes, slots, columns)."""
+    lanes = len(ring.count)
+    rows = [
+        jnp.concatenate([leaf.reshape(lanes, -1) for leaf in jax.tree.leaves(slot)], axis=-1)
+        for slot in ring.slots
+    ]
+    return jnp.stack(rows, axis=1)
+
+
+def _choose(condition: Any, first: Any, second: Any) -> Any:
+    """Lane by lane one of two trees."""
+    return jax.tree.map(
+        lambda a, b: jnp.where(condition.reshape(-1, *(1,) * (a.ndim - 1)), a, b), first, second
+    )
+
+
+def _orders(common: Common, seat: Seat) -> Orders:
+    """What is asked of a lane in the next slice."""
+    window: tuple[Scalar, ...] = (jnp.inf,) * WINDOW
+    if common.saved:
+        assert seat.task.save_at is not None
+        times = jnp.concatenate([seat.task.save_at, jnp.full(WINDOW, jnp.inf)])
+        following = jax.lax.dynamic_slice_in_dim(times, seat.recorded[common.saved], WINDOW)
+        window = tuple(following[k] for k in range(WINDOW))
+    wanted = {name: count - seat.recorded[name] for name, count in common.capacity.items()}
+    return Orders(seat.task.end_time, seat.task.first_step, window, wanted)
+
+
+def _work_left(common: Common, seats: Seat) -> Any:
+    """Attempts that each lane may still need; zero if it has ended."""
+    step, end = seats.lane.step, seats.task.end_time
+    whole = end - common.start_time
+    done = step.t - common.start_time + UNKNOWN_SHARE * whole
+    guess = (end - step.t) * (step.attempts + UNKNOWN_WORK) / done
+    left = jnp.where(jax.vmap(partial(_runs, common))(seats), jnp.maximum(guess, 1.0), 0.0)
+    if not common.saved:
+        return left
+    following = jax.vmap(lambda seat: _orders(common, seat).window[0])(seats)
+    return jnp.maximum(left, jnp.where(following <= step.t, 1.0, 0.0))
+
+
+def _runs(common: Common, seat: Seat) -> Scalar:
+    return seat.lane.runs(common.plan, seat.task.end_time)

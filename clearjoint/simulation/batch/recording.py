@@ -1,0 +1,151 @@
+"""Looking inside the steps of a batch: dense output in scalar form, and rings that hold rows.
+
+Inside the native loop nothing may be written at an index that differs from lane to lane, so a lane
+has a ring of a few slots for each thing it records; the host empties them between segments, and a
+lane whose ring is full waits for that.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.contact_forces import Memory
+from ...dynamics.formulation import Formulation
+from ...math.vectors import Scalar
+from ...model.scene import Scene
+from ...quantities.instant import Instant
+from ..dense_output import require_dense
+from ..step_state import Attempt, Method, Variables
+from ..unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
+from .reductions import Quantity
+
+SLOTS = 8
+ROOT_STEPS = 4
+
+
+class Row(eqx.Module):
+    """A time, the variables and the memory there."""
+
+    t: Scalar
+    y: Variables
+    memory: Memory
+
+    def instant(
+        self,
+        scene: Scene,
+        formulation: Formulation,
+        middle: Callable[[], Instant] | None = None,
+    ) -> Instant:
+        """The scene at this row; `middle` gives that in the middle of the step that ends here."""
+        motion, work = self.y.motion, self.y.work
+        return Instant(scene, formulation, self.t, motion, self.memory, work, middle)
+
+
+class Bracket(eqx.Module):
+    """The latest accepted step, with its stages."""
+
+    start: Row
+    end: Row
+    stages: Any
+    graded: Any
+
+    @staticmethod
+    def of(tried: Attempt) -> "Bracket":
+        """The bracket of an accepted attempt."""
+        step, inside = tried.step, tried.information
+        return Bracket(
+            Row(tried.t_start, inside["y0"], tried.memory_start),
+            Row(step.t, step.y, step.memory),
+            inside["stages"],
+            tried.graded,
+        )
+
+    def inside(self, method: Method, x: Scalar) -> Variables:
+        """The variables at a fraction x of the step, by the solver's dense output."""
+        assert isinstance(method.solver, UnrolledExplicit)
+        start, end = self.start, self.end
+        dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
+        return dense.at(place_in_step(x, self.graded))
+
+    def middle(self, method: Method) -> Row:
+        """The row half-way through the step."""
+        require_dense(method.solver)
+        y = self.inside(method, 0.5)
+        return Row(0.5 * (self.start.t + self.end.t), y, self.start.memory)
+
+    def at(self, method: Method, t: Scalar) -> Row:
+        """The row at a time of the step."""
+        length = self.end.t - self.start.t
+        x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
+        ends = t >= self.end.t
+        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), self.end.y, self.inside(method, x))
+        memory = jax.tree.map(
+            lambda a, b: jnp.where(ends, a, b), self.end.memory, self.start.memory
+        )
+        return Row(t, y, memory)
+
+
+class Ring(eqx.Module):
+    """A few rows, and how many of them are filled."""
+
+    slots: tuple[Row, ...]
+    count: Scalar
+
+    @staticmethod
+    def like(row: Row) -> "Ring":
+        """An empty ring."""
+        return Ring((row,) * SLOTS, jnp.zeros((), int))
+
+    def full(self) -> Scalar:
+        """Whether another row must wait."""
+        return self.count >= SLOTS
+
+    def emptied(self) -> "Ring":
+        """The ring after the host has taken its rows."""
+        return Ring(self.slots, jnp.zeros_like(self.count))
+
+    def with_row(self, row: Row, wanted: Scalar) -> "Ring":
+        """The row added, if it is wanted."""
+        slots = tuple(
+            jax.tree.map(
+                lambda new, old, k=k: jnp.where(wanted & (self.count == k), new, old), row, slot
+            )
+            for k, slot in enumerate(self.slots)
+        )
+        return Ring(slots, self.count + wanted)
+
+
+class Crossing(eqx.Module):
+    """Where a Poincaré section is: a quantity passes zero, rising.
+
+    **Arguments:** `quantity`: a scalar function of an `Instant`. `after`: s, earlier crossings are
+    left out.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    after: float = eqx.field(default=0.0, static=True)
+
+
+def crossing_row(
+    method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any
+) -> Row:
+    """The row where a function of the variables, of given values at both ends, rises through zero.
+
+    Secant steps on the dense output, kept inside the step. `value(row)` evaluates the function.
+    """
+    start, end = bracket.start.t, bracket.end.t
+    x_old, x, value_old = jnp.zeros_like(before), jnp.ones_like(after), before
+    value_here = after
+    for _ in range(ROOT_STEPS):
+        change = value_here - value_old
+        slope = jnp.where(change == 0.0, 1.0, change)
+        x_old, x = x, jnp.clip(x - value_here * (x - x_old) / slope, 0.0, 1.0)
+        t = start + x * (end - start)
+        value_old, value_here = (
+            value_here,
+            value(Row(t, bracket.inside(method, x), bracket.start.memory)),
+        )
+    return bracket.at(method, start + x * (end - start))

@@ -1,0 +1,293 @@
+"""What a lane of a sweep keeps of its run: reductions, updated at every accepted step.
+
+A reduction of one's own subclasses `AbstractReduction`. Its tally is a PyTree of scalars, so that
+memory does not grow with the steps.
+"""
+
+import abc
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.checks import require
+from ...fields.conversion import AbstractConverting
+from ...math.vectors import Scalar
+from ...model.scene import Scene
+from ...quantities.base import check_quantity, require_known
+from ...quantities.instant import Instant
+
+Quantity = Callable[[Instant], Scalar]
+"""A scalar function of an instant, such as those of `clearjoint.quantities`."""
+
+
+class AbstractReduction(AbstractConverting):
+    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class TimeAbove(cj.AbstractReduction):
+        joint: str
+        force: float  # N
+
+        def start(self, now):
+            return now.time, jnp.zeros(())
+
+        def update(self, tally, now):
+            before, above = tally
+            largest = cj.quantities.ContactForce(self.joint)(now)
+            step = now.time - before
+            return now.time, above + jnp.where(largest > self.force, step, 0.0)
+
+        def results(self, tally, now):
+            return {"": tally[1]}
+
+        def units(self):
+            return {"": "s"}
+
+    outputs = {"overload": TimeAbove("shoulder", force=500.0)}
+    ```
+    """
+
+    needs_ledger: ClassVar[bool] = False
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the reduction names: what its quantities do, unless a
+        subclass tells more.
+
+        **Raises:** `ValueError` that lists what there is.
+        """
+        for name, value in vars(self).items():
+            check_quantity(name, value, scene)
+
+    @abc.abstractmethod
+    def start(self, now: Instant) -> Any:
+        """The tally at the start."""
+
+    @abc.abstractmethod
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The tally after an accepted step that ends now."""
+
+    @abc.abstractmethod
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """What is reported at the end, by name; the name "" stands for the reduction's own."""
+
+    @abc.abstractmethod
+    def units(self) -> dict[str, str]:
+        """Unit of each result."""
+
+
+class Peak(AbstractReduction):
+    """Largest value of a quantity, and when: "" and "time".
+
+    Between steps the maximum is that of the parabola through three successive ones.
+
+    **Arguments:** `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+
+    def start(self, now: Instant) -> Any:
+        """Peak and its time; the last two instants and values."""
+        value = jnp.asarray(self.quantity(now), dtype=float)
+        return (value, now.time), (now.time, value), (now.time, value)
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The peak of the parabola's arc, if it is higher."""
+        (peak, when), before, last = tally
+        here = (now.time, jnp.asarray(self.quantity(now), dtype=float))
+        time, value = _vertex(before, last, here)
+        higher = value > peak
+        peak, when = jnp.where(higher, value, peak), jnp.where(higher, time, when)
+        return (peak, when), last, here
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The peak and its time."""
+        del now
+        return {"": tally[0][0], "time": tally[0][1]}
+
+    def units(self) -> dict[str, str]:
+        """The quantity's, and s."""
+        return {"": self.unit, "time": "s"}
+
+
+def _vertex(first: Any, middle: Any, last: Any) -> tuple[Scalar, Scalar]:
+    """Place and height of the largest value: of the parabola through three points where the middle
+    one is the highest, else of the last point."""
+    (a, u), (b, v), (c, w) = first, middle, last
+    rises, falls = v > u, v > w
+    inside = rises & falls
+    left = jnp.where(inside, (v - u) / jnp.where(b > a, b - a, 1.0), 1.0)
+    right = jnp.where(inside, (w - v) / jnp.where(c > b, c - b, 1.0), -1.0)
+    curvature = (right - left) / jnp.where(c > a, c - a, 1.0)
+    slope = left + curvature * (b - a)
+    shift = -0.5 * slope / curvature
+    time = jnp.where(inside, b + shift, c)
+    return time, jnp.where(inside, v + 0.5 * slope * shift, w)
+
+
+class _Arc(NamedTuple):
+    """The parabola start + slope x + bend x^2 over a step, x from 0 to 1."""
+
+    start: Scalar
+    slope: Scalar
+    bend: Scalar
+
+    @staticmethod
+    def through(start: Scalar, middle: Scalar, end: Scalar) -> "_Arc":
+        bend = 2.0 * (start - 2.0 * middle + end)
+        return _Arc(start, end - start - bend, bend)
+
+    def at(self, x: Scalar) -> Scalar:
+        return self.start + x * (self.slope + x * self.bend)
+
+    def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+        """Smallest and largest value between a and b."""
+        vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
+        ends, turn = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
+        return (
+            jnp.minimum(jnp.minimum(*ends), turn),
+            jnp.maximum(jnp.maximum(*ends), turn),
+        )
+
+
+_GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
+_GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
+
+
+class Statistics(AbstractReduction):
+    """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
+
+    In each step the quantity is that of the parabola through both ends and the middle.
+
+    **Arguments:** `quantity` and `unit` as for `Peak`; `start_time`, `end_time`: s, the window;
+    from the start to the end of the run unless given.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    start_time: float = eqx.field(default=-float("inf"), static=True)
+    end_time: float = eqx.field(default=float("inf"), static=True)
+
+    def __check_init__(self):
+        require(
+            self.end_time > self.start_time,
+            "end_time",
+            self.end_time,
+            f"after start_time = {self.start_time}",
+            "give the window in s",
+        )
+
+    def start(self, now: Instant) -> Any:
+        """The last instant and value, duration, integrals, smallest and largest."""
+        value = jnp.asarray(self.quantity(now), dtype=float)
+        zero = jnp.zeros_like(value)
+        inside = (now.time >= self.start_time) & (now.time <= self.end_time)
+        extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
+        return (now.time, value), (zero, zero, zero), extremes
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """The part of the step inside the window added."""
+        (t0, u), (duration, first, second), (smallest, largest) = tally
+        t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
+        arc = _Arc.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
+        length = jnp.where(t1 > t0, t1 - t0, 1.0)
+        a = jnp.clip((self.start_time - t0) / length, 0.0, 1.0)
+        b = jnp.clip((self.end_time - t0) / length, 0.0, 1.0)
+        inside = b > a
+        h = jnp.where(inside, (b - a) * length, 0.0)
+        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in _GAUSS_NODES]
+        pairs = list(zip(_GAUSS_WEIGHTS, values, strict=True))
+        sums = (
+            duration + h,
+            first + h * sum(weight * value for weight, value in pairs),
+            second + h * sum(weight * value * value for weight, value in pairs),
+        )
+        low, high = arc.extremes(a, b)
+        smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
+        largest = jnp.where(inside, jnp.maximum(largest, high), largest)
+        return (t1, v), sums, (smallest, largest)
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The four statistics; NaN if the run ended before the window."""
+        del now
+        _, (duration, first, second), (smallest, largest) = tally
+        reached = duration > 0.0
+        length = jnp.where(reached, duration, jnp.nan)
+        return {
+            "mean": first / length,
+            "rms": jnp.sqrt(second / length),
+            "smallest": jnp.where(reached, smallest, jnp.nan),
+            "largest": jnp.where(reached, largest, jnp.nan),
+        }
+
+    def units(self) -> dict[str, str]:
+        """The quantity's."""
+        return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
+
+
+class ImpactCount(AbstractReduction):
+    """Number of contacts that began, of all contacts of a joint.
+
+    **Arguments:** `joint`: its name.
+    """
+
+    joint: str = eqx.field(static=True)
+
+    def check(self, scene: Scene) -> None:
+        """The joint must be there, and have contacts."""
+        require_known("joint", self.joint, scene.contact_joints())
+
+    def _touching(self, now: Instant) -> dict[str, Scalar]:
+        return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
+
+    def start(self, now: Instant) -> Any:
+        """Count, and which contacts touch."""
+        return jnp.zeros(()), self._touching(now)
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """One more for each contact that did not touch before."""
+        count, before = tally
+        after = self._touching(now)
+        for label, touches in after.items():
+            count = count + jnp.where(touches & ~before[label], 1.0, 0.0)
+        return count, after
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The count."""
+        del now
+        return {"": tally[0]}
+
+    def units(self) -> dict[str, str]:
+        """A number."""
+        return {"": "1"}
+
+
+class DissipatedEnergy(AbstractReduction):
+    """Energy that normal damping and friction took, by the energy ledger (`ledger=True`)."""
+
+    needs_ledger = True
+
+    def start(self, now: Instant) -> Any:
+        """Nothing: the ledger is integrated with the state."""
+        del now
+        return ()
+
+    def update(self, tally: Any, now: Instant) -> Any:
+        """Nothing."""
+        del now
+        return tally
+
+    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+        """The sum of both."""
+        del tally
+        return {"": now.work.get("normal damping", 0.0) + now.work.get("friction", 0.0)}
+
+    def units(self) -> dict[str, str]:
+        """An energy."""
+        return {"": "J"}

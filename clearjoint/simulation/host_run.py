@@ -1,0 +1,185 @@
+"""Carrying out a run: segment after segment, or in one piece under a transformation."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from tqdm import tqdm
+
+from ..math.vectors import Structured, pack, unpack
+from ..model.bodies import State
+from ..results import RESULTS
+from ..runtime import SlowRunNotice
+from .adjoint import AbstractLoops
+from .impact_table import ImpactCollector, Impacts
+from .segments import Progress, Row, Saved, named, rewound, segment
+from .solution import Solution, Trajectory
+from .step_state import Method, Step
+
+ATTEMPTS_A_SEGMENT = 50_000
+SAVES_A_SEGMENT = 512
+segment_compiled = eqx.filter_jit(segment)
+
+
+class AbstractRun:
+    """What both ways share: the parts of a solution."""
+
+    def __init__(self, form: Structured, method: Method, end: Any, redundant: tuple[str, ...]):
+        self._form, self._method, self._end = form, method, end
+        self._redundant = redundant
+
+    def _solution(
+        self, step: Step, saved: Trajectory | None, count: Any, steps: Any, impacts: Any
+    ) -> Solution:
+        unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
+        result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
+        method, scene = self._method.grouped(unpack(self._form))
+        bodies = method.formulation.coordinates.decode(scene, step.y.motion)
+        return Solution(
+            step.t,
+            pack(named(State(bodies, step.memory, step.y.work))),
+            result,
+            step.attempts,
+            step.accepted,
+            saved,
+            count,
+            steps,
+            impacts,
+            self._method.formulation,
+            self._redundant,
+        )
+
+
+class OnePiece(AbstractRun):
+    """The whole run inside one traced computation."""
+
+    def solution(
+        self, now: Progress, save_at: Any | None, max_steps: int, loops: AbstractLoops
+    ) -> Solution:
+        """Run to the end. Rows that were not reached repeat the last state."""
+        times = None if save_at is None else jnp.append(save_at, self._end)
+        limit = jnp.asarray(max_steps)
+        arguments = (self._method, self._form, now, times, self._end, limit)
+        now, saved = loops.closed(segment(*arguments, loops))
+        if saved is None:
+            return self._solution(now.step, None, None, None, None)
+        states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
+        count = saved.reached[:-1].sum()
+        return self._solution(now.step, Trajectory(save_at, pack(states)), count, None, None)
+
+
+class HostLoop(AbstractRun):
+    """Segment after segment, with what was saved and recorded taken in between."""
+
+    def solution(
+        self,
+        now: Progress,
+        save_at: np.ndarray | None,
+        max_steps: int,
+        collector: ImpactCollector | None,
+        record_steps: bool,
+        progress: bool,
+    ) -> Solution:
+        """Run to the end, a failure or the step limit."""
+        waiting = _Waiting(save_at, float(self._end))
+        rows: list[Row] = []
+        notice, start = SlowRunNotice(), float(now.step.t)
+        bar = tqdm(
+            total=float(self._end) - start,
+            unit="s",
+            desc="simulated",
+            delay=2.0,
+            leave=False,
+            disable=not progress,
+        )
+        with bar:
+            while True:
+                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
+                now, saved = segment_compiled(
+                    self._method, self._form, now, waiting.chunk(), self._end, jnp.asarray(limit)
+                )
+                waiting.take(saved)
+                if now.record is not None:
+                    recorded = _recorded_rows(now)
+                    if collector is not None:
+                        collector.add(recorded.t, recorded.state)
+                    if record_steps:
+                        rows.append(recorded)
+                    now = rewound(now)
+                bar.update(float(now.step.t) - start - bar.n)
+                notice.check()
+                if self._ended(now, waiting, max_steps):
+                    break
+        steps = _trajectory(rows) if record_steps else None
+        impacts: Impacts | None = None if collector is None else collector.table()
+        return self._solution(
+            jax.device_get(now.step), waiting.trajectory(), waiting.count, steps, impacts
+        )
+
+    def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
+        if now.step.result != RESULTS.successful or int(now.step.attempts) >= max_steps:
+            return True
+        return bool(now.step.t >= self._end) and waiting.done()
+
+
+class _Waiting:
+    """The times still to be saved at, handed out in chunks of fixed size so that their number
+    compiles nothing anew; and the states that came back."""
+
+    def __init__(self, times: np.ndarray | None, end: float):
+        self._times, self._end = times, end
+        self.count = 0
+        self._pieces: list[State] = []
+
+    def chunk(self) -> jax.Array | None:
+        """The next times, filled up with the end time."""
+        if self._times is None:
+            return None
+        chunk = np.full(SAVES_A_SEGMENT, self._end)
+        following = self._times[self.count :][:SAVES_A_SEGMENT]
+        chunk[: len(following)] = following
+        return jnp.asarray(chunk)
+
+    def take(self, saved: Saved | None) -> None:
+        """Keep the states at the requested times that were reached."""
+        if saved is None or self._times is None:
+            return
+        left = len(self._times) - self.count
+        reached = int(np.asarray(saved.reached)[:left].sum())
+        if reached or not self._pieces:
+            # Copies: a slice would keep all rows of its segment, reached or not.
+            self._pieces.append(
+                jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)
+            )
+        self.count += reached
+
+    def done(self) -> bool:
+        """Whether all times have been saved at."""
+        return self._times is None or self.count == len(self._times)
+
+    def trajectory(self) -> Trajectory | None:
+        """The states at the times reached."""
+        if self._times is None:
+            return None
+        return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
+
+
+def _joined(pieces: list[Any]) -> Any:
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
+
+
+def _recorded_rows(now: Progress) -> Row:
+    """The record's table and the block behind it, cut to what is filled."""
+    record = jax.device_get(now.record)
+    assert record is not None
+    table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
+    block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
+    whole = _joined([table, block])
+    return Row(whole.t, named(whole.state))
+
+
+def _trajectory(rows: list[Row]) -> Trajectory:
+    whole = _joined(rows)
+    return Trajectory(whole.t, pack(whole.state))

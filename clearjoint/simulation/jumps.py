@@ -1,0 +1,135 @@
+"""What is left of a jump of the forces in a step that ends at it.
+
+Where a step ends is no function of the parameters; where the force jumps is one. A contact that
+began a time tau before the end of the step pushed for that long: tau is zero to rounding, but its
+derivative isn't. With rates f- before the jump and f+ after it the state is y + (f+ - f-) tau, and
+that has the derivative of the motion across the jump (the saltation matrix: R. I. Leine,
+H. Nijmeijer 2004, section 7.3), whoever differentiates it.
+"""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+
+from ..dynamics.contact_events import Reach, Reaches, reaches
+from ..dynamics.contact_forces import ContactForce, Memory, contact_force
+from ..dynamics.energy import ledger_powers
+from ..dynamics.equations_of_motion import evaluate_under
+from ..dynamics.formulation import Formulation
+from ..math.groups import some
+from ..math.vectors import Scalar
+from ..model.scene import Scene
+from .step_state import Method, Variables
+
+INSIDE = 1e-300
+"""m: a depth at which a contact exists and nothing is compressed."""
+Times = dict[str, dict[str, Scalar]]
+"""Times in s for which contacts pushed, by joint and contact."""
+
+
+def contacts_jump(scene: Scene) -> bool:
+    """Whether the force of any contact may jump where it begins or ends."""
+    return any(law.force_jumps for family in scene.laws().values() for law in family.values())
+
+
+def across_contacts(
+    method: Method,
+    scene: Scene,
+    before: Reaches,
+    y: Variables,
+    memory: Memory,
+    t: Scalar,
+    lands: Scalar,
+) -> Variables:
+    """The variables at the end of a step, where it `lands` on the begin or end of contacts.
+
+    `before` are the reaches, and `memory` the entry speeds, at its start.
+    """
+
+    def pushed(y: Variables) -> Variables:
+        times = _times(scene, before, _reaches(method, scene, y))
+        forces = _surface_forces(method.formulation, scene, y, memory)
+
+        def rates(times: Times) -> Variables:
+            scaled = {
+                name: {label: _scaled(forces[name][label], time) for label, time in family.items()}
+                for name, family in times.items()
+            }
+            dynamics = evaluate_under(scene, method.formulation, y.motion, scaled, t)
+            powers = ledger_powers(scene, dynamics, t) if method.formulation.ledger else {}
+            return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
+
+        none = jax.tree.map(jnp.zeros_like, times)
+        return _moved(y, jax.jvp(rates, (none,), (times,))[1])
+
+    changes = _any_changed(scene, before, _reaches(method, scene, y))
+    return jax.lax.cond(lands & changes, pushed, lambda y: y, y)
+
+
+def _reaches(method: Method, scene: Scene, y: Variables) -> Reaches:
+    return reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
+
+
+def _jumping(scene: Scene) -> dict[str, list[str]]:
+    """The contacts whose force may jump, by joint."""
+    found = {
+        name: [label for label, law in family.items() if law.force_jumps]
+        for name, family in scene.laws().items()
+    }
+    return {name: labels for name, labels in found.items() if labels}
+
+
+def _changed(before: Reach, after: Reach) -> Scalar:
+    return (before.depth > 0.0) != (after.depth > 0.0)
+
+
+def _any_changed(scene: Scene, before: Reaches, after: Reaches) -> Scalar:
+    found: Scalar = jnp.asarray(False)
+    for name, labels in _jumping(scene).items():
+        for label in labels:
+            found = found | some(_changed(before[name][label], after[name][label]))
+    return found
+
+
+def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
+    """How much longer each contact pushed than the step says; negative where it ended."""
+
+    def time(start: Reach, end: Reach) -> Scalar:
+        moves = _changed(start, end) & (end.rate != 0.0)
+        since = end.depth / jnp.where(moves, end.rate, 1.0)
+        return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
+
+    return {
+        name: {label: time(before[name][label], after[name][label]) for label in labels}
+        for name, labels in _jumping(scene).items()
+    }
+
+
+def _surface_forces(
+    formulation: Formulation, scene: Scene, y: Variables, memory: Memory
+) -> dict[str, dict[str, ContactForce]]:
+    """The forces of closed contacts at the wall."""
+    motions, joints = formulation.coordinates.motions(scene, y.motion), scene.contact_joints()
+    forces: dict[str, dict[str, ContactForce]] = {}
+    for name, labels in _jumping(scene).items():
+        laws, contacts = joints[name].laws(), joints[name].contacts(motions)
+        forces[name] = {}
+        for label in labels:
+            law, contact = laws[label], contacts[label]
+            depth = jnp.maximum(contact.gap.depth, INSIDE - law.reach())
+            contact = replace(contact, gap=replace(contact.gap, depth=depth))
+            entry_speed = memory[name][label] if law.has_memory else None
+            forces[name][label] = contact_force(joints[name], label, law, contact, entry_speed)
+    return forces
+
+
+def _scaled(force: ContactForce, factor: Scalar) -> ContactForce:
+    friction = None if force.friction is None else force.friction * factor
+    normal, elastic = force.normal_force * factor, force.elastic_force * factor
+    return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)
+
+
+def _moved(y: Variables, change: Variables) -> Variables:
+    motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
+    return Variables(motion, {name: e + change.work.get(name, 0.0) for name, e in y.work.items()})

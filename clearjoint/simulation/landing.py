@@ -1,0 +1,131 @@
+"""Impact onsets: the step that lands on them, and the memory of the entry speed.
+
+A contact exists where its penetration, measured from where the force begins, is positive. A step
+that begins in flight and ends deeper than the landing tolerance is rejected and tried again to the
+root of the gap's Hermite interpolant; likewise one that leaves a contact. The memory is then set
+by one Newton step back to the instant where the gap is zero, so that value and derivative are those
+of the event.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..dynamics.contact_events import CLOSEST, LATEST, NEWTON_STEPS, Reach, Reaches
+from ..math.groups import least
+from ..math.vectors import Scalar
+
+
+class Landing(eqx.Module):
+    """Landing on the instants where contacts begin and end.
+
+    **Arguments:** `tolerance`: m, the depth within which a step must land; slow contacts closer, in
+    proportion to their rate.
+    """
+
+    tolerance: Any
+
+    def _depth(self, rate: Scalar) -> Scalar:
+        """The depth within which to land at a rate in m/s."""
+        return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
+
+    def due(self, found: Reaches, second_rates: Any) -> Scalar:
+        """Time in s to the next event, by the parabolas through depths, rates and second rates.
+
+        A step that would go past it ends there instead: a trial step that meets a wall it does not
+        know of has an error beyond all bounds, and would be cut down again and again.
+        """
+        soonest: Scalar = jnp.inf
+        for name, family in found.items():
+            for label, reach in family.items():
+                here = self._time_to_zero(reach, second_rates[name][label])
+                soonest = jnp.minimum(soonest, least(here))
+        return jax.lax.stop_gradient(soonest)
+
+    def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
+        """First positive root of the parabola, half the tolerance past its change of sign."""
+        inwards = jnp.where(reach.depth > 0.0, -1.0, 1.0)
+        away = 0.5 * self._depth(reach.rate) + jnp.abs(reach.depth)
+        rate, bend = inwards * reach.rate, inwards * second_rate
+        square = rate * rate + 2.0 * bend * away
+        slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        meets = (square > 0.0) & (slope > 0.0)
+        return jnp.where(meets, 2.0 * away / jnp.where(meets, slope, 1.0), jnp.inf)
+
+    def retry(
+        self, before: Reaches, after: Reaches, t0: Scalar, t1: Scalar
+    ) -> tuple[Scalar, Scalar]:
+        """Whether the step passes an event beyond the tolerance, and the time to end at instead."""
+        h = t1 - t0
+        resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), h)
+        fraction: Scalar = 1.0
+        for name, family in before.items():
+            for label, start in family.items():
+                crossing = self._crossing(start, after[name][label], h)
+                fraction = jnp.minimum(fraction, least(crossing))
+        # As diffrax's controllers do: where steps end is no function of the parameters.
+        landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
+        return (fraction < 1.0) & (landing < t1 - resolution), landing
+
+    def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:
+        """Fraction of the step at which the gap is half the tolerance past its change of sign; 1
+        where the step need not land."""
+        inwards = jnp.where(start.depth > 0.0, -1.0, 1.0)
+        grazes, x, inner = self._turning(start, end, h, inwards)
+        end = Reach(
+            jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
+        )
+        depth = self._depth(jnp.maximum(jnp.abs(start.rate), jnp.abs(end.rate)))
+        aim = 0.5 * inwards * depth
+        shifted = (Reach(start.depth - aim, start.rate), Reach(end.depth - aim, end.rate))
+        passes = inwards * end.depth > depth
+        length = jnp.where(grazes, x, 1.0)
+        return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
+
+    def _turning(
+        self, start: Reach, end: Reach, h: Scalar, inwards: Scalar
+    ) -> tuple[Scalar, Scalar, Reach]:
+        """Whether the step passes an event and comes back; and where about it turns, a fraction of
+        the step."""
+        turns = (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
+        x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
+        inner = Reach(hermite_value(x, start, end, h), hermite_rate(x, start, end, h))
+        beyond = inwards * inner.depth > self.tolerance
+        return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
+
+
+def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Cubic Hermite interpolant of the depth at the fraction x of a step of length h."""
+    y = 1.0 - x
+    left = y * y * ((1.0 + 2.0 * x) * start.depth + x * h * start.rate)
+    right = x * x * ((1.0 + 2.0 * y) * end.depth - y * h * end.rate)
+    return left + right
+
+
+def hermite_rate(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Rate of the interpolant there."""
+    y = 1.0 - x
+    slope = 6.0 * x * y * (end.depth - start.depth) / h
+    return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
+
+
+def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
+    """Fraction of the step at which the interpolated depth, of opposite signs at its ends, is zero.
+
+    A few Newton steps kept inside a shrinking bracket; landing repeats until the depth is within
+    the tolerance, so the root need not be exact.
+    """
+    lower, upper = jnp.zeros_like(end.depth), jnp.ones_like(end.depth)
+    x = start.depth / (start.depth - end.depth)
+    sign = jnp.where(end.depth > 0.0, 1.0, -1.0)
+    for _ in range(NEWTON_STEPS):
+        value = hermite_value(x, start, end, h)
+        past = sign * value > 0.0
+        lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
+        slope = h * hermite_rate(x, start, end, h)
+        newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
+        inside = (newton >= lower) & (newton <= upper)
+        x = jnp.where(inside, newton, 0.5 * (lower + upper))
+    return x

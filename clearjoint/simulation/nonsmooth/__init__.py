@@ -1,0 +1,1 @@
+"""Time stepping with rigid contacts (Moreau and Jean)."""

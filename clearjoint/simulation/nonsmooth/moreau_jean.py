@@ -1,0 +1,236 @@
+"""One time step of Moreau's midpoint rule: smooth motion, impulses of closed contacts, positions.
+
+M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2; see V. Acary, B.
+Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q in the middle,
+
+    q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
+    q+ = q + h H(q_m) (u + u+)/2,
+
+contacts closed whose gap at q_m is not positive. F takes the velocity there from a predictor, so
+that smooth motion has second order; its constraints hold on accelerations, as in `simulate`.
+Without a force the velocity of a contact is reversed exactly, so that its energy is that of
+restitution whatever the step.
+
+A closed contact may stay penetrated by half a step of its approach. If it opens no further by the
+end of the next step, the positions are projected out of the wall, in the metric of the masses
+(V. Acary, Projected event-capturing time-stepping schemes, 2013).
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.coordinates import AbstractMechanics
+from ...dynamics.equations_of_motion import evaluate_smooth
+from ...dynamics.formulation import Formulation
+from ...math.rotations import normalised
+from ...math.vectors import EulerParameters, Scalar, add, multiply
+from ...model.bodies import BodyState
+from ...model.joints.motion_subspaces import JointState
+from ...model.scene import Scene
+from .contact_problem import ContactProblem, Touch, touches
+
+SOLVED = 1e-6
+"""Relative residual of a step's contacts beyond which it has failed."""
+
+
+class Rigid(eqx.Module):
+    """What moves: the scene in scalar form, its formulation, and the restitution by joint and
+    contact."""
+
+    scene: Scene
+    formulation: Formulation
+    restitution: dict[str, dict[str, Scalar]]
+
+    def mechanics(self, variables: Any) -> AbstractMechanics:
+        """The equations of motion."""
+        return self.formulation.coordinates.mechanics(self.scene, variables)
+
+
+class ContactStep(eqx.Module):
+    """One contact during a step: normal impulse N s, opening velocity before the step m/s, what it
+    dissipated J, and penetration at the middle m."""
+
+    impulse: Scalar
+    opening: Scalar
+    dissipated: Scalar
+    penetration: Scalar
+
+
+class Stepped(eqx.Module):
+    """The variables after a step, and its contacts.
+
+    `residual` is the largest violation of their laws, over their largest velocity; `solved` whether
+    it is small; `shallow` whether no bearing was penetrated deeper than its clearance.
+    """
+
+    variables: Any
+    contacts: dict[str, dict[str, ContactStep]]
+    residual: Scalar
+    solved: Scalar
+    shallow: Scalar
+
+
+def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
+    """One step of length h from time t, s."""
+    middle_time = t + 0.5 * h
+    middle, free = _smooth_step(rigid, variables, t, h)
+    mechanics = rigid.mechanics(free)
+    contacts = touches(rigid.scene, mechanics.motions)
+    if not contacts:
+        return Stepped(
+            _arrived(rigid, variables, _mean_speeds(middle, free), free, middle_time, h),
+            {},
+            jnp.zeros(()),
+            *(jnp.asarray(True),) * 2,
+        )
+    problem = ContactProblem(rigid.scene, rigid.formulation, mechanics, contacts, middle_time)
+    before = problem.velocities(rigid.mechanics(middle).motions)
+    unloaded = problem.velocities(mechanics.motions)
+    closed = [touch.gap <= 0.0 for touch in contacts]
+    aims = [
+        velocity + rigid.restitution[touch.joint][touch.label] * opening
+        for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
+    ]
+    impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
+    after = problem.changed(unloaded, impulses)
+    moved = mechanics.kicked(problem.kick(impulses))
+    sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
+    push, pushed_residual = _projection(problem, closed, after, sinks, h)
+    mean = rigid.mechanics(_mean_speeds(middle, moved)).kicked(push)
+    residual = jnp.maximum(residual, pushed_residual)
+    return Stepped(
+        _arrived(rigid, variables, mean, moved, middle_time, h),
+        _contact_steps(contacts, impulses, before, after),
+        residual,
+        residual <= SOLVED,
+        _is_shallow(contacts),
+    )
+
+
+def _smooth_step(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> tuple[Any, Any]:
+    """The variables at the middle of a step with the speeds of its start, and with those that it
+    ends with if no contact is closed."""
+    half, middle_time = 0.5 * h, t + 0.5 * h
+    middle = _displaced(variables, _smooth_rates(rigid, variables, t), half)
+    predicted = _accelerated(middle, _smooth_rates(rigid, middle, middle_time), half)
+    return middle, _accelerated(middle, _smooth_rates(rigid, predicted, middle_time), h)
+
+
+def _arrived(rigid: Rigid, start: Any, mean: Any, last: Any, middle_time: Scalar, h: Scalar) -> Any:
+    """The positions moved for a step at the mean speeds, with the last speeds."""
+    return _with_speeds(_displaced(start, _smooth_rates(rigid, mean, middle_time), h), last)
+
+
+def _is_shallow(contacts: list[Touch]) -> Scalar:
+    """Whether no bearing is penetrated deeper than its clearance."""
+    shallow = jnp.asarray(True)
+    for touch in contacts:
+        if touch.clearance is not None:
+            shallow = shallow & (touch.gap > -touch.clearance)
+    return shallow
+
+
+def _projection(
+    problem: ContactProblem,
+    closed: list[Scalar],
+    after: list[Scalar],
+    sinks: list[Scalar],
+    h: Scalar,
+) -> tuple[list[Scalar], Scalar]:
+    """Speeds that take contacts out of the wall by the end of the step, and the residual; gaps are
+    taken as linear in the displacement. `sinks`: how much velocity towards the wall the forces add
+    in a step; half of it times the step is left, lest rounding opens a contact at rest."""
+    stays, ends = [], []
+    rows = zip(problem.contacts, closed, after, sinks, strict=False)
+    for touch, shut, velocity, sink in rows:
+        left = touch.gap / h + 0.5 * sink
+        stays.append(shut & (left + 1.5 * velocity < 0.0))
+        ends.append(left + 0.5 * velocity)
+    impulses, residual = problem.normal_impulses(stays, ends)
+    return problem.kick(impulses), residual
+
+
+def _contact_steps(
+    contacts: list[Touch], impulses: list[Scalar], before: list[Scalar], after: list[Scalar]
+) -> dict[str, dict[str, ContactStep]]:
+    """By joint and label. The positions move with the mean velocity, so the work of an impulse is
+    its product with that."""
+    works = [
+        -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
+    ]
+    found: dict[str, dict[str, ContactStep]] = {}
+    first = len(contacts)
+    for k, touch in enumerate(contacts):
+        last = first + len(touch.slip)
+        work = sum(works[first:last], works[k])
+        penetration = jnp.maximum(-touch.gap, 0.0)
+        step = ContactStep(impulses[k], jnp.asarray(before[k]), work, penetration)
+        found.setdefault(touch.joint, {})[touch.label] = step
+        first = last
+    return found
+
+
+def _smooth_rates(rigid: Rigid, variables: Any, t: Scalar) -> Any:
+    """Time derivative of the variables without contact."""
+    return evaluate_smooth(rigid.scene, rigid.formulation, variables, t).variable_rates
+
+
+def _displaced(variables: Any, rates: Any, time: Scalar) -> Any:
+    """Positions moved by their rates for a time; Euler parameters have unit norm again."""
+
+    def move(state: Any, rate: Any) -> Any:
+        if isinstance(state, BodyState):
+            position = _plus(state.position, rate.position, time)
+            orientation = _plus(state.orientation, rate.orientation, time)
+            return BodyState(position, orientation, state.velocity, state.spin)
+        return JointState(_plus(state.position, rate.position, time), state.speeds)
+
+    return jax.tree.map(move, variables, rates, is_leaf=_is_state)
+
+
+def _accelerated(variables: Any, rates: Any, time: Scalar) -> Any:
+    """Speeds changed by their rates for a time."""
+
+    def change(state: Any, rate: Any) -> Any:
+        if isinstance(state, BodyState):
+            velocity = _plus(state.velocity, rate.velocity, time)
+            spin = _plus(state.spin, rate.spin, time)
+            return BodyState(state.position, state.orientation, velocity, spin)
+        return JointState(state.position, _plus(state.speeds, rate.speeds, time))
+
+    return jax.tree.map(change, variables, rates, is_leaf=_is_state)
+
+
+def _with_speeds(variables: Any, others: Any) -> Any:
+    """Positions of the first, speeds of the second."""
+
+    def change(state: Any, other: Any) -> Any:
+        if isinstance(state, BodyState):
+            return BodyState(state.position, state.orientation, other.velocity, other.spin)
+        return JointState(state.position, other.speeds)
+
+    return jax.tree.map(change, variables, others, is_leaf=_is_state)
+
+
+def _mean_speeds(first: Any, second: Any) -> Any:
+    """The variables, of equal positions, with the mean of their speeds."""
+    half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
+    return _with_speeds(first, half)
+
+
+def _plus(start: Any, rate: Any, time: Scalar) -> Any:
+    """start + time rate, of a PyTree of scalars."""
+
+    def move(a: Any, b: Any) -> Any:
+        if isinstance(a, EulerParameters):
+            return normalised(jax.tree.map(lambda x, y: x + time * y, a, b))
+        return add(a, multiply(time, b))
+
+    return jax.tree.map(move, start, rate, is_leaf=lambda a: isinstance(a, EulerParameters))
+
+
+def _is_state(tree: Any) -> bool:
+    return isinstance(tree, BodyState | JointState)

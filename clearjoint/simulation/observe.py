@@ -1,0 +1,265 @@
+"""What an engineer looks at: contacts, modes, reactions, accelerations, drift and energies."""
+
+import enum
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.energy import mechanical_energy
+from ..dynamics.equations_of_motion import Dynamics, evaluate
+from ..dynamics.formulation import Formulation
+from ..dynamics.multipliers import row_rate
+from ..fields.checks import require
+from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
+from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
+from ..model.joints.clearance import BASES, ClearanceJoint
+from ..model.scene import Scene
+from .nonsmooth.simulate import NonsmoothSolution
+from .solution import Solution, Trajectory
+
+CHUNK = 512
+"""Instants that are observed at once."""
+
+
+class MotionMode(enum.IntEnum):
+    """The paper's four modes of a journal in its bearing (Fig. 2)."""
+
+    FREE_FLIGHT = 0
+    ONE_BASE = 1
+    LINE_CONTACT = 2
+    OPPOSITE_SIDES = 3
+
+
+class ContactObservation(eqx.Module):
+    """One contact over time; arrays with the times in front.
+
+    - `penetration` m and `penetration_rate` m/s (eqs 13 and 21); `eccentricity` m (eq. 11; ``None``
+      for a shoulder), and `offset`, (N, 3) m, the base's centre in the bearing's own frame, which
+      moves with it: across its axis and along it (``None`` likewise).
+    - `normal_force` N; `friction_force` (N, 3) on the journal, global, N, or ``None``.
+    - `normal`: (N, 3) from bearing axis to contact; `point_on_bearing`, `point_on_journal`: (N, 3)
+      global, m.
+    """
+
+    penetration: Any
+    penetration_rate: Any
+    eccentricity: Any | None
+    offset: Any | None
+    normal_force: Any
+    friction_force: Any | None
+    normal: Any
+    point_on_bearing: Any
+    point_on_journal: Any
+
+
+class Load(eqx.Module):
+    """What an ideal joint does to a body.
+
+    `force`: (N, 3) global, N; `moment`: (N, 3) about the centre of mass, in body axes, N m.
+    """
+
+    force: Any
+    moment: Any
+
+
+class BodyAcceleration(eqx.Module):
+    """Acceleration of a body over time.
+
+    `linear`: (N, 3) of the centre of mass, global, m/s^2; `angular`: (N, 3) of the spin, body axes,
+    rad/s^2.
+    """
+
+    linear: Any
+    angular: Any
+
+
+class Observation(eqx.Module):
+    """Everything observed along a trajectory.
+
+    - `times`: (N,) s.
+    - `contacts[joint][contact]`: `ContactObservation`.
+    - `modes[joint]`: (N,) `MotionMode` numbers of the clearance joints.
+    - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). Not unique, and then of least
+      norm, if the solution names redundant constraints; see `reactions_unique`.
+    - `accelerations[body]`: `BodyAcceleration`.
+    - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
+    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" as far as the scene has
+      them, their sum "mechanical", and of the ledger, if it was kept, the integrals "normal
+      damping", "friction", "stabilisation" (dissipated) and "supplied".
+    """
+
+    times: Any
+    contacts: dict[str, dict[str, ContactObservation]]
+    modes: dict[str, Any]
+    reactions: dict[str, dict[str, Load]]
+    accelerations: dict[str, BodyAcceleration]
+    drift: dict[str, Any]
+    drift_rate: dict[str, Any]
+    energies: dict[str, Any]
+    reactions_unique: bool = eqx.field(static=True)
+
+    def ledger_residual(self) -> Any:
+        """What the energy ledger does not account for since the first instant, (N,) J."""
+        dissipated = sum(
+            self.energies.get(name, 0.0) for name in ("normal damping", "friction", "stabilisation")
+        )
+        balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
+        return balance - balance[0]
+
+
+def observe(
+    scene: Scene,
+    solution: Solution | NonsmoothSolution,
+    trajectory: Trajectory | None = None,
+) -> Observation:
+    """Observe a scene along a solution.
+
+    In absolute coordinates whatever the run had: there every ideal joint has its multipliers, those
+    that the run eliminated too, and redundant reactions do not depend on the run's coordinates.
+
+    **Arguments:** `scene`: the one that was simulated. `trajectory`: `solution.steps`, say, for
+    every accepted step; the saved states unless given.
+
+    **Returns:** an `Observation` of numpy arrays.
+    """
+    trajectory = solution.saved if trajectory is None else trajectory
+    require(
+        trajectory is not None,
+        "solution",
+        "without saved states",
+        "one with states to observe",
+        "pass `save_at` or `record_steps=True` to simulate()",
+    )
+    assert trajectory is not None
+    ran, states = solution.formulation, trajectory.states
+    absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
+    rows = np.asarray(trajectory.times), State(states.bodies, states.memory)
+    parts = _in_chunks(lambda part: observe_compiled(structured(scene), absolute, *part), rows)
+    *others, energies = parts
+    energies |= {name: np.asarray(integral) for name, integral in states.work.items()}
+    unique = not solution.redundant_constraints
+    return Observation(rows[0], *others, energies, reactions_unique=unique)
+
+
+def _in_chunks(observed: Callable[[Any], Any], rows: Any) -> Any:
+    """What is observed of each row (numpy): of a fixed number at a time, so that their number
+    compiles nothing."""
+    count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
+    parts = []
+    for first in range(0, max(count, 1), CHUNK):
+        part = jax.tree.map(lambda leaf, k=first: _filled(leaf[k : k + CHUNK]), rows)
+        parts.append(jax.device_get(observed(part)))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
+
+
+def _filled(rows: np.ndarray) -> np.ndarray:
+    """The rows, repeated until they are `CHUNK` of them; zeros if there are none."""
+    return np.resize(rows, (CHUNK, *rows.shape[1:]))
+
+
+@eqx.filter_jit
+def observe_compiled(
+    structure: Structured, absolute: Formulation, times: Any, states: State
+) -> tuple[Any, ...]:
+    """What there is to observe at times (N,) s, with N in front, in absolute coordinates."""
+    scene = unpack(structure)
+
+    def at(t: Scalar, state: State) -> tuple[Any, ...]:
+        variables = absolute.coordinates.encode(scene, unpack(state.bodies))
+        dynamics = evaluate(scene, absolute, variables, state.memory, t)
+        energies = mechanical_energy(scene, dynamics.motions, t)
+        energies["mechanical"] = sum(energies.values())
+        drift, drift_rate = _drift(dynamics)
+        accelerations = {
+            name: BodyAcceleration(pack(part.linear), pack(part.angular))
+            for name, part in dynamics.accelerations.items()
+        }
+        parts = (
+            _contacts(scene, dynamics),
+            _modes(scene, dynamics),
+            _reactions(dynamics),
+            accelerations,
+            drift,
+            drift_rate,
+            energies,
+        )
+        return jax.tree.map(jnp.asarray, parts)
+
+    return jax.vmap(at)(times, states)
+
+
+def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
+    observed: dict[str, dict[str, ContactObservation]] = {}
+    for name, family in dynamics.contact_forces.items():
+        joint = scene.contact_joints()[name]
+        first, second = joint.pair()
+        observed[name] = {}
+        for label, force in family.items():
+            gap = force.contact.gap
+            eccentricity = offset = None
+            if isinstance(joint, ClearanceJoint) and label in BASES:
+                eccentricity = gap.depth + joint.clearance
+                offset = pack(joint.journal_offset(dynamics.motions, label))
+            observed[name][label] = ContactObservation(
+                gap.depth,
+                gap.rate,
+                eccentricity,
+                offset,
+                force.normal_force,
+                None if force.friction is None else pack(force.friction),
+                pack(force.contact.normal),
+                pack(dynamics.motions[first].point(force.contact.arm_first)),
+                pack(dynamics.motions[second].point(force.contact.arm_second)),
+            )
+    return observed
+
+
+def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Any]:
+    modes = {}
+    for name, joint in scene.joints.items():
+        if isinstance(joint, ClearanceJoint):
+            v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
+            touching = (v.gap.depth > 0.0, w.gap.depth > 0.0)
+            both = jnp.where(
+                v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
+            )
+            one = jnp.where(touching[0] | touching[1], MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touching[0] & touching[1], both, one)
+    return modes
+
+
+def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
+    reactions: dict[str, dict[str, Load]] = {}
+    for name, rows in dynamics.rows.items():
+        total: dict[str, Any] = {}
+        for label, row in rows.items():
+            multiplier = dynamics.multipliers[name][label]
+            for body, pair in row.jacobian.items():
+                if body != GROUND:
+                    scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)
+                    total[body] = total.get(body, NO_WRENCH) + scaled
+        reactions[name] = {
+            body: Load(_dense(wrench.force), _dense(wrench.moment))
+            for body, wrench in total.items()
+        }
+    return reactions
+
+
+def _dense(vector: Vector) -> Any:
+    return jnp.stack([jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z)])
+
+
+def _drift(dynamics: Dynamics) -> tuple[dict[str, Any], dict[str, Any]]:
+    def largest(values: list[Any]) -> Any:
+        return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
+
+    values, rates = {}, {}
+    for name, rows in dynamics.rows.items():
+        values[name] = largest([row.value for row in rows.values()])
+        rates[name] = largest([row_rate(row, dynamics.motions) for row in rows.values()])
+    return values, rates

@@ -1,0 +1,228 @@
+"""Runs of many steps: the native inner loop, and round it the loops that save and record.
+
+A segment ends at the end time, after a number of attempts, at a failure, or when its record of
+accepted steps is full. The host then takes what was recorded, shows progress and goes on.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..math.groups import by_name, gathered
+from ..math.vectors import Scalar, Structured, unpack
+from ..model.bodies import State
+from ..model.scene import Scene
+from .adjoint import PLAIN, AbstractLoops
+from .dense_output import look_inside
+from .step_state import Attempt, Method, Step, Variables
+from .stepping import not_tried, running, start
+
+BLOCK_ROWS = 64
+
+
+class Rows(eqx.Module):
+    """A table that grows by rows.
+
+    A loop copies the buffers it writes into at every turn, so rows go into a small `block` first,
+    and full blocks into the large `table`.
+    """
+
+    table: Any
+    count: Any
+    block: Any
+    block_count: Any
+
+    @staticmethod
+    def like(row: Any, length: int) -> "Rows":
+        """An empty table with room for `length` rows like the given one."""
+        none = jnp.zeros((), int)
+        return Rows(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
+
+    def with_row(self, row: Any, kept: Any) -> "Rows":
+        """The row written behind the last one, and counted if it is to be kept."""
+        block = jax.tree.map(
+            lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
+            self.block,
+            row,
+        )
+        return Rows(self.table, self.count, block, self.block_count + kept)
+
+    def flushed(self) -> "Rows":
+        """The block moved into the table; what of it is not filled is overwritten later."""
+        table = jax.tree.map(
+            lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
+            self.table,
+            self.block,
+        )
+        return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
+
+    def block_is_full(self) -> Any:
+        """Whether the block must be moved before another row is written."""
+        return self.block_count >= BLOCK_ROWS
+
+    def has_room(self) -> Any:
+        """Whether another full block fits into the table."""
+        length = jax.tree.leaves(self.table)[0].shape[0]
+        return self.count + BLOCK_ROWS <= length
+
+
+class Row(eqx.Module):
+    """A time and the state there, under the names of the condensed scene."""
+
+    t: Any
+    state: State
+
+
+class Progress(eqx.Module):
+    """A run between two segments.
+
+    `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
+    steps, if they are asked for. Both are ``None`` otherwise.
+    """
+
+    step: Step
+    last: Attempt | None
+    record: Rows | None
+
+
+class Saved(eqx.Module):
+    """States at the times of a segment, and which of these times were reached."""
+
+    states: State
+    reached: Any
+
+
+def begin(
+    method: Method,
+    form: Structured,
+    state: State,
+    t0: Any,
+    t_end: Any,
+    first_step: Any,
+    saves: bool,
+    record_rows: int | None,
+) -> Progress:
+    """The run before its first step. Numbers are arrays, scene and state in packed form."""
+    method, scene = method.grouped(unpack(form))
+    bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
+    y = Variables(bodies, state.work if method.formulation.ledger else {})
+    memory = gathered(state.memory, scene.joints)
+    step = start(method, scene, t0, t_end, first_step, y, memory)
+    last = record = None
+    if saves:
+        last = not_tried(method, scene, step, t_end)
+    if record_rows is not None:
+        row = _row(method, scene, step)
+        record = Rows.like(row, record_rows).with_row(row, 1)
+    # A loop's result has no weak types: with them the next segment would compile anew.
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), Progress(step, last, record)
+    )
+
+
+def segment(
+    method: Method,
+    form: Structured,
+    progress: Progress,
+    save_times: Any | None,
+    t_end: Any,
+    attempts: Any,
+    loops: AbstractLoops = PLAIN,
+) -> tuple[Progress, Saved | None]:
+    """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
+    times to save at (rising), whichever comes first."""
+    method, scene = method.grouped(unpack(form))
+    if save_times is None:
+        return _run_and_record(method, scene, progress, t_end, t_end, attempts, loops), None
+
+    def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
+        now = _run_and_record(method, scene, now, time, t_end, attempts, loops)
+        assert now.last is not None
+        state = _state(method, scene, *look_inside(method, scene, now.last, time))
+        return now, Saved(named(state), time <= now.step.t)
+
+    return loops.each(save_next, progress, save_times)
+
+
+def rewound(progress: Progress) -> Progress:
+    """The run with an empty record, after the host has taken the rows."""
+    none = jnp.zeros((), int)
+    return eqx.tree_at(lambda p: (p.record.count, p.record.block_count), progress, (none, none))
+
+
+def _run_and_record(
+    method: Method,
+    scene: Scene,
+    progress: Progress,
+    stop: Any,
+    t_end: Any,
+    attempts: Any,
+    loops: AbstractLoops,
+) -> Progress:
+    """Steps until one passes `stop`, emptying the record's block whenever it is full."""
+    if progress.record is None:
+        return _run(method, scene, progress, stop, t_end, attempts, loops)
+
+    def goes(now: Progress) -> Scalar:
+        assert now.record is not None
+        return _running(now, stop, t_end, attempts) & now.record.has_room()
+
+    def go(now: Progress) -> Progress:
+        now = _run(method, scene, now, stop, t_end, attempts, loops)
+        assert now.record is not None
+        record = jax.lax.cond(
+            now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
+        )
+        return Progress(now.step, now.last, record)
+
+    return jax.lax.while_loop(goes, go, progress)
+
+
+def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
+    return (now.step.t < stop) & running(now.step, t_end, attempts)
+
+
+def _run(
+    method: Method,
+    scene: Scene,
+    progress: Progress,
+    stop: Any,
+    t_end: Any,
+    attempts: Any,
+    loops: AbstractLoops,
+) -> Progress:
+    """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
+
+    def goes(now: Progress) -> Scalar:
+        more = _running(now, stop, t_end, attempts)
+        return more if now.record is None else more & ~now.record.block_is_full()
+
+    def go(now: Progress) -> Progress:
+        tried = loops.attempt(method, scene, now.step, t_end)
+        last, record = now.last, now.record
+        if last is not None:
+            last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
+        if record is not None:
+            record = record.with_row(_row(method, scene, tried.step), tried.kept)
+        return Progress(tried.step, last, record)
+
+    return loops.repeat(goes, go, progress)
+
+
+def _row(method: Method, scene: Scene, step: Step) -> Row:
+    return Row(step.t, _state(method, scene, step.y, step.memory))
+
+
+def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
+    return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
+
+
+def named(state: State) -> State:
+    """A state of the condensed scene by the elements' own names."""
+    return State(by_name(state.bodies), by_name(state.memory), state.work)
+
+
+def _buffer(row: Any, length: int) -> Any:
+    return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)

@@ -1,0 +1,254 @@
+"""Error-controlled forward sensitivities: derivatives of what is measured along a motion.
+
+Plain differentiation through an adaptive loop gives the derivative of the discretisation, which
+near impacts is another function than that of the motion. Here the variational equations are
+integrated beside the state and judged with it, the memory of an impact is differentiated at its
+true onset, and steps land on onsets within 1e-13 m. How right they are, and what they cost, is
+measured by `studies.benchmark`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..dynamics.stabilisation import Projection
+from ..fields.checks import require, require_names
+from ..math.vectors import Scalar
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter, check_parameters, coordinates_of
+from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
+from ..quantities.base import check_quantity
+from ..quantities.instant import Instant
+from ..results import RESULTS
+from .batch.reductions import Quantity
+from .dense_output import look_inside, projected
+from .settings import Integration
+from .solution import SimulationError
+from .spans import check_span, checked_times
+from .step_state import Attempt, Method, Step, Variables
+from .stepping import attempt, not_tried, running
+from .variational import look_at_tangents, start_with_tangents
+
+FEW_TIMES, GROWTH = 64, 8
+"""Numbers of times are rounded up to one of 64, 512, 4096, ..., so that hardly another compiles
+anything. A time that is repeated is looked at once, so that those added cost next to nothing."""
+
+
+class Sampled(eqx.Module):
+    """What was measured at N instants, and its derivatives along p parameters.
+
+    - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
+    - `reached`: (N,) whether the run came so far.
+    - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
+    """
+
+    values: dict[str, Any]
+    derivatives: dict[str, Any]
+    reached: Any
+    time: Any
+    result: RESULTS
+    attempts: Any
+    accepted: Any
+
+
+def followed(
+    method: Method,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    t0: Any,
+    t_end: Any,
+    first_step: Any,
+    max_steps: Any,
+) -> tuple[Sampled, Step, Step]:
+    """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
+    the first and the last step. Traceable."""
+    scene = family.scene(family.values)
+    first = start_with_tangents(method, family, t0, t_end, first_step)
+    last = not_tried(method, scene, first, t_end, family)
+
+    def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
+        tried = attempt(method, scene, now[0], t_end, family)
+        return tried.step, jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, now[1])
+
+    def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
+        time, is_new = row
+        step, last = now = jax.lax.while_loop(
+            lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
+        )
+        found = jax.lax.cond(
+            is_new,
+            lambda: _looked_at(method, family, outputs, last, time),
+            lambda: _nothing(family, outputs),
+        )
+        return now, (*found, time <= step.t)
+
+    is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
+    (step, _), (*found, reached) = jax.lax.scan(sample, (first, last), (times, is_new))
+    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
+    unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
+    result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
+    sampled = Sampled(values, derivatives, reached, step.t, result, step.attempts, step.accepted)
+    return sampled, first, step
+
+
+def _nothing(
+    family: AbstractFamily, outputs: Mapping[str, Quantity]
+) -> tuple[dict[str, Scalar], dict[str, Any]]:
+    """What stands in the place of quantities at a time that has been looked at."""
+    along = jnp.zeros(len(family.values))
+    return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
+
+
+def _looked_at(
+    method: Method,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    tried: Attempt,
+    time: Scalar,
+) -> tuple[dict[str, Scalar], dict[str, Any]]:
+    """Quantities at an instant of an accepted step, and their derivatives."""
+    scene, formulation = family.scene(family.values), method.formulation
+    dense = look_inside(method, scene, tried, time)
+
+    def observed(scene: Scene, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
+        if isinstance(formulation.stabilisation, Projection):
+            y = projected(scene, formulation, y, time)
+        now = Instant(scene, formulation, time, y.motion, memory, y.work)
+        return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
+
+    values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))
+    return values, derivatives
+
+
+@eqx.filter_jit
+def sampled_compiled(*arguments: Any) -> Sampled:
+    """What was seen of `followed`."""
+    return followed(*arguments)[0]
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Quantities along a motion and their derivatives.
+
+    - `times`: (N,) s, those asked for that were reached.
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
+      `Log` scale: to the logarithm), in the order of `parameters`.
+    - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
+    - `attempts`, `accepted`: steps tried and accepted.
+    """
+
+    parameters: tuple[str, ...]
+    times: np.ndarray
+    values: dict[str, np.ndarray]
+    derivatives: dict[str, np.ndarray]
+    time: float
+    result: RESULTS
+    attempts: int
+    accepted: int
+
+
+def sensitivities(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    times: Any,
+    *,
+    start_time: float = 0.0,
+    integration: Integration | None = None,
+    throw: bool = True,
+) -> Sensitivities:
+    """Integrate a scene with the derivatives of its motion along parameters.
+
+    Derivatives are finite at the centred journal, at zero depth, slip and entry speed: there they
+    are those of free flight (a contact has depth), of either side of the friction law, and of the
+    damping at the law's `entry_speed_floor`. By the position of a journal that touches the wall at
+    the start they say nothing: contact at the start counts as elastic, so the motion jumps there.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`; the parameters' values are
+      those of the scene.
+    - `parameters`: what to differentiate along, by name; see `Parameter`.
+    - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
+    - `times`: (N,) s, rising, at which they are evaluated.
+    - `integration`: tolerances and method; `Integration()` unless given.
+    - `throw`: raise `SimulationError`, with what was reached, if the run fails.
+
+    **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
+    something with time but declare no `breakpoints`: derivatives would lack the jumps there. A
+    force of one's own that jumps where the motion decides can't be told from others: the
+    derivatives across such a jump lack its term. Make it a contact law.
+    """
+    check_outputs(outputs, scene)
+    check_parameters(parameters)
+    integration = Integration() if integration is None else integration
+    method = integration.method(scene, state, start_time)
+    check_span(start_time, end_time)
+    asked = checked_times(start_time, end_time, times, "times")
+    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, coordinates)
+    span = (jnp.asarray(t, float) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
+    found = jax.device_get(
+        sampled_compiled(
+            method,
+            family,
+            dict(outputs),
+            jnp.asarray(padded(asked, end_time)),
+            *span,
+            jnp.asarray(integration.max_steps, int),
+        )
+    )
+    count = int(found.reached[: len(asked)].sum())
+    result = Sensitivities(
+        tuple(parameters),
+        asked[:count],
+        {name: values[:count] for name, values in found.values.items()},
+        {name: values[:count] for name, values in found.derivatives.items()},
+        float(found.time),
+        found.result,
+        int(found.attempts),
+        int(found.accepted),
+    )
+    if throw and found.result != RESULTS.successful:
+        raise SimulationError(
+            f"The run ended at t = {result.time:.9g} s: {RESULTS[found.result]}", result
+        )
+    return result
+
+
+def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
+    """Check that outputs are functions by name, and that the scene has what they name.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
+    require_names("outputs", outputs, example)
+    require(len(outputs) > 0, "outputs", {}, "not empty", example)
+    for name, output in outputs.items():
+        expected = "a scalar function of an Instant"
+        require(callable(output), f"outputs[{name!r}]", output, expected, example)
+        check_quantity(f"Output {name!r}", output, scene)
+
+
+def padded(times: np.ndarray, end_time: float) -> np.ndarray:
+    """The times, and the end time, at least once, as often as makes their number one of few."""
+    return np.append(times, np.full(few(len(times) + 1) - len(times), float(end_time)))
+
+
+def few(count: int) -> int:
+    """The least of few numbers that is not below a number of times."""
+    size = FEW_TIMES
+    while size < count:
+        size *= GROWTH
+    return size

@@ -1,0 +1,74 @@
+"""What a run returns."""
+
+from typing import Any
+
+import equinox as eqx
+
+from ..dynamics.formulation import Formulation
+from ..fields.readable import AbstractReadable
+from ..model.bodies import State
+from ..results import RESULTS
+from .impact_table import Impacts
+
+
+class Trajectory(AbstractReadable):
+    """States over time: `times` (N,) s, and `states` with the times in front of each array."""
+
+    times: Any
+    states: State
+
+    def __len__(self) -> int:
+        return self.times.shape[0]
+
+
+class Solution(AbstractReadable):
+    """The outcome of `clearjoint.simulation.simulate`.
+
+    - `saved`: the states at the requested times that were reached (all of them if successful), or
+      ``None`` if none were requested. Under a JAX transformation it keeps all rows, of which the
+      first `saved_count` hold.
+    - `time`, `final`: where the run ended, s, and the state there, from which it can be continued.
+    - `result`: how it ended, a `RESULTS` code.
+    - `attempts`, `accepted`: steps tried and accepted.
+    - `steps`: every accepted step, the start included, if asked for.
+    - `impacts`: the table of finished contacts, if asked for.
+    - `formulation`: how the equations were set up.
+    - `redundant_constraints`: names of constraints that depend on the others. If there are any,
+      reactions are those of least norm and not unique.
+    """
+
+    time: Any
+    final: State
+    result: RESULTS
+    attempts: Any
+    accepted: Any
+    saved: Trajectory | None
+    saved_count: Any
+    steps: Trajectory | None
+    impacts: Impacts | None = eqx.field(static=True)
+    formulation: Formulation
+    redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def times(self) -> Any:
+        """The requested times that were reached, s."""
+        return self._requested().times
+
+    @property
+    def states(self) -> State:
+        """The states at `times`."""
+        return self._requested().states
+
+    def _requested(self) -> Trajectory:
+        if self.saved is None:
+            raise AttributeError("No times were requested: pass `save_at` to simulate().")
+        return self.saved
+
+
+class SimulationError(RuntimeError):
+    """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
+    that raised it returns."""
+
+    def __init__(self, message: str, solution: Any):
+        super().__init__(message)
+        self.solution = solution

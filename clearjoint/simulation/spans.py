@@ -1,0 +1,67 @@
+"""The span of a run, and times within it."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..fields.checks import as_number, require
+
+ROUNDINGS = 4.0
+"""Times may be so many roundings outside of a span: sums of steps, and single precision, are."""
+
+
+def check_span(start: Any, end: Any) -> None:
+    """Check the span of a run in s.
+
+    **Raises:** `ValueError` if it does not go forward to a finite end.
+    """
+    require(
+        bool(np.isfinite(end)) and bool(end > start),
+        "end_time",
+        end,
+        f"finite and after start_time = {start}",
+        "give times in s",
+    )
+
+
+def checked_times(start: Any, end: Any, times: Any, argument: str) -> np.ndarray:
+    """Times to look at during a run, found to rise within its span.
+
+    **Arguments:** `argument`: what the caller calls these times.
+
+    **Returns:** the times in double precision, (N,). One that is outside by the rounding of its own
+    precision, or of the span's, is taken as the span's end.
+
+    **Raises:** `ValueError` for times that don't rise or are outside.
+    """
+    row = np.asarray(as_number(times))
+    fine = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
+    require(
+        fine and bool((np.diff(row) >= 0).all()),
+        argument,
+        row,
+        "a rising one-dimensional array of finite times",
+        "sort the times",
+    )
+    room = rounding(start, end, times)
+    require(
+        bool(row[0] >= start - room) and bool(row[-1] <= end + room),
+        argument,
+        [float(row[0]), float(row[-1])],
+        f"between start_time = {start} and end_time = {end}",
+        "leave out the times outside",
+    )
+    return np.clip(row.astype(float), float(start), float(end))
+
+
+def rounding(start: Any, end: Any, times: Any) -> float:
+    """How far times may be outside of a span by rounding alone, s: that of the coarsest of the
+    types in which these are given."""
+    precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
+    return ROUNDINGS * precision * max(abs(float(start)), abs(float(end)))
+
+
+def _float_type(value: Any) -> Any:
+    kind = np.asarray(value).dtype
+    return kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)

@@ -1,0 +1,139 @@
+"""A motion at a breakpoint: velocities that a driver makes jump, and the derivatives across it.
+
+As in `.jumps`, the state at the end of a step that lands on a breakpoint holds what the rates
+before and after would have made of the time since: nothing, to rounding, but with the derivative of
+the motion along whatever the breakpoint depends on. Where the angle of a driver has a kink,
+velocities jump by an impulse of the constraints, with least kinetic energy.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..dynamics.breakpoints import breakpoints, seen, since_breakpoints
+from ..dynamics.contact_forces import Memory
+from ..dynamics.energy import mechanical_energy
+from ..dynamics.projection import project_velocities
+from ..dynamics.state_rates import state_rates
+from ..math.vectors import Scalar
+from ..model.bodies import NO_WRENCH, Wrench
+from ..model.joints.base import AbstractForce, Motions
+from ..model.scene import Scene
+from .step_state import Method, Variables
+
+
+class SwitchedForce(AbstractForce):
+    """A force as at a time `before`, and a `share` of what it changes by until `after`."""
+
+    force: AbstractForce
+    before: Scalar
+    after: Scalar
+    share: Scalar
+
+    def body_names(self) -> tuple[str, ...]:
+        """The force's bodies."""
+        return self.force.body_names()
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Between the wrenches before and after."""
+        del t
+        old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
+        return {
+            name: self._mixed(old.get(name, NO_WRENCH), new.get(name, NO_WRENCH))
+            for name in {**old, **new}
+        }
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Between the powers before and after, W."""
+        del t
+        return self._mixed(
+            *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
+        )
+
+    def _mixed(self, old: Any, new: Any) -> Any:
+        return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
+
+
+def across_breakpoints(
+    method: Method,
+    scene: Scene,
+    start: Scalar,
+    y: Variables,
+    memory: Memory,
+    t: Scalar,
+    kept: Scalar,
+) -> Variables:
+    """The variables at the end of a step from `start` to t, if it is kept and lands on breakpoints.
+
+    `memory` is that at its start.
+    """
+    since = since_breakpoints(scene, start, t)
+    joints = {name: since[name] for name in scene.joints if name in since}
+    forces = {name: since[name] for name in scene.forces if name in since}
+    before, after = seen(scene, start, t), seen(scene, t, t)
+
+    def rates(shares: dict[str, Scalar], y: Variables, time: Scalar) -> Variables:
+        switched = _switched(scene, before, after, shares)
+        found = state_rates(switched, method.formulation, y.motion, memory, time)
+        return jax.tree.map(jnp.asarray, Variables(*found))
+
+    none = {name: jnp.zeros(()) for name in forces}
+
+    def crossed(y: Variables) -> Variables:
+        if joints:
+            time = _mean(joints)
+            y = _moved(y, rates(none, y, before), -time)
+            y = _kicked(method, _switched(scene, before, after, none), y, after - time)
+            y = _moved(y, rates(none, y, after), time)
+        if forces:
+            times = {name: time for name, (_, time) in forces.items()}
+            y = _moved(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
+        return y
+
+    lands: Scalar = jnp.asarray(False)
+    for here, _ in since.values():
+        lands = lands | here
+    return jax.lax.cond(kept & lands, crossed, lambda y: y, y)
+
+
+def _switched(scene: Scene, before: Scalar, after: Scalar, shares: dict[str, Scalar]) -> Scene:
+    """The scene with given shares of what its forces with breakpoints change by."""
+    forces = {
+        name: SwitchedForce(force, before, after, shares[name]) if name in shares else force
+        for name, force in scene.forces.items()
+    }
+    return eqx.tree_at(lambda s: s.forces, scene, forces)
+
+
+def _mean(since: dict[str, tuple[Scalar, Scalar]]) -> Scalar:
+    """The time since the breakpoints that a step lands on; drivers that change at one instant are
+    taken to do so together."""
+    count = sum(jnp.asarray(here, float) for here, _ in since.values())
+    return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
+
+
+def _moved(y: Variables, rates: Variables, time: Scalar) -> Variables:
+    return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
+
+
+def _kicked(method: Method, scene: Scene, y: Variables, t: Scalar) -> Variables:
+    """The variables with velocities as the constraints want them from t on; what their impulse
+    brings in is booked as supplied."""
+    motion = project_velocities(scene, method.formulation, y.motion, t)
+    work = y.work
+    if "supplied" in work:
+        brought = _kinetic(method, scene, motion, t) - _kinetic(method, scene, y.motion, t)
+        work = {**work, "supplied": work["supplied"] + brought}
+    return Variables(motion, work)
+
+
+def _kinetic(method: Method, scene: Scene, motion: Any, t: Scalar) -> Scalar:
+    motions = method.formulation.coordinates.motions(scene, motion)
+    return mechanical_energy(scene, motions, t)["kinetic"]
+
+
+def joints_have_breakpoints(scene: Scene) -> bool:
+    """Whether velocities may jump at a breakpoint."""
+    return any(name in scene.joints for name in breakpoints(scene))

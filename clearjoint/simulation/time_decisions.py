@@ -1,0 +1,105 @@
+"""Elements that change at instants which they don't declare.
+
+A force that is switched on at t_s is constant before and after: no derivative along t_s passes
+through the comparison, and nothing in a run tells. So the element's program is looked at: whether
+it compares, rounds or clips anything that depends on time.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+
+from ..fields.checks import require
+from ..math.vectors import Matrix, Scalar, Vector, unpack
+from ..model.bodies import GROUND, Motion
+from ..model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
+from ..model.scene import Scene
+
+KINKED = frozenset(["abs", "ceil", "clamp", "floor", "max", "min", "rem", "round", "sign", "sort"])
+"""Primitives whose result has a jump or a kink; besides those that make no real numbers, such as
+comparisons."""
+
+
+def require_declared(scene: Scene) -> None:
+    """Check that every element that decides by time declares its breakpoints.
+
+    **Raises:** `ValueError` that names the first one that doesn't.
+    """
+    elements = {"joints": scene.joints, "forces": scene.forces}
+    for family, members in elements.items():
+        for name, element in members.items():
+            silent = type(element).breakpoints is AbstractElement.breakpoints
+            require(
+                not (silent and decides_by_time(unpack(element))),
+                f"scene.{family}[{name!r}]",
+                type(element).__name__,
+                "smooth in time, or declare where it isn't, for derivatives to be right",
+                "give its class a method `breakpoints` that returns the times in s at which what "
+                "it compares with time changes, or () if nothing jumps or has a kink there",
+            )
+
+
+def decides_by_time(element: AbstractElement) -> bool:
+    """Whether anything that an element (in scalar form) says depends on a comparison with time."""
+
+    def said(t: Scalar, number: Scalar) -> Any:
+        vector = Vector(number, number, number)
+        motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
+        return _said(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+
+    program = jax.make_jaxpr(said)(0.0, 1.0).jaxpr
+    return _decides(_needed(program), {program.invars[0]})
+
+
+def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> Any:
+    """What the equations of motion take from an element; of a constraint's value, its rates."""
+    if isinstance(element, AbstractForce):
+        return element.wrenches(motions, t)
+    assert isinstance(element, AbstractConstraint | AbstractContactJoint)
+    rows = element.rows(motions, t).values()
+    return [(row.jacobian, row.bias, row.time_rate) for row in rows]
+
+
+def _needed(program: Jaxpr) -> list[Any]:
+    """The equations on which the results depend, in order."""
+    wanted, kept = {v for v in program.outvars if not isinstance(v, Literal)}, []
+    for equation in reversed(program.eqns):
+        if not wanted.isdisjoint(equation.outvars):
+            kept.append(equation)
+            wanted.update(v for v in equation.invars if not isinstance(v, Literal))
+    return kept[::-1]
+
+
+def _decides(equations: list[Any], timed: set[Any]) -> bool:
+    """Whether any equation decides by a variable that depends on time; `timed` are such."""
+    for equation in equations:
+        which = [not isinstance(v, Literal) and v in timed for v in equation.invars]
+        if not any(which):
+            continue
+        real = all(jnp.issubdtype(v.aval.dtype, jnp.inexact) for v in equation.outvars)
+        if equation.primitive.name in KINKED or not real:
+            return True
+        for inner in _inner(equation):
+            passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
+            inner_timed = {v for v, mine in zip(inner.invars, passed, strict=True) if mine}
+            if _decides(_needed(inner), inner_timed):
+                return True
+        timed.update(equation.outvars)
+    return False
+
+
+def _inner(equation: Any) -> list[Jaxpr]:
+    """The programs inside an equation, as of a loop."""
+    leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
+    return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
+
+
+def _is_program(part: Any) -> bool:
+    return isinstance(part, Jaxpr | ClosedJaxpr)

@@ -1,0 +1,195 @@
+"""Explicit Runge-Kutta steps with their stages written out.
+
+diffrax loops over the stages and decides inside the loop, by looking at all lanes of a batch,
+whether the last stage of the step before may be used again. Written out, a step is plain
+arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
+do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
+
+A step that begins a contact may be *graded*: taken in the square root s of the time since its
+start, t = t0 + h s^2. Forces that begin as (t - t0)^1.5 are smooth in s. In t they are not: error
+estimates then miss nearly all of the error, which cost 1e-6 of an impact's energy at rtol 1e-8.
+"""
+
+from functools import cache
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..math.vectors import Scalar
+
+
+class UnrolledExplicit(diffrax.AbstractSolver):
+    """The steps of a diffrax explicit Runge-Kutta method, stages written out.
+
+    Its state holds the rates at the start of the next step.
+    """
+
+    method: diffrax.AbstractERK
+    term_structure = diffrax.ODETerm
+
+    @property
+    def interpolation_cls(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The method's dense output."""
+        return self._interpolation
+
+    def _interpolation(
+        self, *, t0: Scalar, t1: Scalar, y0: Any, y1: Any, stages: tuple[Any, ...]
+    ) -> "DenseOutput":
+        del y1
+        return DenseOutput(self.method, t0, t1, y0, stages)
+
+    def order(self, terms: Any) -> int | None:
+        """Order of the method."""
+        return self.method.order(terms)
+
+    def error_order(self, terms: Any) -> Any:
+        """Order of the error estimate."""
+        return self.method.error_order(terms)
+
+    def func(self, terms: Any, t0: Scalar, y0: Any, args: Any) -> Any:
+        """The rates."""
+        return terms.vf(t0, y0, args)
+
+    def init(self, terms: Any, t0: Scalar, t1: Scalar, y0: Any, args: Any) -> Any:
+        """The rates at the start."""
+        del t1
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self,
+        terms: Any,
+        t0: Scalar,
+        t1: Scalar,
+        y0: Any,
+        args: Any,
+        solver_state: Any,
+        made_jump: Any,
+        graded: Any = None,
+    ) -> tuple[Any, Any, dict[str, Any], Any, diffrax.RESULTS]:
+        """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
+        tableau = _tableau(self.method)
+        h = t1 - t0
+        last = solver_state if made_jump is False else terms.vf(t0, y0, args)
+        stages, y = [_per_place(last, 0.0, graded)], y0
+        for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
+            y = _advanced(y0, h, row, stages)
+            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, graded) * h
+            last = terms.vf(t, y, args)
+            stages.append(_per_place(last, fraction, graded))
+        y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
+        if not tableau.fsal:
+            last = terms.vf(t1, y1, args)
+        error = jax.tree.map(
+            lambda *rates: h * _weighted(tableau.b_error, rates),
+            *stages,
+        )
+        information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
+        return y1, error, information, last, diffrax.RESULTS.successful
+
+
+class DenseOutput(eqx.Module):
+    """diffrax's dense output of a step, in scalar form.
+
+    Its sums over the stages are written out. A reduction of an array would be a loop in the midst
+    of arithmetic, and at each loop XLA's emitter forgets what it has written before: what an
+    acceleration, say, takes of many variables it then wrote again at every use. One derivative of
+    one acceleration of the double pendulum came to 59 MB of LLVM text, now 11, and never compiled.
+    """
+
+    method: diffrax.AbstractERK
+    t0: Scalar
+    t1: Scalar
+    y0: Any
+    stages: tuple[Any, ...]
+
+    def evaluate(self, t: Scalar) -> Any:
+        """The variables at a time."""
+        h = self.t1 - self.t0
+        return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
+
+    def at(self, x: Scalar) -> Any:
+        """The variables at a fraction x of the step."""
+        h = self.t1 - self.t0
+        weights = [h * _horner(row, x) for row in dense_weights(self.method)]
+
+        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
+            for weight, stage in zip(weights, stages, strict=True):
+                y0 = y0 + weight * stage
+            return y0
+
+        return jax.tree.map(leaf, self.y0, *self.stages)
+
+
+def _elapsed(s: float, graded: Any) -> Scalar:
+    """The part of a step's time that has passed at a place s in it."""
+    return s if graded is None else jnp.where(graded, s * s, s)
+
+
+def _per_place(rates: Any, s: float, graded: Any) -> Any:
+    """Rates against the place in the step, over its length."""
+    if graded is None:
+        return rates
+    slope = jnp.where(graded, 2.0 * s, 1.0)
+    return jax.tree.map(lambda rate: slope * rate, rates)
+
+
+def place_in_step(x: Scalar, graded: Any) -> Scalar:
+    """Where in a step, between 0 and 1, a part x of its time has passed; see the module's head."""
+    return x if graded is None else jnp.where(graded, jnp.sqrt(jnp.maximum(x, 0.0)), x)
+
+
+def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
+    assert isinstance(method.tableau, diffrax.ButcherTableau)
+    return method.tableau
+
+
+def _advanced(y0: Any, h: Scalar, weights: Any, stages: list[Any]) -> Any:
+    return jax.tree.map(lambda y, *rates: y + h * _weighted(weights, rates), y0, *stages)
+
+
+def _weighted(weights: Any, values: Any) -> Scalar:
+    terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
+    return sum(terms[1:], terms[0])
+
+
+def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The solver with its stages written out, if it is an explicit Runge-Kutta method."""
+    if isinstance(solver, diffrax.AbstractERK) and isinstance(
+        solver.tableau, diffrax.ButcherTableau
+    ):
+        return UnrolledExplicit(solver)
+    return solver
+
+
+def _horner(coefficients: Any, x: Scalar) -> Scalar:
+    """A polynomial without constant term, lowest power first."""
+    value: Scalar = float(coefficients[-1])
+    for coefficient in coefficients[-2:0:-1]:
+        value = value * x + float(coefficient)
+    return value * x
+
+
+@cache
+def dense_weights(method: diffrax.AbstractERK) -> np.ndarray:
+    """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
+
+    Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
+    diffrax's interpolant, which is linear in the stages.
+    """
+    tableau = _tableau(method)
+    stages = tableau.num_stages
+    degree = max(method.order(None) or 1, 3)
+    x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+    rows = []
+    with jax.ensure_compile_time_eval():
+        for k in range(stages):
+            unit = np.zeros(stages)
+            unit[k] = 1.0
+            y0, y1 = jnp.zeros(()), jnp.asarray(unit @ np.asarray(tableau.b_sol))
+            dense = method.interpolation_cls(t0=0.0, t1=1.0, y0=y0, y1=y1, k=jnp.asarray(unit))
+            rows.append([float(dense.evaluate(place)) for place in x])
+    return np.linalg.solve(np.vander(x, increasing=True), np.array(rows).T).T

@@ -1,0 +1,158 @@
+"""A free mass against a wall: what a law delivers, and what its smoothing costs."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+
+from ..fields.checks import require
+from ..model.contact.gap import Gap
+from ..model.contact.laws import AbstractContactLaw, AbstractHertzianLaw, contact_normal_force
+
+TOLERANCE = 1e-11
+STEPS_A_CONTACT = 500
+LONGEST = 100.0
+
+
+@dataclass(frozen=True)
+class FreeImpact:
+    """One impact.
+
+    `restitution`: rebound over entry speed; `peak_force` N; `largest_penetration` m; `duration` s,
+    from where the force begins to where it ends.
+    """
+
+    restitution: float
+    peak_force: float
+    largest_penetration: float
+    duration: float
+
+
+def free_impact(
+    law: AbstractContactLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    clearance: float | None = None,
+) -> FreeImpact:
+    """Throw a free mass (kg) at a wall with an entry speed (m/s).
+
+    **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
+
+    **Raises:** `ValueError` if the mass does not come free again within 100 s.
+    """
+    numbers = [jnp.asarray(x, dtype=float) for x in (mass, entry_speed)]
+    wall = (bearing_radius, clearance)
+    whole = _contact(law, *numbers, *wall, jnp.asarray(jnp.inf))
+    duration = float(np.max(whole.ts, where=np.isfinite(whole.ts), initial=0.0))
+    require(
+        bool(whole.result == diffrax.RESULTS.event_occurred),
+        "law",
+        law,
+        f"one from which a mass rebounds at {entry_speed} m/s",
+        "raise the entry speed or the law's floor on it",
+    )
+    fine = _contact(law, *numbers, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
+    finite = np.isfinite(np.asarray(fine.ts))
+    depth, rate = np.asarray(fine.ys)[finite].T
+    gap = Gap(depth, rate, *wall)
+    force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
+    return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
+
+
+@eqx.filter_jit
+def _contact(
+    law: AbstractContactLaw,
+    mass: Any,
+    entry_speed: Any,
+    bearing_radius: Any,
+    clearance: Any,
+    longest_step: Any,
+) -> diffrax.Solution:
+    def field(t: Any, y: Any, args: Any) -> Any:
+        del t, args
+        gap = Gap(y[0], y[1], bearing_radius, clearance)
+        return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
+
+    reach = jnp.asarray(law.reach(), dtype=float)
+    leaving = diffrax.Event(
+        lambda t, y, args, **_: y[0] + reach,
+        optimistix.Newton(TOLERANCE, 1e-16),
+        direction=False,
+    )
+    return diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri8(),
+        0.0,
+        LONGEST,
+        1e-9,
+        jnp.stack([-reach, entry_speed]),
+        event=leaving,
+        throw=False,
+        max_steps=16384,
+        saveat=diffrax.SaveAt(steps=True, t1=True),
+        stepsize_controller=diffrax.PIDController(TOLERANCE, 1e-18, dtmax=longest_step),
+    )
+
+
+def _crest(values: np.ndarray) -> float:
+    """Largest value, by a parabola through the largest sample and its neighbours."""
+    k = int(np.clip(np.argmax(values), 1, len(values) - 2))
+    left, middle, right = values[k - 1 : k + 2]
+    curvature = left - 2 * middle + right
+    if curvature >= 0.0:
+        return float(values.max())
+    return float(middle - (left - right) ** 2 / (8 * curvature))
+
+
+@dataclass(frozen=True)
+class SmoothingBias:
+    """What a law's smoothing width changes in one free impact, relative to the exact law.
+
+    `restitution`: difference of the restitutions; `peak_force`, `largest_penetration`, `duration`:
+    relative differences; `delay`: s by which the mass leaves the surface later, which with the
+    difference of rebound speeds is the bias of the trajectory after the impact.
+    """
+
+    restitution: float
+    peak_force: float
+    largest_penetration: float
+    duration: float
+    delay: float
+
+
+def smoothing_bias(
+    law: AbstractHertzianLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    clearance: float | None = None,
+) -> SmoothingBias:
+    """Compare a smoothed law with its exact form in one free impact (see `free_impact`).
+
+    **Raises:** `ValueError` for a law without smoothing.
+    """
+    width = law.smoothing
+    require(
+        width is not None,
+        "law",
+        width,
+        "one with a smoothing width",
+        "pass smoothing=... in m to the law",
+    )
+    assert width is not None
+    exact_law = eqx.tree_at(lambda l: l.smoothing, law, None)
+    arguments = (mass, entry_speed, bearing_radius, clearance)
+    smooth, exact = free_impact(law, *arguments), free_impact(exact_law, *arguments)
+    approach = float(width) * (1.0 / entry_speed + 1.0 / (smooth.restitution * entry_speed))
+    return SmoothingBias(
+        smooth.restitution - exact.restitution,
+        smooth.peak_force / exact.peak_force - 1.0,
+        smooth.largest_penetration / exact.largest_penetration - 1.0,
+        smooth.duration / exact.duration - 1.0,
+        smooth.duration - approach - exact.duration,
+    )

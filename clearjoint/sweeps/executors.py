@@ -1,0 +1,218 @@
+"""The chunks of a sweep, handed to an executor.
+
+Chunks are independent and may be computed more than once. So any executor with the interface of
+`concurrent.futures.Executor` will do, and so will a client of Dask's distributed scheduler, which
+gives the chunks of a worker that died to another. On one's own cores, in a script with the usual
+``if __name__ == "__main__":`` ::
+
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
+
+and on a cluster::
+
+    with dask.distributed.Client("tcp://scheduler:8786") as client: ...
+
+What is computed travels by cloudpickle, so that closures and functions from notebooks will do, and
+takes along this process's runtime settings (`clearjoint.configure`), which a worker process takes
+over before JAX starts in it.
+"""
+
+import os
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from functools import lru_cache, partial
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from ..fields.checks import require
+from ..runtime import adopt, in_force
+from .pickling import encoded
+
+Results = dict[str, np.ndarray]
+Task = Callable[[int], Results]
+RETRIES = 3
+"""How often Dask repeats a chunk that raised an error before the sweep fails."""
+QUEUED = 2
+"""Chunks handed out for each worker: one that it computes and one that it finds waiting."""
+
+
+class ChunkError(RuntimeError):
+    """Chunks could not be computed. `chunks` are their numbers, `__cause__` is the first error."""
+
+    def __init__(self, message: str, chunks: tuple[int, ...] = ()):
+        super().__init__(message)
+        self.chunks = chunks
+
+
+def run_chunks(
+    task: Task, chunks: Iterable[int], executor: Any, on_done: Callable[[int, Results], None]
+) -> None:
+    """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
+
+    `on_done` is called in this thread, for one chunk at a time, in the order in which they end.
+    Few chunks at a time are handed out, and none after an error. An interrupt (Ctrl-C) or an error
+    of `on_done` cancels those that have not begun.
+
+    **Arguments:**
+
+    - `task`: computes the results of a chunk from its number. Each process decodes it once.
+    - `chunks`: numbers of the chunks.
+    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
+    - `on_done`: takes the results of a chunk.
+
+    **Raises:** `ValueError` if `executor` is neither, or forks its processes. `ChunkError` if a
+    chunk raises an error or its worker dies (with Dask: again and again), after the chunks already
+    handed out have ended and `on_done` has got their results.
+    """
+    pool, waiting = _Pool(executor, task), deque(chunks)
+    running: dict[Future, int] = {}
+    failed: dict[int, BaseException] = {}
+    done = 0
+    try:
+        while running or (waiting and not failed):
+            room = 0 if failed else pool.room() - len(running)
+            for _ in range(min(room, len(waiting))):
+                chunk = waiting.popleft()
+                running[pool.submit(chunk)] = chunk
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                chunk = running.pop(future)
+                error = _error(future)
+                if error is None:
+                    on_done(chunk, future.result())
+                    done += 1
+                else:
+                    failed[chunk] = error
+    finally:
+        for future in running:
+            future.cancel()
+    if failed:
+        _fail(failed, done)
+
+
+class _Pool:
+    """An executor or a client of Dask, and what it has to call."""
+
+    def __init__(self, executor: Any, task: Task):
+        _check(executor)
+        self._given = executor
+        self._is_client = hasattr(executor, "get_executor")
+        self._executor = (
+            executor.get_executor(pure=False, retries=RETRIES) if self._is_client else executor
+        )
+        in_process = isinstance(executor, ThreadPoolExecutor)
+        self._call = task if in_process else partial(_call, _payload(task))
+
+    def room(self) -> int:
+        """How many chunks may be handed out at a time; a cluster's workers come and go."""
+        if self._is_client:
+            workers = sum(self._given.nthreads().values())
+        else:
+            workers = getattr(self._executor, "_max_workers", None) or os.cpu_count() or 1
+        return QUEUED * max(workers, 1)
+
+    def submit(self, chunk: int) -> Future:
+        """Hand out a chunk."""
+        try:
+            return self._executor.submit(self._call, chunk)
+        except BrokenExecutor as error:
+            broken = Future()
+            broken.set_exception(error)
+            return broken
+
+
+def _check(executor: Any) -> None:
+    require(
+        hasattr(executor, "submit"),
+        "executor",
+        executor,
+        "a concurrent.futures.Executor or a dask.distributed.Client",
+        "pass for example ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))",
+    )
+    context = getattr(executor, "_mp_context", None)
+    require(
+        context is None or context.get_start_method() != "fork",
+        "executor",
+        executor,
+        "a pool whose processes are not forked, since JAX's threads do not survive a fork",
+        "pass mp_context=multiprocessing.get_context('spawn') to the ProcessPoolExecutor",
+    )
+
+
+def _payload(task: Task) -> bytes:
+    """The task behind the settings under which it has to be decoded."""
+    return pickle.dumps((in_force(), encoded(task)))
+
+
+_decoding = Lock()
+
+
+@lru_cache(maxsize=1)
+def _decoded(payload: bytes) -> Task:
+    values, task = pickle.loads(payload)
+    adopt(values)
+    return pickle.loads(task)
+
+
+def _call(payload: bytes, chunk: int) -> Results:
+    """Compute a chunk in a worker, one thread of which decodes the task for all."""
+    with _decoding:
+        task = _decoded(payload)
+    try:
+        return task(chunk)
+    except Exception as error:
+        if _travels(error):
+            raise
+        raise RuntimeError(f"{type(error).__name__}: {error}") from error
+
+
+def _travels(error: Exception) -> bool:
+    """Whether an error arrives whole: one of a script's class, or one made of several arguments,
+    may not, and its arrival then breaks a pool of processes."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return False
+    return True
+
+
+def _error(future: Future) -> BaseException | None:
+    if future.cancelled():
+        return CancelledError("the executor cancelled it; has it been shut down?")
+    return future.exception()
+
+
+def _why_it_may_have_died(done: int) -> str:
+    """Causes, the likeliest first: a worker that a script starts imports the script anew."""
+    if done:
+        return "killed, or out of memory"
+    return (
+        'none was computed: a script must run what it runs behind `if __name__ == "__main__":`, '
+        "since each worker process imports it; or it was killed, or out of memory"
+    )
+
+
+def _fail(failed: dict[int, BaseException], done: int) -> None:
+    chunks = tuple(sorted(failed))
+    cause = next(iter(failed.values()))
+    numbers = ", ".join(map(str, chunks))
+    if isinstance(cause, BrokenExecutor):
+        why = _why_it_may_have_died(done)
+        what = f"A worker process died with chunks {numbers} handed out ({why})"
+    else:
+        what = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
+    raise ChunkError(
+        f"{what}: {type(cause).__name__}: {cause}\nChunks completed in this call: {done}. A sweep "
+        "with a `path` has stored them, and resumes when called again.",
+        chunks,
+    ) from cause

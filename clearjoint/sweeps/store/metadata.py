@@ -1,0 +1,269 @@
+"""What a sweep's Zarr store holds, as metadata and labels: written before any result, and read."""
+
+import glob
+import shutil
+import time
+import uuid
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import zarr
+
+from ...fields.checks import require
+from ..layout import LANE, Coordinate, Layout, Variable
+from .chunks import CHECKED, chunk_file, opened, read
+from .fingerprint import digest
+from .identity import Identity
+
+_FORMAT, _VERSION = "sweep_format", 2
+_OWN = (
+    "sweep_axes",
+    "sweep_shape",
+    "sweep_zipped",
+    "sweep_chunk",
+    "sweep_coordinates",
+    "sweep_notes",
+    "sweep_programs",
+    "sweep_digests",
+    "sweep_order",
+    "sweep_added",
+    _FORMAT,
+    "coordinates",
+)
+"""Attributes of the store that are no settings of the sweep."""
+_ROOT = "zarr.json"
+ABANDONED_AFTER = 3600.0
+"""Age, s, from which on nobody works at what is not yet under its name: that takes a second."""
+
+
+class Contents(NamedTuple):
+    """What a store holds.
+
+    - `layout` and `identity`: of the sweep.
+    - `order`: (lanes,) the sweep's lane at each place of the store, whose lanes stay where they are
+      when others join them.
+    - `added`: variables that came when lanes were done already.
+    """
+
+    layout: Layout
+    identity: Identity
+    order: np.ndarray
+    added: frozenset[str] = frozenset()
+
+
+def create(path: Path, contents: Contents) -> None:
+    """Make a store without results, as a whole or not at all; nothing if another process was
+    first."""
+    with _made(path, contents) as making:
+        try:
+            making.rename(path)
+        except OSError:
+            if not path.exists():
+                raise
+
+
+def extend(path: Path, contents: Contents) -> None:
+    """Give a store further lanes, behind its own, or further variables.
+
+    Its chunks stay as they are; until the last file is replaced it reads as before.
+    """
+    with _made(path, contents) as making:
+        files = [file.relative_to(making) for file in making.rglob("*") if file.is_file()]
+        for file in sorted(files, key=lambda file: file == Path(_ROOT)):
+            _move(making / file, path / file)
+
+
+def remove_remains(path: Path) -> None:
+    """Remove what processes that were killed while they made or extended this store have left."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+        with suppress(FileNotFoundError):
+            if time.time() - left.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(left)
+
+
+def contents_of(path: Path) -> Contents:
+    """What the store at a path holds.
+
+    **Raises:** `ValueError` if no sweep's store is there, or its labels are damaged.
+    """
+    group, attrs = _opened(path)
+    own = {name: attrs.pop(name) for name in _OWN}
+    order = _values(path, group, own["sweep_order"])
+    back = np.argsort(order)
+    names, further, digests = own["sweep_axes"], own["sweep_coordinates"], own["sweep_digests"]
+    axes = [_labels(path, group, name) for name in names]
+    axes = [axis._replace(values=axis.values[back]) for axis in axes]
+    if not own["sweep_zipped"]:
+        axes = [_along(axis, own["sweep_shape"], dim) for dim, axis in enumerate(axes)]
+    labels = {*names, *further, *digests.values(), own["sweep_order"]}
+    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
+    layout = Layout(
+        tuple(axes),
+        own["sweep_chunk"],
+        {name: _variable(array) for name, array in group.arrays() if name not in labels},
+        tuple(_labels(path, group, name) for name in further),
+        attrs,
+        own["sweep_zipped"],
+        notes,
+    )
+    lanes = {name: _values(path, group, array)[back] for name, array in digests.items()}
+    identity = Identity(own["sweep_programs"], lanes)
+    return Contents(layout, identity, order, frozenset(own["sweep_added"]))
+
+
+def _opened(path: Path) -> tuple[zarr.Group, dict[str, Any]]:
+    """The group at a path and its attributes."""
+    try:
+        group = zarr.open_group(path, mode="r", use_consolidated=True)
+        attrs: dict[str, Any] = dict(group.attrs)
+        form = attrs[_FORMAT]
+    except (OSError, ValueError, KeyError) as error:
+        raise ValueError(
+            f"Argument `path` must name the store of a sweep, but {path} is none, or its {_ROOT} "
+            "is damaged: pass another path, or delete what is there."
+        ) from error
+    require(
+        form == _VERSION,
+        "path",
+        str(path),
+        f"a store of format {_VERSION}, and not {form} as other versions of clearjoint write it",
+        "read it with xarray.open_zarr, and sweep into another path",
+    )
+    return group, attrs
+
+
+def _move(file: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    file.replace(to)
+
+
+@contextmanager
+def _made(path: Path, contents: Contents) -> Iterator[Path]:
+    """A store beside a path, of which nothing stays there."""
+    making = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        _write(making, contents)
+        yield making
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+
+
+def _write(path: Path, contents: Contents) -> None:
+    layout, identity, order, _ = contents
+    taken = sorted(set(_OWN) & {*layout.settings, *layout.notes})
+    require(not taken, "settings", taken, "names that the store does not use", "rename them")
+    digests = {name: f"sweep_lanes_{name}".rstrip("_") for name in identity.lanes}
+    attributes = {**layout.settings, **layout.notes, **_own_attributes(contents, digests)}
+    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
+    columns = layout.values()
+    along_lanes = [
+        *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
+        *(Coordinate(digests[name], found[order]) for name, found in identity.lanes.items()),
+        Coordinate(_order_name(order), order),
+    ]
+    for coordinate in along_lanes:
+        _write_labels(group, coordinate, LANE, layout.chunk)
+    for coordinate in layout.coordinates:
+        _write_labels(group, coordinate, coordinate.name, len(coordinate.values))
+    for name, variable in layout.variables.items():
+        _write_variable(group, name, variable, layout)
+    with warnings.catch_warnings():
+        # Still a draft in format 3; but without it xarray warns whenever the store is opened.
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        zarr.consolidate_metadata(group.store)
+
+
+def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, Any]:
+    """By the names `_OWN`; `digests` are names of arrays."""
+    layout, order = contents.layout, _order_name(contents.order)
+    names = [axis.name for axis in layout.axes]
+    values = (
+        names,
+        list(layout.shape),
+        layout.zipped,
+        layout.chunk,
+        [c.name for c in layout.coordinates],
+        list(layout.notes),
+        dict(contents.identity.programs),
+        digests,
+        order,
+        sorted(contents.added),
+        _VERSION,
+        " ".join([*names, *digests.values(), order]),
+    )
+    return dict(zip(_OWN, values, strict=True))
+
+
+def _order_name(order: np.ndarray) -> str:
+    """Another one for another order, so that who reads meanwhile finds the old one."""
+    return f"sweep_order_{digest(order.tobytes())}"
+
+
+def _write_variable(group: zarr.Group, name: str, variable: Variable, layout: Layout) -> None:
+    group.create_array(
+        name,
+        shape=(layout.lanes, *variable.shape),
+        chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
+        dtype=variable.dtype,
+        fill_value=variable.fill,
+        compressors=CHECKED,
+        dimension_names=(LANE, *variable.dims),
+        attributes=variable.attributes,
+    )
+
+
+def _write_labels(group: zarr.Group, coordinate: Coordinate, dim: str, chunk: int) -> None:
+    name, values, _ = coordinate
+    dtype: Any = str if values.dtype.kind == "U" else values.dtype
+    attributes: dict[str, Any] = coordinate.attributes
+    group.create_array(
+        name,
+        shape=values.shape,
+        chunks=(chunk,),
+        dtype=dtype,
+        compressors=CHECKED,
+        dimension_names=(dim,),
+        attributes=attributes,
+    )
+    opened(group, name)[:] = values
+
+
+def _values(path: Path, group: zarr.Group, name: str) -> np.ndarray:
+    """Values that were written with the metadata."""
+    array = opened(group, name)
+    values, faults = read(path, array)
+    for chunk, fault in faults.items():
+        raise ValueError(
+            f"The store {path} can't be read, since of its labels {chunk_file(path, array, chunk)} "
+            f"is {fault}: restore that file from a copy, or delete the store to compute it anew."
+        )
+    return values
+
+
+def _labels(path: Path, group: zarr.Group, name: str) -> Coordinate:
+    unit = str(group[name].attrs.get("units", "1"))
+    return Coordinate(name, _values(path, group, name), unit)
+
+
+def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
+    """An axis' values, from those of all lanes."""
+    grid = np.moveaxis(axis.values.reshape(shape), dim, -1)
+    return axis._replace(values=grid.reshape(-1, shape[dim])[0])
+
+
+def _variable(array: zarr.Array) -> Variable:
+    attrs: dict[str, Any] = dict(array.attrs)
+    unit, description = attrs.pop("units"), attrs.pop("long_name")
+    metadata: Any = array.metadata
+    return Variable(
+        tuple(metadata.dimension_names[1:]),
+        array.shape[1:],
+        str(array.dtype),
+        unit,
+        description,
+        attrs,
+    )

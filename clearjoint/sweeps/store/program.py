@@ -1,0 +1,120 @@
+"""The programs of a sweep: what a lane's run computes, and what each output reads from it.
+
+They are traced as those of the lanes are, with the numbers of scene and state as arguments. Those
+of solver, controller and outputs are constants in them.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...math.vectors import Structured, unpack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...quantities.instant import Instant
+from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
+from ...simulation.batch.recording import Row
+from ...simulation.batch.reductions import Quantity
+from ..work import variable_name
+from .fingerprint import digest, fingerprints
+
+RUN = ""
+"""Name of the program of the run itself."""
+
+
+def programs(
+    plan: Plan,
+    form: Structured,
+    state: State,
+    start_time: float,
+    channels: dict[str, dict[str, Quantity]],
+) -> dict[str, str]:
+    """Digests of the run's program (`RUN`), and of that of each variable of the outputs.
+
+    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.batch.device_pool.Common`;
+    `form` and `state`: scene and initial state of a lane; `start_time`: s.
+
+    **Raises:** `ValueError` for a scene or an output that calls back into Python.
+    """
+    numbers, rest = eqx.partition(form, eqx.is_array_like)
+    traced = _Traced(plan, rest, channels)
+    time = jnp.asarray(start_time, dtype=float)
+    begun, lanes = fingerprints(traced.begun, numbers, state, time, 1.0)
+    lane: Lane = lanes[RUN]
+    taken, _ = fingerprints(traced.taken, numbers, lane, 1.0)
+    row = Row(lane.step.t, lane.step.y, lane.step.memory)
+    tallies = jax.eval_shape(traced.tallies, numbers, row)
+    read, _ = fingerprints(traced.read, numbers, row, row, tallies)
+    return {RUN: digest(begun[RUN], taken[RUN])} | read
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """What is traced: functions of the numbers of a scene, of which `rest` is what else it is."""
+
+    plan: Plan
+    rest: Any
+    channels: dict[str, dict[str, Quantity]]
+
+    @property
+    def _bare(self) -> Plan:
+        """The plan without outputs."""
+        return Plan(self.plan.method, {}, {}, False, self.plan.max_steps)
+
+    def _scene(self, numbers: Any) -> Scene:
+        return unpack(eqx.combine(numbers, self.rest))
+
+    def begun(self, numbers: Any, state: State, time: Any, length: Any) -> dict[str, Lane]:
+        """The lane before its first step."""
+        orders = _orders(time + length, length)
+        return {RUN: begin_lane(self._bare, self._scene(numbers), state, time, orders)}
+
+    def taken(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+        """A step of the lane, and what would be reported of it."""
+        scene = self._scene(numbers)
+        after = turn(self._bare, scene, lane, _orders(end_time, end_time))
+        return {RUN: (after, outcome(self._bare, scene, lane, end_time))}
+
+    def tallies(self, numbers: Any, row: Row) -> dict[str, Any]:
+        """The reductions' tallies at the start."""
+        now = self._instant(numbers, row, row)
+        return {
+            name: jax.tree.map(jnp.asarray, reduction.start(now))
+            for name, reduction in self.plan.reductions.items()
+        }
+
+    def read(self, numbers: Any, row: Row, middle: Row, tallies: dict[str, Any]) -> dict[str, Any]:
+        """By variable, all that an output computes for it at the end of a step."""
+        now, found = self._instant(numbers, row, middle), {}
+        for name, reduction in self.plan.reductions.items():
+            tally = tallies[name]
+            whole = (
+                reduction.start(now),
+                reduction.update(tally, now),
+                reduction.results(tally, now),
+            )
+            found |= {variable_name(name, key): whole for key in reduction.units()}
+        for name, quantities in self.channels.items():
+            section = self.plan.sections.get(name)
+            where = () if section is None else (section.quantity(now), section.after)
+            found |= {variable_name(name, key): where for key in ("time", "count")}
+            found |= {
+                variable_name(name, key): (*where, quantity(now))
+                for key, quantity in quantities.items()
+            }
+        return found
+
+    def _instant(self, numbers: Any, row: Row, middle: Row) -> Instant:
+        method, scene = self.plan.method.grouped(self._scene(numbers))
+        return row.instant(
+            scene,
+            method.formulation,
+            lambda: middle.instant(scene, method.formulation),
+        )
+
+
+def _orders(end_time: Any, first_step: Any) -> Orders:
+    return Orders(end_time, first_step, (jnp.inf,) * WINDOW, {})

@@ -1,0 +1,151 @@
+"""The work of a sweep: lanes ready to run, and their results as arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..results import RESULTS, result_number
+from ..runtime import busy_devices
+from ..simulation.batch.device_pool import Common, Extent, Task
+from ..simulation.batch.scheduler import Batch, Ended
+from .layout import RESULT, Variable
+
+ON_CPU = Extent(pool=256, places=64)
+ON_ACCELERATOR = Extent(pool=8192, places=8192)
+FINAL = {
+    "position": ("component", "m"),
+    "orientation": ("parameter", "1"),
+    "velocity": ("component", "m/s"),
+    "spin": ("component", "rad/s"),
+}
+Results = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Work:
+    """All lanes of a sweep.
+
+    - `common`, `tasks`: what they share, and each one's own (host arrays, lanes in front).
+    - `bodies`: names in the order of the variables' dimension "body".
+    - `bad`: numbers of those whose parameters no scene can have; they are not run.
+    - `variables`: what is reported of a lane.
+    """
+
+    common: Common
+    tasks: Task
+    bodies: tuple[str, ...]
+    bad: frozenset[int]
+    variables: Mapping[str, Variable]
+
+    def __len__(self) -> int:
+        return len(self.tasks.end_time)
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[int, Results], None],
+        *,
+        devices: Sequence[Any] | None = None,
+        on_progress: Callable[[float], None] = lambda lanes: None,
+    ) -> Batch:
+        """Run lanes; `on_ended` gets the number and the results of each."""
+        for lane in lanes:
+            if lane in self.bad:
+                on_ended(lane, self._refused(lane))
+        devices = busy_devices() if devices is None else devices
+        batch = Batch(self.common, self.tasks, devices, extent(devices))
+        batch.run(
+            [lane for lane in lanes if lane not in self.bad],
+            lambda ended: on_ended(ended.lane, self._results(ended)),
+            on_progress,
+        )
+        return batch
+
+    def _refused(self, lane: int) -> Results:
+        results = {name: np.full(v.shape, v.fill, v.dtype) for name, v in self.variables.items()}
+        results[RESULT] = np.asarray(result_number(RESULTS.bad_parameters), np.int8)
+        results["time_reached"] = np.asarray(float(self.common.start_time))
+        return results
+
+    def _results(self, ended: Ended) -> Results:
+        """The results of a lane by variable; what was not recorded is NaN."""
+        outcome = ended.outcome
+        results: Results = {
+            RESULT: result_number(outcome.result),
+            "time_reached": outcome.time,
+            "attempts": outcome.attempts,
+            "accepted": outcome.accepted,
+        }
+        bodies = [outcome.final.bodies[name] for name in self.bodies]
+        for part in FINAL:
+            results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
+        for name, values in outcome.results.items():
+            for key, value in values.items():
+                results[variable_name(name, key)] = value
+        for name, (rows, count) in ended.logs.items():
+            for key, values in rows.items():
+                results[variable_name(name, key)] = np.where(
+                    np.arange(len(values)) < count, values, np.nan
+                )
+            if (counted := variable_name(name, "count")) in self.variables:
+                results[counted] = np.asarray(count)
+        return {
+            name: np.asarray(results[name], variable.dtype)
+            for name, variable in self.variables.items()
+        }
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """The work in chunks.
+
+    - `lanes`: numbers of those to run in each.
+    - `trace`: tells the digests of the programs that this process would run; unless they are those
+      of `work`, it runs other code than the process that made the work.
+    """
+
+    work: Work
+    lanes: Mapping[int, Sequence[int]]
+    trace: Callable[[], Mapping[str, str]] | None = None
+
+    def __call__(self, chunk: int) -> Results:
+        """The results of a chunk's lanes, computed on this process's devices.
+
+        **Raises:** `RuntimeError` in a process that runs other code.
+        """
+        self._require_same_code()
+        found: dict[int, Results] = {}
+        self.work.run(self.lanes[chunk], lambda lane, results: found.update({lane: results}))
+        return joined([found[lane] for lane in self.lanes[chunk]])
+
+    def _require_same_code(self) -> None:
+        expected = self.work.common.programs
+        if self.trace is None or expected in _seen:
+            return
+        if tuple(self.trace().items()) != expected:
+            raise RuntimeError(
+                "This worker would run other code than the process that made the sweep, for "
+                "example since a file was edited meanwhile: start both anew."
+            )
+        _seen.add(expected)
+
+
+_seen: set[tuple[tuple[str, str], ...]] = set()
+"""Programs that this process has traced too."""
+
+
+def extent(devices: Sequence[Any] | None = None) -> Extent:
+    """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
+    return ON_CPU if (devices or busy_devices())[0].platform == "cpu" else ON_ACCELERATOR
+
+
+def variable_name(output: str, key: str) -> str:
+    """Name in the data set of one result of an output."""
+    return f"{output}_{key}" if key else output
+
+
+def joined(results: Sequence[Results]) -> Results:
+    """Results of several lanes, lanes in front."""
+    return {name: np.stack([lane[name] for lane in results]) for name in results[0]}

@@ -1,0 +1,371 @@
+"""Alike elements put together: the same numbers as each by itself, under their own names."""
+
+import dataclasses
+import sys
+from functools import partial
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint.dynamics.contact_events import reaches, second_rates
+from clearjoint.dynamics.energy import ledger_powers, mechanical_energy
+from clearjoint.dynamics.equations_of_motion import evaluate
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.grouping import condensing as grouping
+from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
+from clearjoint.dynamics.grouping.coordinates import Views, folded, grouped
+from clearjoint.math.groups import Several, by_name, each, gathered
+from clearjoint.math.vectors import Vector, structured, unpack
+from clearjoint.simulation import host_run as running
+from clearjoint.simulation.method import make_method
+from clearjoint.simulation.segments import begin, segment
+from clearjoint.simulation.step_state import Variables
+from clearjoint.simulation.stepping import attempt, start
+from studies.benchmark.chain import chain
+
+SIMULATE = sys.modules["clearjoint.simulation.simulate"]
+"""The module, whose name is also that of its function."""
+ROUGH = cj.RegularisedCoulomb(0.1)
+STOPS = cj.EndPlay(1e-3, cj.Hertz(1e9))
+SPRING = {"spring": cj.SpringDamper("ground", "rod 4", (0.7, 0.2, 0), (0.01, 0.0, 0), 50.0, 2.0)}
+
+
+def uneven(rods, unlike=(), forces=None, **options):
+    """A chain whose rods and clearances all differ, those of `unlike` in structure too."""
+    scene, state = chain(rods)
+    bodies, joints = {}, {}
+    for k, (name, body) in enumerate(scene.bodies.items(), 1):
+        inertia = (1 + 0.1 * k) * body.inertia
+        bodies[name] = cj.Body(1 + 0.1 * k, np.diag(inertia) if k in unlike else inertia)
+    for k, (name, joint) in enumerate(scene.joints.items(), 1):
+        joints[name] = eqx.tree_at(lambda j: j.clearance, joint, np.asarray((4 + 0.1 * k) * 1e-4))
+        for option, value in options.items():
+            object.__setattr__(joints[name], option, value)
+    return cj.Scene(bodies, joints, forces or {}, gravity=scene.gravity), state
+
+
+def shaken(state, seed=1):
+    """Bodies off their places by about the clearance, tilted and moving; and some memory."""
+    random = np.random.default_rng(seed)
+    bodies = {
+        name: cj.body_state(
+            body.position + random.normal(0, 6e-4, 3),
+            Rotation.from_rotvec(random.normal(0, 5e-3, 3)).as_quat(scalar_first=True),
+            random.normal(0, 0.3, 3),
+            random.normal(0, 2.0, 3),
+        )
+        for name, body in state.bodies.items()
+    }
+    memory = {
+        name.replace("rod", "joint"): {"V": random.uniform(0.1, 1), "W": random.uniform(0.1, 1)}
+        for name in bodies
+    }
+    return cj.State(bodies, jax.tree.map(np.asarray, memory))
+
+
+SCENES = {
+    "chain": uneven(8),
+    "friction and end play": uneven(8, friction=ROUGH, axial=STOPS),
+    "unlike rods in the middle, spring": uneven(8, (3, 6), SPRING),
+}
+
+
+def told(coordinates, scene, state, together):
+    """What the equations of motion say, by the elements' own names."""
+
+    formulation, scene = Formulation(coordinates, ledger=True), unpack(structured(scene))
+    if together:
+        formulation, scene = grouped(formulation, scene)
+        assert groups(scene)
+    variables = formulation.coordinates.encode(scene, unpack(state.bodies))
+    variables = jax.tree.map(jnp.asarray, variables)
+    memory, t = gathered(state.memory, scene.joints), jnp.zeros(())
+    dynamics = evaluate(scene, formulation, variables, memory, t)
+    rates = jax.tree.map(jnp.asarray, dynamics.variable_rates)
+    return {
+        "bodies": by_name(formulation.coordinates.decode(scene, variables)),
+        "accelerations": dynamics.accelerations,
+        "forces": by_name(dynamics.contact_forces),
+        "reaches": by_name(reaches(scene, dynamics.motions)),
+        "second rates": by_name(second_rates(scene, formulation, variables, rates)),
+        "energy": mechanical_energy(scene, dynamics.motions, t),
+        "powers": ledger_powers(scene, dynamics, t),
+    }
+
+
+CASES = [(case, cj.JointCoordinates()) for case in SCENES]
+CASES += [("unlike rods in the middle, spring", cj.AbsoluteCoordinates())]
+
+
+@pytest.mark.parametrize("case, coordinates", CASES)
+def test_equations_of_motion_are_the_same(case, coordinates):
+    scene, state = SCENES[case]
+    state = shaken(state)
+    alone, together = (told(coordinates, scene, state, both) for both in (False, True))
+    touching = [
+        reach.depth > 0 for family in together["reaches"].values() for reach in family.values()
+    ]
+    assert 3 < sum(touching) < len(touching)
+    assert jax.tree.structure(alone) == jax.tree.structure(together)
+    for one, other in zip(jax.tree.leaves(alone), jax.tree.leaves(together), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+
+
+def test_each_rod_obeys_newton():
+    """Mass times acceleration is weight and the forces of the joints at both of its ends."""
+    scene, state = SCENES["chain"]
+    found = told(cj.AbsoluteCoordinates(), scene, shaken(state), True)
+
+    def on_journal(joint):
+        return -sum(
+            force.normal_force * np.array(list(force.contact.normal))
+            for force in found["forces"][joint].values()
+        )
+
+    for k, (name, body) in enumerate(scene.bodies.items(), 1):
+        force = body.mass * scene.gravity + on_journal(f"joint {k}")
+        if k < len(scene.bodies):
+            force = force - on_journal(f"joint {k + 1}")
+        linear = np.array(list(found["accelerations"][name].linear))
+        np.testing.assert_allclose(linear, force / body.mass, rtol=1e-12)
+        assert np.abs(linear).max() > 1.0
+
+
+def attempts(smallest, growth):
+    """The start of a chain with contacts open and closed, a step without compiling, and whether it
+    was accepted; its clearances are larger by a share."""
+    scene, state = uneven(4)
+    wider = [joint.clearance * (1.0 + growth) for joint in scene.joints.values()]
+    scene = eqx.tree_at(lambda s: [joint.clearance for joint in s.joints.values()], scene, wider)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(grouping, "SMALLEST", smallest)
+        method = make_method(diffrax.Heun(), None, Formulation(ledger=True), 1e-12, 1e-2, None)
+        method, scene = method.grouped(unpack(structured(scene)))
+        state = shaken(state)
+        bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
+        memory = gathered(state.memory, scene.joints)
+        t0, t_end, first = (jnp.asarray(t) for t in (0.0, 1.0, 1e-10))
+        steps = [start(method, scene, t0, t_end, first, Variables(bodies, {}), memory)]
+        steps.append(attempt(method, scene, steps[-1], t_end).step)
+    found = [
+        (
+            (step.t, step.t_next, step.intended, step.y.work),
+            [by_name(part) for part in (step.memory, step.reaches, step.second_rates)],
+            by_name(method.formulation.coordinates.decode(scene, step.y.motion)),
+        )
+        for step in steps
+    ]
+    return found, steps[-1].accepted > 0
+
+
+@pytest.mark.slow
+def test_steps_and_their_derivatives_are_the_same_in_lanes():
+    def lanes(smallest):
+        def lane(growth):
+            return jax.jvp(partial(attempts, smallest), (growth,), (1.0,), has_aux=True)
+
+        return jax.vmap(lane)(jnp.asarray([0.0, 0.1]))
+
+    together, alone = lanes(2), lanes(10)
+    assert jax.tree.structure(together) == jax.tree.structure(alone)
+    for one, other in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
+        scale = np.abs(other).max()
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-12 * max(scale, 1.0))
+    values, derivatives, accepted = together
+    assert accepted.all()
+    assert not np.array_equal(*jax.tree.leaves(values[-1][1][1]["joint 3"])[0])
+    assert all(np.abs(leaf).max() > 0 for leaf in jax.tree.leaves(derivatives[-1][2]["rod 3"]))
+
+
+END, TIMES = 0.005, np.linspace(0.0, 0.005, 6)
+"""s: past the first impacts, at 2 to 4 ms."""
+METHOD = {"solver": diffrax.Heun(), "rtol": 1e-6, "ledger": True, "progress": False}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Four rods by themselves; with three bodies and two joints put together; and as a sweep."""
+    scene, state = uneven(4)
+    speeds = {name: (0.0, 0.1 * (-1) ** k, 0.0) for k, name in enumerate(state.bodies)}
+    state = cj.State({
+        name: cj.body_state(body.position, velocity=speeds[name])
+        for name, body in state.bodies.items()
+    })  # fmt: skip
+
+    def run(smallest):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(grouping, "SMALLEST", smallest)
+            patch.setattr(SIMULATE, "begin_compiled", eqx.filter_jit(lambda *a: begin(*a)))
+            patch.setattr(running, "segment_compiled", eqx.filter_jit(lambda *a: segment(*a)))
+            return cj.simulate(
+                scene, state, END, save_at=TIMES, record_impacts=True, record_steps=True, **METHOD
+            )
+
+    def swept():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(grouping, "SMALLEST", 2)
+            return cj.sweep(
+                scene,
+                state,
+                END,
+                axes={"gravity": cj.Axis(lambda s: s.gravity[1], [-9.81, -9.0])},
+                outputs=OUTPUTS,
+                solver=diffrax.Heun(),
+                rtol=1e-6,
+                ledger=True,
+                progress=False,
+                devices=jax.devices()[:1],
+            )
+
+    return run(2), run(10), swept()
+
+
+SPEED = {"speed": (cj.quantities.PenetrationRate("joint 4", "V"), "m/s")}
+OUTPUTS = {
+    "peak": cj.Peak(cj.quantities.ContactForce("joint 3"), "N"),
+    "impacts": cj.ImpactCount("joint 4"),
+    "path": cj.Saved(TIMES, {"y": (cj.quantities.Position("rod 3", "y"), "m")}),
+    "lost": cj.DissipatedEnergy(),
+    "touch": cj.Section(cj.quantities.Penetration("joint 4", "V"), SPEED, 1),
+}
+
+
+@pytest.mark.slow
+def test_runs_are_the_same(runs):
+    together, alone, _ = runs
+    assert len(together.impacts) == len(alone.impacts)
+    assert {"joint 3", "joint 4"} <= set(together.impacts.joint)
+    for field in dataclasses.fields(together.impacts):
+        one, other = (getattr(run.impacts, field.name) for run in (together, alone))
+        if one.dtype == object:
+            assert list(one) == list(other)
+        else:
+            np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
+    parts = [(run.final, run.saved, run.steps) for run in (together, alone)]
+    assert jax.tree.structure(parts[0]) == jax.tree.structure(parts[1])
+    for one, other in zip(*map(jax.tree.leaves, parts), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_lanes_of_a_sweep_are_the_same(runs):
+    together, _, sweep = runs
+    lane = sweep.isel(gravity=0)
+    first = together.impacts.of("joint 4", "V")
+    np.testing.assert_allclose(
+        lane.path_y, together.states.bodies["rod 3"].position[:, 1], rtol=1e-9
+    )
+    np.testing.assert_allclose(lane.touch_time[0], first.onset[0], rtol=1e-9)
+    np.testing.assert_allclose(lane.touch_speed[0], first.entry_speed[0], rtol=1e-5)
+    np.testing.assert_allclose(lane.lost, together.final.work["normal damping"], rtol=1e-6)
+    for k, (_, body) in enumerate(together.final.bodies.items()):
+        np.testing.assert_allclose(lane.final_position[k], body.position, rtol=1e-9, atol=1e-12)
+    largest = max(together.impacts.of("joint 3", base).peak_force.max() for base in "VW")
+    np.testing.assert_allclose(lane.peak, largest, rtol=0.05)
+    finished = (together.impacts.joint == "joint 4").sum()
+    assert 0 < finished <= lane.impacts <= finished + 2
+
+
+def test_names_of_several_tell_them_apart():
+    assert Several(("a", "b")) == Several(["a", "b"]) != Several(("a, b",))
+    family = {Several(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
+    assert by_name(family) == {"a": 1.0, "b": 2.0, "c": 3.0}
+    back = gathered({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
+    np.testing.assert_array_equal(back[Several(("a", "b"))], [1.0, 2.0])
+    assert back["c"] == 3.0 and set(back) == set(family)
+
+
+def test_each_applies_any_function_and_keeps_structural_numbers():
+    """A conditional and a stack, which the arithmetic of arrays would get wrong."""
+
+    def function(x, shared):
+        largest = jnp.max(jnp.stack([x, shared]))
+        return jax.lax.cond(x > 1.0, lambda: largest, lambda: -largest), 0.0
+
+    values, zero = each(function, np.array([0.5, 1.5, 3.0]), jnp.asarray(2.0))
+    np.testing.assert_array_equal(values, [-2.0, 2.0, 3.0])
+    assert type(zero) is float
+
+
+def test_wrenches_go_to_the_bodies_they_act_on():
+    """On one of a group, a slice, places out of order and twice, and on one body for several."""
+    group = Several("abcd")
+    bodies = {group: None, "hub": None}
+    wrenches = {
+        "c": 1.0,
+        Several("bcd"): np.array([10.0, 20.0, 30.0]),
+        Several("dad"): np.array([100.0, 200.0, 300.0]),
+        group: np.array([1e3, 2e3, 3e3, 4e3]),
+        Several(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
+        "hub": 10.0,
+    }
+    zero = Vector(0.0, 0.0, 0.0)
+    found = folded(
+        {
+            name: cj.bodies.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
+            for name, x in wrenches.items()
+        },
+        bodies,
+    )
+    np.testing.assert_array_equal(found[group].force.x, [1200.0, 2010.0, 3021.0, 4430.0])
+    assert found["hub"].force.x == 16.0 and found["hub"].force.y == 0.0
+
+
+def test_motions_answer_names_of_one_and_of_several():
+    group = Several("abcd")
+    motions = Views({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
+    assert motions["c"] == 2.0 and motions[Several(("hub", "hub"))] == 9.0
+    np.testing.assert_array_equal(motions[Several("bcd")], [1, 2, 3])
+    np.testing.assert_array_equal(motions[Several("dab")], [3, 0, 1])
+    with pytest.raises(KeyError):
+        motions["e"]
+
+
+def grouped_names(scene):
+    return {name.members for name in groups(condensed(unpack(structured(scene))))}
+
+
+def test_what_is_put_together():
+    """Rods that move freely, and joints between them: not what an ideal joint, an anchor or another
+    structure holds apart, nor too few."""
+    rods, joints = ([f"{what} {k}" for k in range(1, 9)] for what in ("rod", "joint"))
+    assert grouped_names(uneven(8)[0]) == {tuple(rods[1:]), tuple(joints[2:])}
+    assert grouped_names(uneven(8, (8,))[0]) == {tuple(rods[1:7]), tuple(joints[2:7])}
+    assert grouped_names(uneven(4)[0]) == set()
+    held = uneven(8, axial=cj.FixedAxially())[0]
+    assert grouped_names(held) == set()
+    scene = uneven(8)[0]
+    ball = cj.SphericalJoint("rod 1", "rod 8", (0, 0, 0), (0, 0, 0))
+    assert (tuple(rods[1:7])) in grouped_names(
+        cj.Scene(scene.bodies, {**scene.joints, "ball": ball})
+    )
+
+
+def test_joints_of_one_hub_are_put_together():
+    scene, _ = uneven(6)
+    spokes = {
+        f"pin {k}": eqx.tree_at(
+            lambda j: j.clearance, scene.joints["joint 3"], np.asarray(k * 1e-4)
+        )
+        for k in range(1, 6)
+    }
+    for k, joint in enumerate(spokes.values(), 2):
+        object.__setattr__(joint, "bearing_body", "rod 1")
+        object.__setattr__(joint, "journal_body", f"rod {k}")
+    ball = cj.SphericalJoint("ground", "rod 1", (0, 0, 0), (-0.1, 0, 0))
+    names = grouped_names(cj.Scene(scene.bodies, {**spokes, "ball": ball}))
+    assert names == {tuple(f"rod {k}" for k in range(2, 7)), tuple(spokes)}
+
+
+def test_condensed_scene_is_made_whole():
+    scene = unpack(structured(uneven(8, friction=ROUGH)[0]))
+    again = whole(condensed(scene))
+    assert jax.tree.structure(again) == jax.tree.structure(scene)
+    for one, other in zip(jax.tree.leaves(again), jax.tree.leaves(scene), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -1,0 +1,332 @@
+"""Joint coordinates against absolute ones, conservation laws and the reference."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics import equations_of_motion as dynamics
+from clearjoint.dynamics.constraint_report import constraint_report
+from clearjoint.dynamics.equations_of_motion import evaluate
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.projection import is_constrained, project_positions, project_velocities
+from clearjoint.fields.checks import quantity
+from clearjoint.math.rotations import conjugate, rotation_matrix, unit
+from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
+from clearjoint.model.bodies import GROUND
+from clearjoint.model.joints.motion_subspaces import Slider
+from clearjoint.model.mechanisms import bricard, double_four_bar
+from tests.support.reference import CASES
+
+RANDOM = np.random.default_rng(11)
+ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
+TURN = RANDOM.normal(size=4)
+TURN /= np.linalg.norm(TURN)
+
+
+class Rail(cj.AbstractConstraint):
+    """A joint by a third party: the second body slides on the first along an axis of the latter."""
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point: Any = quantity("m")
+    axis: Any = quantity("1")
+    orientation: Any = quantity("1")
+
+    def body_names(self):
+        return self.first, self.second
+
+    def rows(self, motions, t):
+        turn = rotation_matrix(self.orientation)
+
+        def residual(first, second):
+            apart = first[1].transposed_times(second[0] - first[0]) - self.point
+            here, place = first[1].T, apart.cross(self.axis)
+            x, y, z = (second[1] @ row for row in (turn.row_x, turn.row_y, turn.row_z))
+            tilts = here.row_y.dot(z), here.row_z.dot(x), here.row_x.dot(y)
+            return place.x, place.y, *tilts
+
+        names = (self.first, self.second)
+        labels = ("across 1", "across 2", "turn x", "turn y", "turn z")
+        return cj.rows_from_residual(names, labels, residual, motions[names[0]], motions[names[1]])
+
+    def freedom(self, parent):
+        here = rotation_matrix(self.orientation).transposed_times(unit(self.axis))
+        zero = here * 0.0
+        if parent == self.first:
+            return Slider(self.point, zero, here, self.orientation)
+        return Slider(zero, self.point, -unit(self.axis), conjugate(self.orientation))
+
+
+def body():
+    """A body with a full inertia matrix."""
+    frame = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
+    return cj.Body(RANDOM.uniform(0.5, 2.0), frame @ np.diag(RANDOM.uniform(1.0, 1.5, 3)) @ frame.T)
+
+
+def joint(kind, first, second):
+    """A joint of the given kind at random points and axes."""
+    one, other, axis, axis_second = RANDOM.normal(size=(4, 3))
+    if kind == "revolute":
+        return cj.RevoluteJoint(first, second, one, other, axis, axis_second)
+    if kind == "spherical":
+        return cj.SphericalJoint(first, second, one, other)
+    if kind == "fixed":
+        return cj.FixedJoint(first, second, one, other, TURN)
+    if kind == "prismatic":
+        return cj.PrismaticJoint(first, second, one, other, axis, TURN)
+    return Rail(first, second, one, axis, TURN)
+
+
+EDGES = {
+    "standing": (
+        (GROUND, "a", "revolute"), ("a", "b", "spherical"), ("b", "c", "fixed"),
+        ("b", "d", "prismatic"), ("d", "e", "revolute"),
+    ),
+    "hanging from a ball": ((GROUND, "a", "spherical"), ("a", "b", "revolute")),
+    "on a rail": ((GROUND, "a", "rail"), ("a", "b", "revolute"), (GROUND, "c", "fixed")),
+    "flying": (
+        ("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"),
+        ("a", "e", "prismatic"),
+    ),
+}  # fmt: skip
+
+
+def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):
+    """A scene of the edges, each joint with the ground, or the parent, as its second body if
+    backwards; and springs that load all bodies."""
+    names = sorted({name for *pair, _ in edges for name in pair} - {GROUND})
+    joints = {
+        f"{parent} {child}": joint(kind, *((child, parent) if backwards else (parent, child)))
+        for parent, child, kind in edges
+    }
+    springs = {
+        f"to {name}": cj.SpringDamper(
+            GROUND if k == 0 else names[k - 1], name, *RANDOM.normal(size=(2, 3)), 30.0, 2.0, 0.1
+        )
+        for k, name in enumerate(names)
+    }
+    return cj.Scene({name: body() for name in names}, joints, springs, gravity)
+
+
+def random_variables(scene):
+    """Random variables of the shape that the scene's have, Euler parameters of unit norm."""
+    rest = cj.State({name: cj.body_state((0, 0, 0)) for name in scene.bodies})
+    shapes = jax.eval_shape(lambda: JOINT.encode(unpack(scene), unpack(rest.bodies)))
+    values = jax.tree.map(lambda leaf: RANDOM.normal(), shapes)
+    return jax.tree.map(normalised, values, is_leaf=lambda node: isinstance(node, EulerParameters))
+
+
+def normalised(node):
+    if not isinstance(node, EulerParameters):
+        return node
+    numbers = np.array([node.e0, node.e1, node.e2, node.e3])
+    return EulerParameters(*(numbers / np.linalg.norm(numbers)))
+
+
+def close(found, expected, tolerance=1e-12):
+    scale = max(np.abs(leaf).max() for leaf in jax.tree.leaves(expected))
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * scale),
+        found,
+        expected,
+    )
+
+
+def arrays(tree):
+    return jax.tree.map(jnp.asarray, pack(tree))
+
+
+@pytest.mark.parametrize(
+    "backwards",
+    [False, pytest.param(True, marks=pytest.mark.slow)],
+    ids=["forwards", "backwards"],
+)
+@pytest.mark.parametrize("kind", EDGES)
+def test_trees_move_as_in_absolute_coordinates(kind, backwards):
+    """Accelerations equal those with multipliers; the motions satisfy the joints, have the rates
+    that the variables' rates give them, and come back from the bodies' states."""
+    scene = tree(EDGES[kind], backwards)
+    variables = random_variables(scene)
+
+    @jax.jit
+    def both(variables):
+        form = unpack(scene)
+        bodies = JOINT.decode(form, variables)
+        again = JOINT.encode(form, bodies)
+        of_joints = evaluate(form, Formulation(JOINT), variables, {}, 0.0)
+        absolute = evaluate(form, Formulation(ABSOLUTE), bodies, {}, 0.0)
+
+        def motions(variables):
+            return arrays({name: JOINT.motions(form, variables)[name] for name in form.bodies})
+
+        rates = jax.tree.map(lambda a, b: a + 0.0 * b, of_joints.variable_rates, variables)
+        moved = jax.jvp(motions, (variables,), (rates,))
+        parts = again, of_joints.accelerations, absolute.accelerations
+        return arrays(bodies), moved, *(arrays(part) for part in parts)
+
+    bodies, (motions, rates), again, found, expected = both(variables)
+    close(found, expected)
+    close(arrays(again), arrays(variables))
+    for name, motion in motions.items():
+        np.testing.assert_allclose(rates[name].position, motion.velocity, atol=1e-12)
+        np.testing.assert_allclose(rates[name].velocity, expected[name].linear, atol=1e-10)
+        np.testing.assert_allclose(rates[name].spin, expected[name].angular, atol=1e-10)
+    report = constraint_report(scene, cj.State(bodies), coordinates=JOINT)
+    assert np.abs(report.values).max() < 1e-13 and np.abs(report.rates).max() < 1e-12
+    assert report.redundant == ()
+    names = {f"{parent} {child}" for parent, child, _ in EDGES[kind]}
+    assert JOINT.eliminated(unpack(scene)) == names
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "redundant", "left"),
+    [
+        (cj.double_pendulum, False, 0),
+        (lambda: cj.double_pendulum(None), False, 0),
+        (double_four_bar, True, 10),
+        (bricard, True, 5),
+    ],
+    ids=["pendulum with clearance", "ideal pendulum", "double four-bar", "Bricard"],
+)
+def test_mechanisms_accelerate_as_in_absolute_coordinates(mechanism, redundant, left):
+    scene, state = mechanism()
+    form = structured(scene)
+    memory = {name: dict.fromkeys(family, 0.1) for name, family in scene.laws().items()}
+
+    def accelerations(coordinates):
+        def at(form, state):
+            scene = unpack(form)
+            variables = coordinates.encode(scene, unpack(state.bodies))
+            formulation = Formulation(coordinates, redundant=redundant)
+            found = evaluate(scene, formulation, variables, memory, 0.0)
+            return arrays(found.accelerations), sum(map(len, found.rows.values()))
+
+        return eqx.filter_jit(at)(form, state)
+
+    expected, _ = accelerations(ABSOLUTE)
+    found, rows = accelerations(JOINT)
+    close(found, expected)
+    assert rows == left
+
+
+@pytest.mark.slow
+def test_flying_tree_keeps_energy_and_momentum():
+    edges = (("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"))
+    scene = tree(edges, False, None)
+    scene = cj.Scene(scene.bodies, scene.joints)
+    bodies = JOINT.decode(unpack(scene), random_variables(scene))
+    solution = cj.simulate(scene, cj.State(pack(bodies)), 2.0, save_at=[0.0, 2.0], rtol=1e-11)
+
+    def momenta(bodies):
+        linear, angular = 0.0, 0.0
+        for name, part in unpack(bodies).items():
+            mass, turn = scene.bodies[name].mass, rotation_matrix(part.orientation)
+            own = turn @ unpack(scene).bodies[name].angular_momentum(part.spin)
+            linear = linear + pack(part.velocity * mass)
+            angular = angular + pack(own + (part.position * mass).cross(part.velocity))
+        return linear, angular
+
+    start, end = (
+        momenta(jax.tree.map(lambda leaf, k=k: leaf[k], solution.states.bodies)) for k in (0, 1)
+    )
+    np.testing.assert_allclose(end, start, atol=1e-9)
+    observed = cj.observe(scene, solution)
+    assert np.ptp(observed.energies["kinetic"]) < 1e-9 * observed.energies["kinetic"][0]
+
+
+def _first_impacts(coordinates):
+    """The pendulum through its first impacts, saved where the reference is."""
+    scene, state = cj.double_pendulum()
+    times = np.linspace(0.0, 0.1, 1001)
+    options = {"save_at": times, "rtol": 1e-10, "solver": diffrax.Dopri8()}
+    return scene, cj.simulate(scene, state, 0.1, coordinates=coordinates, **options)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return _first_impacts(JOINT)
+
+
+@pytest.mark.slow
+def test_trajectories_agree_within_the_horizon(run):
+    _, joint = run
+    _, absolute = _first_impacts(ABSOLUTE)
+    for name, expected in absolute.states.bodies.items():
+        found = joint.states.bodies[name]
+        np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.orientation, expected.orientation, rtol=0, atol=1e-8)
+
+
+def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(run, reference_folder):
+    scene, joint = run
+    observed = cj.observe(scene, joint)
+    reference = CASES[0].trajectory(reference_folder)
+    force = np.stack([reference[f"R{axis}"][: len(joint.times)] for axis in "xyz"], axis=-1)
+    scale = np.abs(force).max()
+    np.testing.assert_allclose(
+        observed.reactions["elbow"]["arm 3"].force, force, rtol=0, atol=1e-6 * scale
+    )
+    np.testing.assert_allclose(
+        observed.reactions["elbow"]["arm 2"].force, -force, rtol=0, atol=1e-6 * scale
+    )
+    assert observed.drift["elbow"].max() < 1e-15 and observed.drift_rate["elbow"].max() < 1e-14
+
+
+def test_a_tree_solves_no_constraints(monkeypatch):
+    """Nothing of stabilisation, projection or multipliers is traced."""
+    monkeypatch.setattr(dynamics, "response", None)
+    scene, state = cj.double_pendulum()
+    scene, bodies = unpack(structured(scene)), unpack(state.bodies)
+    variables, memory = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
+    formulation = Formulation(JOINT, cj.Projection())
+    assert evaluate(scene, formulation, variables, memory, 0.0).multipliers == {}
+    assert not is_constrained(scene, formulation, variables, 0.0)
+    assert is_constrained(scene, Formulation(ABSOLUTE), ABSOLUTE.encode(scene, bodies), 0.0)
+    for project in (project_positions, project_velocities):
+        assert project(scene, formulation, variables, 0.0) is variables
+
+
+def test_state_that_violates_an_eliminated_joint_is_refused():
+    scene, state = cj.double_pendulum()
+    apart = eqx.tree_at(lambda s: s.bodies["arm 3"].position, state, np.array([1.0, 1e-3, 0.5]))
+    with pytest.raises(ValueError, match="elbow: translation y"):
+        cj.simulate(scene, apart, 0.1)
+
+
+def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
+    joint = cj.RevoluteJoint(GROUND, "rod", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, -1))
+    scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": joint})
+    state = cj.State({"rod": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
+    with pytest.raises(ValueError, match="AbsoluteCoordinates"):
+        cj.simulate(scene, state, 0.1)
+    solution = cj.simulate(scene, state, 0.1, coordinates=ABSOLUTE)
+    np.testing.assert_allclose(solution.final.bodies["rod"].orientation[3], np.sin(0.05))
+
+
+def test_structure_without_motion_is_for_absolute_coordinates():
+    joint = cj.FixedJoint(GROUND, "wall", (0, 0, 0), (0, 0, 0))
+    wall = cj.Body(2.0, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"wall": wall}, {"foot": joint}, gravity=(0, 0, -9.81))
+    state = cj.State({"wall": cj.body_state((0, 0, 0))})
+    with pytest.raises(ValueError, match="something is left to move"):
+        cj.simulate(scene, state, 0.1)
+    solution = cj.simulate(scene, state, 0.1, coordinates=ABSOLUTE, save_at=[0.1])
+    force = cj.observe(scene, solution).reactions["foot"]["wall"].force[0]
+    np.testing.assert_allclose(force, (0, 0, 19.62), atol=1e-12)
+
+
+def test_orientations_keep_their_sign_over_several_turns():
+    """Euler parameters of a wheel after a turn and a quarter: those of 450 degrees, not of 90."""
+    joint = cj.RevoluteJoint(GROUND, "wheel", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    scene = cj.Scene({"wheel": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"axle": joint})
+    state = cj.State({"wheel": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
+    end = cj.simulate(scene, state, 2.5 * np.pi, rtol=1e-9).final
+    half = 1.25 * np.pi
+    expected = (np.cos(half), 0.0, 0.0, np.sin(half))
+    np.testing.assert_allclose(end.bodies["wheel"].orientation, expected, atol=1e-9)

@@ -1,0 +1,182 @@
+"""Journals at the start: put into their bearings, or refused with joint, contact and depth."""
+
+import warnings
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.journals import depths, slid_out, warn_of_journals_outside
+from clearjoint.fields.checks import as_number
+from clearjoint.simulation.host_run import segment_compiled
+from clearjoint.simulation.run_checks import check_structure
+from clearjoint.sweeps.axes import lanes_of
+
+CLEARANCE, HALF = 0.5e-3, 0.25
+ROD = cj.Body(1.0, (1e-3, 2e-2, 2e-2))
+
+
+def rocker(bearing="ground", axis=(0.0, 0.0, 1.0), gravity=(0.0, -9.81, 0.0), **options):
+    """A rod whose end has a journal, or a bearing, about Z at the ground's origin."""
+    on_rod = {"point": (-HALF, 0.0, 0.0), "axis": axis}
+    kind = "journal" if bearing == "ground" else "bearing"
+    pin = cj.ClearanceJoint(
+        bearing,
+        "rod" if bearing == "ground" else "ground",
+        bearing_radius=0.01,
+        clearance=CLEARANCE,
+        journal_length=0.02,
+        law=cj.Hertz(1e10),
+        **{f"{kind}_{key}": value for key, value in on_rod.items()},
+        **options,
+    )
+    return cj.Scene({"rod": ROD}, {"pin": pin}, gravity=gravity)
+
+
+def start(x=0.0, y=0.0, z=0.0):
+    """The rod along X, its end off the origin."""
+    return cj.State({"rod": cj.body_state((HALF + x, y, z), velocity=(0.1, 0.2, 0.3))})
+
+
+def end_of(state):
+    """The rod's end, and its velocity."""
+    body = state.bodies["rod"]
+    e0, e1, e2, e3 = np.asarray(body.orientation)
+    turn = np.array(
+        [
+            [1 - 2 * (e2 * e2 + e3 * e3), 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e3 + e0 * e2)],
+            [2 * (e1 * e2 + e0 * e3), 1 - 2 * (e1 * e1 + e3 * e3), 2 * (e2 * e3 - e0 * e1)],
+            [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), 1 - 2 * (e1 * e1 + e2 * e2)],
+        ]
+    )
+    arm = np.array([-HALF, 0.0, 0.0])
+    velocity = np.asarray(body.velocity) + turn @ np.cross(body.spin, arm)
+    return np.asarray(body.position) + turn @ arm, velocity
+
+
+def test_a_journal_left_at_its_guess_is_refused_before_anything_is_compiled():
+    programs = segment_compiled._cached._cache_size()
+    with pytest.raises(ValueError, match=r"contact 'V' of joint 'pin' at most 0.0095 m.*0.0295.*"):
+        cj.simulate(rocker(), start(0.03), 0.1)
+    assert segment_compiled._cached._cache_size() == programs
+
+
+def test_a_journal_far_in_the_wall_is_warned_of():
+    """5 mm off in a clearance of 0.5; not so if it penetrates as contacts do."""
+    coordinates = cj.AbsoluteCoordinates()
+    with pytest.warns(cj.UnusualValueWarning, match=r"0.0045 m deep in the wall at .*'V'.*'pin'"):
+        check_structure(rocker(), start(0.005), 0.0, coordinates)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_structure(rocker(), start(CLEARANCE + 2e-5), 0.0, coordinates)
+
+
+@pytest.mark.parametrize("bearing", ["ground", "rod"])
+def test_assembly_centres_a_journal_that_is_outside(bearing):
+    """It moves as an ideal joint lets it, and stays where it is along the axis."""
+    state = cj.assemble(rocker(bearing), start(0.03, -0.02, 0.004))
+    place, velocity = end_of(state)
+    np.testing.assert_allclose(place, (0.0, 0.0, 0.004), atol=1e-12)
+    np.testing.assert_allclose(velocity, (0.0, 0.0, 0.3), atol=1e-12)
+
+
+def test_assembly_leaves_a_journal_where_it_is_in_its_bearing():
+    guess = start(3e-4, -2e-4)
+    state = cj.assemble(rocker(), guess)
+    for part in ("position", "orientation", "velocity", "spin"):
+        expected = getattr(guess.bodies["rod"], part)
+        np.testing.assert_array_equal(getattr(state.bodies["rod"], part), expected)
+
+
+@pytest.mark.parametrize(
+    ("bearing", "gravity", "towards"),
+    [
+        ("ground", (0.0, -9.81, 0.0), (0.0, -1.0)),
+        ("rod", (0.0, -9.81, 0.0), (0.0, -1.0)),
+        ("ground", (3.0, 0.0, 8.0), (1.0, 0.0)),
+    ],
+)
+def test_a_seated_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
+    """The rod's end hangs in the direction of gravity, whichever of the two is the bearing."""
+    scene = rocker(bearing, gravity=gravity)
+    state = cj.assemble(scene, start(2e-4), seated=["pin"])
+    np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=1e-6)
+    assert np.abs([*depths(scene, state)["pin"].values()]).max() < 1e-12
+    np.testing.assert_allclose(end_of(state)[1][:2], 0.0, atol=1e-3)
+
+
+def test_end_play_and_antiparallel_axes_are_assembled_too():
+    axial = cj.EndPlay(1e-3, cj.Hertz(1e9))
+    state = cj.assemble(rocker(axis=(0.0, 0.0, -1.0), axial=axial), start(0.0, 0.02, 0.004))
+    np.testing.assert_allclose(end_of(state)[0], 0.0, atol=1e-12)
+
+
+def test_what_can_not_be_seated_is_refused():
+    scene = rocker(gravity=(0.0, 0.0, -9.81))
+    with pytest.raises(ValueError, match=r"`seated`.*pressed against 'ground' across the axis.*N"):
+        cj.assemble(scene, start(), seated=["pin"])
+    with pytest.raises(ValueError, match=r"`seated`.*clearance joints \['pin'\].*'hinge'"):
+        cj.assemble(scene, start(), seated=["hinge"])
+
+
+@pytest.mark.slow
+def test_a_slider_crank_left_at_its_guess_is_assembled_and_runs():
+    scene, exact = cj.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
+    rod = exact.bodies["rod"]
+    place = as_number(rod.position) + np.array([0.01, -0.02, 0.0])
+    moved = cj.body_state(place, rod.orientation, rod.velocity, rod.spin)
+    state = cj.assemble(scene, cj.State({**exact.bodies, "rod": moved}))
+    assert max(depths(scene, state)["slider pin"].values()) == pytest.approx(-CLEARANCE)
+    assert cj.simulate(scene, state, 1e-3).result == cj.RESULTS.successful
+
+
+def sliding(**options):
+    """A journal that nothing touches, at 0.4 m/s along its bearing's axis."""
+    scene = rocker(gravity=None, **options)
+    return scene, cj.State({"rod": cj.body_state((HALF, 0.0, 0.0), velocity=(0.0, 0.0, -0.4))})
+
+
+def test_a_run_tells_when_a_journal_has_left_its_bearing():
+    """After 50 ms it is as far from the middle as it is long: the first state kept after that."""
+    scene, state = sliding()
+    with pytest.warns(cj.LeftBearingWarning) as caught:
+        solution = cj.simulate(scene, state, 0.2, save_at=[0.02, 0.04, 0.06, 0.2])
+    assert solution.result == cj.RESULTS.successful
+    (warning,) = caught
+    message = str(warning.message)
+    words = "'pin'", "t = 0.06 s it is 0.004 m beyond", "EndPlay(...)", "LeftBearingWarning"
+    assert [word for word in words if word not in message] == [], message
+    assert warning.filename == __file__
+    with pytest.warns(cj.LeftBearingWarning, match=r"t = 0.2 s it is 0.06 m beyond"):
+        warn_of_journals_outside(scene, solution.time, solution.final, [])
+
+
+def test_a_journal_in_its_bearing_is_not_warned_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cj.simulate(*sliding(), 0.04, save_at=np.linspace(0.0, 0.04, 5))
+
+
+@pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.Hertz(1e9))])
+def test_a_journal_that_is_held_does_not_leave(axial):
+    joint = rocker(axial=axial).joints["pin"]
+    assert joint.slid_out({}) is None
+
+
+def test_lanes_of_other_lengths_and_points_have_their_own_ends():
+    """The rod's end at z = -0.04, less what the lane moves the bearing by, in journals of 20 mm."""
+    scene, state = sliding()
+    axes = {"point": cj.Axis(lambda s: s.joints["pin"].bearing_point[2], [0.0, -0.03])}
+    lanes = lanes_of(scene, state, axes, {"point": axes["point"].values})
+    final = cj.BodyState(*(np.asarray(part)[None] for part in jax.tree.leaves(start(z=-0.04))))
+    excess = slid_out(lanes.contact_joints(), {"rod": final})
+    np.testing.assert_allclose(excess["pin"], [0.02, -0.01], atol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_sweep_tells_in_how_many_lanes_a_journal_has_left_its_bearing():
+    """In 0.1 s it slides 40 mm: beyond journals of 20 and 30 mm, and not of 50."""
+    lengths = cj.Axis(lambda s: s.joints["pin"].journal_length, [0.02, 0.03, 0.05])
+    with pytest.warns(cj.LeftBearingWarning, match=r"In 2 of 3 lanes .*'pin'.* up to 0.02 m"):
+        cj.sweep(*sliding(), 0.1, axes={"length": lengths}, outputs={})

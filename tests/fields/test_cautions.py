@@ -1,0 +1,150 @@
+"""Warnings of numbers far from what machines have: which, where, and how to silence them."""
+
+import functools
+import warnings
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.fields.checks import recheck
+from clearjoint.model.mechanisms import bricard, double_four_bar
+from clearjoint.sweeps.axes import lanes_of
+
+ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+ROD = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))
+pin = functools.partial(cj.ClearanceJoint, "ground", "rod", law=cj.Hertz(1e9))
+
+
+def scene_with(*, joint=None, force=None, **options):
+    joints, forces = ({"it": one} if one is not None else {} for one in (joint, force))
+    return cj.Scene({"rod": ROD}, joints, forces, **options)
+
+
+MISTAKEN = {
+    "E in GPa": (lambda: cj.RavnStiffness(207, 0.3), "young_modulus", "207 Pa", "1e9 Pa"),
+    "E of the journal in GPa": (
+        lambda: cj.RavnStiffness(207e9, 0.3, 207, 0.3),
+        "journal_young_modulus",
+        "207 Pa",
+    ),
+    "E in mPa": (lambda: cj.RavnStiffness(207e12, 0.3), "young_modulus", "2.07e+14 Pa"),
+    "K in GN": (lambda: cj.Hertz(66.0), "stiffness", "66 N/m^n", "at least 1e+06"),
+    "K of a law of one's own": (
+        lambda: cj.LankaraniNikravesh(0.9, cj.GivenStiffness(66.0)),
+        "stiffness",
+        "66 N/m^n",
+    ),
+    "mass in grams": (
+        lambda: cj.Body(7020.0, (0.001, 0.5855, 0.5855)),
+        "mass",
+        "7020 kg",
+        "2.6e+11 kg/m^3",
+    ),
+    "mass and inertia in grams": (lambda: cj.Body(7020, (1, 585.5, 585.5)), "mass", "kg and kg m"),
+    "inertia in kg mm^2": (lambda: cj.Body(7.02, np.diag([1e3, 6e5, 6e5])), "mass", "7.02 kg"),
+    "journal's radius for a clearance": (
+        lambda: pin(bearing_radius=0.01, clearance=0.0095, journal_length=0.02),
+        "clearance",
+        "0.0095 m",
+        "journal_radius",
+    ),
+    "bearing in mm": (
+        lambda: pin(bearing_radius=10.0, clearance=0.5, journal_length=20.0),
+        "bearing_radius",
+        "10 m",
+        "1 mm is 1e-3 m",
+    ),
+    "journal in mm": (
+        lambda: pin(bearing_radius=0.01, clearance=0.0005, journal_length=20.0),
+        "journal_length",
+        "20 m",
+    ),
+    "joint in mm": (
+        lambda: scene_with(joint=cj.SphericalJoint("ground", "rod", ORIGIN, (500, 0, 0))),
+        "joints['it'].point_second",
+        "500 m",
+        "'rod'",
+    ),
+    "clearance joint in mm": (
+        lambda: scene_with(
+            joint=pin(
+                bearing_radius=0.01, clearance=5e-4, journal_length=0.02, journal_point=(500, 0, 0)
+            )
+        ),
+        "joints['it'].journal_point",
+        "500 m",
+    ),
+    "link in mm": (
+        lambda: scene_with(
+            joint=cj.MasslessLink("rod", "ground", 1e-3, 0.1, bearing_point=(0, 0, 500))
+        ),
+        "joints['it'].bearing_point",
+        "500 m",
+    ),
+    "spring in mm": (
+        lambda: scene_with(force=cj.SpringDamper("rod", "ground", (500, 0, 0), ORIGIN, 1.0)),
+        "forces['it'].point_first",
+        "500 m",
+    ),
+    "load in mm": (
+        lambda: scene_with(force=cj.AppliedLoad("rod", point=(0, 500, 0))),
+        "forces['it'].point",
+        "500 m",
+    ),
+    "gravity in mm/s^2": (lambda: scene_with(gravity=(0, -9810, 0)), "gravity", "9810 m/s^2"),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKEN)
+def test_a_mistaken_unit_is_warned_of_where_it_is_written(case):
+    make, *words = MISTAKEN[case]
+    with pytest.warns(cj.UnusualValueWarning) as caught:
+        make()
+    (warning,) = caught
+    message = str(warning.message)
+    assert [word for word in words if word not in message] == [], message
+    assert message.endswith(
+        'warnings.filterwarnings("ignore", category=clearjoint.UnusualValueWarning).'
+    )
+    assert warning.filename == __file__
+
+
+def test_the_advice_silences_it():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", category=cj.UnusualValueWarning)
+        cj.RavnStiffness(207, 0.3)
+
+
+def test_machines_are_not_warned_of():
+    """The package's, thin plates, light frames, plastic on diamond, a large bearing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for make in (cj.double_pendulum, cj.slider_crank, double_four_bar, bricard):
+            make()
+        for mass, inertia in ((2.0, (1.0, 1.0, 2.0)), (1.0, (1.0, 1.0, 1.0)), (7e-3, (1e-7,) * 3)):
+            cj.Body(mass, inertia)
+        cj.RavnStiffness(2e9, 0.4, 1e12, 0.1)
+        pin(bearing_radius=0.5, clearance=1e-3, journal_length=1.0)
+
+
+def test_numbers_that_are_looked_at_again_or_traced_are_not_warned_of():
+    """Neither the checks of a run, nor a sweep's lanes, nor what JAX traces."""
+    with pytest.warns(cj.UnusualValueWarning):
+        soft = cj.RavnStiffness(207, 0.3)
+    scene, state = cj.double_pendulum(law=cj.Hertz(soft))
+    change = cj.Axis.change(lambda scene, state, m: (_with_mass(scene, m), state), [7e3, 8e3])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recheck(scene)
+        lanes = lanes_of(scene, state, {"mass": change}, {"mass": np.array([7e3, 8e3])})
+        jax.jit(lambda modulus: cj.RavnStiffness(modulus, 0.3).young_modulus)(207.0)
+        jax.vmap(lambda mass: cj.Body(mass, (1.0, 1.0, 1.0)).mass)(np.array([1e9, 1e10]))
+    assert not lanes.bad
+
+
+def _with_mass(scene, mass):
+    arm = cj.Body(mass, (0.0010, 0.5855, 0.5855))
+    return cj.Scene({**scene.bodies, "arm 2": arm}, scene.joints, gravity=scene.gravity)

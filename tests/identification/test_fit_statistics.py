@@ -1,0 +1,195 @@
+"""What a fit says of its estimates, on a straight line fitted by hand."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import clearjoint as cj
+from clearjoint import plot
+from clearjoint.identification import goodness_of_fit as statistics
+from clearjoint.identification.fit import Search, Window
+from clearjoint.identification.levenberg_marquardt import Iteration
+from clearjoint.identification.residuals import Evaluated
+
+COUNT, NOISE = 200, 0.1
+TIMES = np.linspace(0.01, 2.0, COUNT)
+
+
+def place(scene):
+    return scene.gravity[0]
+
+
+PLAIN = {"offset": cj.Parameter(place, unit="m"), "slope": cj.Parameter(place, unit="m/s")}
+
+
+def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.Ending.CONVERGED):
+    """A fit of offset + slope * t to data of which the noise is 0.1; no run, but the algebra."""
+    at, columns = np.array(at), np.column_stack([np.ones(COUNT), TIMES])
+    predicted = columns @ at
+    data = predicted + NOISE * np.random.default_rng(3).standard_normal(COUNT)
+    series = cj.Series(cj.quantities.Position("arm 2", "x"), TIMES, data, noise)
+    measurements = cj.Measurements({"laser": series})
+    jacobian = columns / noise if jacobian is None else jacobian
+    best = Evaluated(
+        at,
+        (predicted - data) / noise,
+        jacobian,
+        predicted[None],
+        cj.RESULTS.successful,
+        2.0,
+        10,
+    )
+    iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
+    search = Search(at, (Window(2.0, (iteration,), ending),), best)
+    units = {name: p.variation.unit for name, p in parameters.items()}
+    scene, state = cj.double_pendulum()
+    return cj.Fit(scene, state, parameters, units, measurements, (search,), search)
+
+
+def test_errors_of_a_straight_line():
+    """Closed form: variance of the slope is noise^2 / sum (t - mean)^2."""
+    fit = line()
+    spread = np.sum((TIMES - TIMES.mean()) ** 2)
+    slope, offset = NOISE**2 / spread, NOISE**2 * (1 / COUNT + TIMES.mean() ** 2 / spread)
+    assert fit.standard_errors["slope"] == pytest.approx(math.sqrt(slope), rel=1e-9)
+    assert fit.standard_errors["offset"] == pytest.approx(math.sqrt(offset), rel=1e-9)
+    assert fit.correlation[0, 1] == pytest.approx(
+        -TIMES.mean() / math.sqrt(np.mean(TIMES**2)), rel=1e-9
+    )
+    low, high = fit.intervals["slope"]
+    assert (low, high) == pytest.approx(2.0 + 1.959964 * math.sqrt(slope) * np.array([-1, 1]))
+    assert fit.freedom == COUNT - 2 and fit.estimates == {"offset": 1.0, "slope": 2.0}
+    assert fit.warnings == []
+
+
+def test_scales_carry_errors_to_values():
+    scaled = {
+        "offset": cj.Parameter(place, cj.Log(), unit="m"),
+        "slope": cj.Parameter(place, cj.Bounded(0.0, 1.0), unit="m/s"),
+    }
+    fit, plain = line(parameters=scaled, at=(1.0, 4.0)), line(at=(1.0, 4.0))
+    value = 1.0 / (1.0 + math.exp(-4.0))
+    errors = plain.standard_errors
+    assert fit.estimates["offset"] == pytest.approx(math.e)
+    assert fit.standard_errors["offset"] == pytest.approx(math.e * errors["offset"])
+    assert fit.standard_errors["slope"] == pytest.approx(value * (1 - value) * errors["slope"])
+    low, high = line(parameters=scaled, at=(1.0, 4.0), jacobian=np.eye(COUNT, 2)).intervals["slope"]
+    assert 0.0 < low < value < high < 1.0
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [(0.5 * NOISE, "2 times the stated noise: the noise is under"), (2 * NOISE, "it is overst")],
+)
+def test_mis_stated_noise(stated, message):
+    fit = line(noise=stated)
+    assert fit.p_value == pytest.approx(stats.chi2.sf(fit.chi_squared, COUNT - 2))
+    (warning,) = fit.warnings
+    assert message.split(":")[-1] in warning
+    assert fit.rms["laser"] == pytest.approx(NOISE / stated, rel=0.1)
+
+
+def test_warnings_of_bounds_blindness_and_no_convergence():
+    bounded = {**PLAIN, "slope": cj.Parameter(place, cj.Bounded(0.0, 0.5), unit="m/s")}
+    assert "slope is at its bound 0.5." in line(parameters=bounded, at=(1.0, 9.0)).warnings
+    twins = np.column_stack([np.ones(COUNT), -0.5 * np.ones(COUNT) + 1e-6 * TIMES])
+    (warning,) = line(jacobian=twins).warnings
+    assert "hardly see the combination +0.5 offset +1 slope" in warning
+    stalled = line(ending=cj.Ending.STALLED)
+    assert stalled.warnings[0].startswith("Not converged: no step improves the fit")
+
+
+def with_minima(*moves):
+    """A fit of a line with further minima, each a move of the estimates and a chi squared above."""
+    fit = line()
+    found = [
+        dataclasses.replace(
+            fit.best,
+            best=dataclasses.replace(
+                fit.best.best,
+                coordinates=fit.coordinates + move,
+                residuals=np.sqrt([fit.chi_squared + excess]),
+            ),
+        )
+        for move, excess in moves
+    ]
+    return dataclasses.replace(fit, searches=(fit.best, *found)), fit
+
+
+def test_minima_that_the_data_allow_widen_intervals_and_are_told():
+    """Closed form: where chi squared of either is at most 1.959964^2 above the best."""
+    both, fit = with_minima(([0.0, 0.1], 1.5), ([0.0, 0.11], 1.6), ([0.2, 0.0], 9.0))
+    deviation = fit.standard_errors["slope"]
+    low, high = both.intervals["slope"]
+    first = 2.1 + math.sqrt(1.959964**2 - 1.5) * deviation
+    second = 2.11 + math.sqrt(1.959964**2 - 1.6) * deviation
+    assert low == pytest.approx(fit.intervals["slope"][0], abs=1e-9)
+    assert high == pytest.approx(max(first, second), abs=1e-6)
+    (rival,) = both.rivals
+    assert rival == pytest.approx({"offset": 1.0, "slope": 2.1})
+    (warning,) = both.warnings
+    assert warning.startswith("Another minimum is only 1.5 higher in chi squared, at offset 1, slo")
+
+
+def test_the_same_minimum_twice_is_no_rival():
+    twice, fit = with_minima(([1e-9, 0.0], 1e-6))
+    assert twice.rivals == [] and twice.warnings == []
+    assert twice.intervals["slope"] == pytest.approx(fit.intervals["slope"], rel=1e-6)
+
+
+def test_the_least_seen_direction():
+    """Information with known axes: sizes 3 and 4 along coordinates, then a sum that is unseen."""
+    seen = statistics.directions(np.diag([3.0, 4.0]))
+    assert sorted(found.deviation for found in seen) == pytest.approx([0.25, 1.0 / 3.0])
+    blind = statistics.directions(np.array([[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]]))[0]
+    np.testing.assert_allclose(blind.change, [1.0, -1.0], rtol=1e-6)
+    assert blind.deviation > 1e10
+    absent = statistics.directions(np.array([[1.0, 0.0], [2.0, 0.0]]))[0]
+    np.testing.assert_allclose(absent.change, [0.0, 1.0], atol=1e-6)
+
+
+def test_covariance_is_the_inverse_of_the_information():
+    jacobian = np.random.default_rng(0).standard_normal((30, 4)) * [1e-3, 1.0, 1e4, 3.0]
+    expected = np.linalg.inv(jacobian.T @ jacobian)
+    found = statistics.covariance(jacobian)
+    deviations = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        found / np.outer(deviations, deviations), statistics.correlation(expected), atol=1e-9
+    )
+
+
+def test_whiteness_and_normality_have_the_probabilities_they_claim():
+    """Of white normal noise a twentieth is refused at 5 %; what is neither, always."""
+    generator = np.random.default_rng(1)
+    draws = generator.standard_normal((800, 200))
+    for test in (statistics.whiteness, statistics.normality):
+        refused = np.mean([test(row) < 0.05 for row in draws])
+        assert 0.03 < refused < 0.08
+        assert math.isnan(test(draws[0][:10])) and math.isnan(test(np.zeros(200)))
+    assert statistics.whiteness(np.convolve(draws[0], [1.0, 0.8], "valid")) < 1e-6
+    assert statistics.normality(np.exp(draws[0])) < 1e-6
+
+
+def test_report():
+    text = str(line(noise=0.05))
+    lines = text.splitlines()
+    assert lines[0] == "Fit of 200 samples in 1 series to 2 s: converged, 1 runs"
+    assert lines[3].split() == ["offset", "1.0000", "0.0071", "0.98609", "1.0139", "m"]
+    assert "chi squared" in text and "p (white)" in text and "Warning: Residuals are" in text
+
+
+def test_figures_of_a_fit():
+    fit = line()
+    above, below = plot.fitted(fit)[:, 0]
+    measured, fitted = above.lines
+    np.testing.assert_allclose(fitted.get_ydata(), 1.0 + 2.0 * TIMES)
+    np.testing.assert_allclose(measured.get_ydata(), fit.measurements["laser"].values)
+    np.testing.assert_allclose(below.lines[0].get_ydata(), fit.residuals["laser"])
+    assert (above.get_ylabel(), below.get_xlabel()) == ("laser, m", "time, s")
+    axes = plot.correlations(fit)
+    assert {text.get_text() for text in axes.texts} == {"1.00", f"{fit.correlation[0, 1]:.2f}"}
+    with pytest.raises(ValueError, match="`series` must be names of series, but is .*from laser"):
+        plot.fitted(fit, ["radar"])

@@ -1,0 +1,276 @@
+"""Parameters of the double pendulum from probes in its bearing, to 0.03 s: one impact and a half.
+
+All tests share one compiled run: two probes, three parameters, up to 64 times.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import clearjoint as cj
+from clearjoint.identification.identify import _held
+from clearjoint.identification.residuals import (
+    UNREACHED,
+    evaluate,
+    experiment,
+    predictions,
+    residuals,
+    samples,
+)
+from clearjoint.parametrisation.parameter import coordinates_of
+
+END, NOISE = 0.03, 1e-6
+TIMES = np.linspace(0.0, END, 61)[1:]
+PROBES = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
+SCENE, STATE = cj.double_pendulum()
+PARAMETERS = {
+    "young": cj.Parameter(lambda s: s.joints["shoulder"].law.stiffness.young_modulus, cj.Log()),
+    "restitution": cj.Parameter(lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0, 1)),
+    "clearance": cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log()),
+}
+TRUTH = {"young": 207e9, "restitution": 0.9, "clearance": 0.5e-3}
+CLOSE = {"young": 400e9, "restitution": 0.85, "clearance": 0.51e-3}
+
+
+@pytest.fixture(scope="session")
+def clean():
+    """Measurements without noise, from a run with tighter tolerances than those of the fits."""
+    saved = cj.simulate(SCENE, STATE, END, save_at=TIMES, rtol=1e-12)
+    offset = journal(saved.states)
+    return cj.Measurements(
+        {name: cj.Series(PROBES[name], TIMES, offset[k], NOISE) for k, name in enumerate(PROBES)}
+    )
+
+
+def journal(states):
+    """The journal's centre, the end of arm 2 that lies at (-0.5, 0, 0) in its axes: x, y in m."""
+    body = states.bodies["arm 2"]
+    e0, e1, e2, e3 = np.asarray(body.orientation).T
+    end = np.stack([e0**2 + e1**2 - e2**2 - e3**2, 2.0 * (e1 * e2 + e0 * e3)])
+    return np.asarray(body.position).T[:2] - 0.5 * end
+
+
+@pytest.fixture(scope="session")
+def draws(clean):
+    generator = np.random.default_rng(5)
+    return [clean.with_noise(generator) for _ in range(3)]
+
+
+@pytest.fixture(scope="session")
+def fit(draws):
+    return cj.identify(SCENE, STATE, draws[0], PARAMETERS, guess=CLOSE, progress=False)
+
+
+@pytest.fixture(scope="session")
+def problem(draws):
+    """Runs, data and coordinates near the truth."""
+    runs = experiment(SCENE, STATE, PARAMETERS, PROBES, TIMES, 0.0, None)
+    at = coordinates_of(SCENE, STATE, PARAMETERS) + [0.02, -0.03, 0.01]
+    return runs, samples(draws[0], len(runs.times)), at
+
+
+def fitted(measurements, **options):
+    return cj.identify(SCENE, STATE, measurements, PARAMETERS, **{"progress": False, **options})
+
+
+def test_data_without_noise_give_the_parameters_back(clean):
+    fit = fitted(clean, guess=CLOSE, tolerance=1e-6)
+    assert fit.ending is cj.Ending.CONVERGED
+    for name, value in TRUTH.items():
+        assert fit.estimates[name] == pytest.approx(value, rel=1e-5 if name == "young" else 1e-6)
+    assert fit.chi_squared < 1e-4
+
+
+def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
+    """SciPy's least squares by finite differences of `simulate`."""
+    base = np.array([draws[0][name].values for name in PROBES])
+
+    def of(coordinates):
+        values = [p.scale.value(u) for p, u in zip(PARAMETERS.values(), coordinates, strict=True)]
+        scene = SCENE
+        for parameter, value in zip(PARAMETERS.values(), values, strict=True):
+            scene = cj.put(scene, parameter.variation.place, float(value))
+        saved = cj.simulate(scene, STATE, END, save_at=TIMES, rtol=1e-12)
+        return ((journal(saved.states) - base) / NOISE).ravel()
+
+    found = least_squares(of, fit.coordinates + 0.01, diff_step=1e-6, x_scale="jac")
+    assert 2.0 * found.cost == pytest.approx(fit.chi_squared, abs=1e-4)
+    deviations = np.sqrt(np.diag(fit.covariance))
+    assert (np.abs(found.x - fit.coordinates) / deviations).max() < 0.02
+
+
+def test_jacobian_is_that_of_the_residuals(problem):
+    """Central differences of the residuals themselves, and JAX's rule."""
+    runs, data, at = problem
+    found = evaluate(runs, data, END, at)
+    for k, step in enumerate(1e-4 * np.eye(3)):
+        ahead, behind = (evaluate(runs, data, END, at + s).residuals for s in (step, -step))
+        difference = (ahead - behind) / 2e-4
+        size = np.abs(found.jacobian[:, k]).max()
+        assert np.abs(difference - found.jacobian[:, k]).max() < 1e-4 * size
+        along = jax.jvp(
+            lambda u: residuals(u, runs, data, END), (jnp.asarray(at),), (jnp.eye(3)[k],)
+        )
+        np.testing.assert_allclose(along[0], found.residuals, rtol=1e-12)
+        np.testing.assert_allclose(along[1], found.jacobian[:, k], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_gradient_and_batches(problem):
+    runs, data, at = problem
+    found = evaluate(runs, data, END, at)
+
+    def cost(u):
+        return 0.5 * jnp.sum(residuals(u, runs, data, END) ** 2)
+
+    gradient = jax.grad(cost)(jnp.asarray(at))
+    np.testing.assert_allclose(gradient, found.jacobian.T @ found.residuals, rtol=1e-10)
+    batch = jax.vmap(lambda u: predictions(u, runs, END))(jnp.stack([at, at + 0.01]))
+    np.testing.assert_allclose(batch[0], found.predicted, atol=1e-12)
+
+
+def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
+    runs, data, at = problem
+    stopped = eqx.tree_at(lambda r: r.max_steps, runs, jnp.asarray(300, int))
+    found = evaluate(stopped, data, END, at)
+    assert found.result == cj.RESULTS.max_steps_reached and 0.0 < found.time < END
+    late = np.tile(np.asarray(runs.times) > found.time, 2) & (data.weights.ravel() > 0.0)
+    assert late.any() and np.all(found.residuals[late] == UNREACHED)
+    assert np.all(found.jacobian[late] == 0.0) and np.all(np.isfinite(found.jacobian))
+    whole = evaluate(runs, data, END, at)
+    np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
+
+    failing = fitted(draws[0], integration=cj.Integration(max_steps=300), max_iterations=3)
+    assert failing.ending is cj.Ending.FAILED
+    assert "does not reach the last sample" in failing.warnings[0]
+
+
+def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
+    many = cj.identify_many(SCENE, STATE, draws, PARAMETERS, guess=CLOSE, progress=False)
+    assert many[0].estimates == fit.estimates
+    assert many[1].estimates == fitted(draws[1], guess=CLOSE).estimates
+    assert len({one.estimates["clearance"] for one in many}) == 3
+    inside = [
+        abs(one.coordinates[k] - truth) / np.sqrt(one.covariance[k, k])
+        for one in many
+        for k, truth in enumerate(coordinates_of(SCENE, STATE, PARAMETERS))
+    ]
+    assert max(inside) < 4.0
+
+
+def test_fit_in_labels_and_units(fit, draws):
+    assert fit.units == {"young": "Pa", "restitution": "1", "clearance": "m"}
+    assert fit.samples == 120 and fit.freedom == 117
+    assert fit.chi_squared == pytest.approx(
+        sum(np.sum(row**2) for row in fit.residuals.values()), rel=1e-9
+    )
+    (warning,) = fit.warnings
+    assert warning.startswith("The data hardly see the combination +1 young +0.00")
+    assert 0.001 < fit.p_value < 0.999
+    assert cj.parameters(fit.scene)["joints['shoulder'].clearance"][0] == pytest.approx(
+        fit.estimates["clearance"]
+    )
+    for name, (low, high) in fit.intervals.items():
+        assert low < fit.estimates[name] < high
+    assert fit.intervals["restitution"][1] < 1.0
+    assert "restitution" in str(fit) and "converged" in str(fit)
+
+
+def test_starts_and_windows(fit, draws):
+    told = []
+    starts = cj.Starts(2, {"clearance": 0.02, "young": 0.2}, seed=1)
+    options = {"grow": (0.02,), "starts": starts, "progress": told.append}
+    found = fitted(draws[0], guess=[CLOSE, TRUTH], **options)
+    assert len(found.searches) == 3
+    rows = np.array([search.start for search in found.searches])
+    np.testing.assert_allclose(rows[1], coordinates_of(SCENE, STATE, PARAMETERS))
+    np.testing.assert_array_less(np.abs(rows[2] - rows[0]), [0.2, 1e-12, 0.02])
+    assert rows[2, 0] != rows[0, 0]
+    assert [window.end_time for window in found.best.windows] == [0.02, END]
+    assert len(told) == sum(search.evaluations for search in found.searches)
+    assert found.chi_squared == min(search.best.chi_squared for search in found.searches)
+    assert found.chi_squared == pytest.approx(fit.chi_squared, abs=1e-3)
+
+
+def test_windows_hold_to_where_they_began(problem):
+    """As one more measurement of each coordinate, with the stride for noise."""
+    runs, data, at = problem
+    centre, strides = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
+    plain = evaluate(runs, data, END, at)
+    held = _held(partial(evaluate, runs, data, END), centre, strides, at)
+    np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
+    np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)
+
+
+def test_minimum_of_an_objective(clean):
+    """The median-like sum of magnitudes, which no least squares gives, falls towards the truth."""
+    scene = cj.put(SCENE, PARAMETERS["clearance"].variation.place, 0.505e-3)
+    data = {name: clean[name].values for name in PROBES}
+
+    def objective(found):
+        return sum(jnp.sum(jnp.abs(found[name] - data[name])) for name in PROBES) / 1e-4
+
+    found = cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=12)
+    assert found.result == cj.RESULTS.successful and found.history.shape == (12,)
+    assert found.objective == found.history.min() < 0.5 * found.history[0]
+    with pytest.raises(ValueError, match="`parameters` must be such that the first run works"):
+        few = cj.Integration(max_steps=3)
+        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, integration=few)
+    with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
+        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"guess": {"mass": 1.0}}, r"`guess` must be of parameters .* but is \['mass'\]: name .*y"),
+        ({"guess": []}, r"`guess` must be at least one start, but is \[\]: leave it out"),
+        ({"guess": {"restitution": 1.2}}, "Parameter 'restitution': Argument `value` .* 0 and 1"),
+        ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
+        ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
+        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the last"),
+        (
+            {"max_iterations": 0},
+            "`max_iterations` must be a whole number, positive, but is 0: allow one run",
+        ),
+        ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
+        ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be of parameters .*\['mass'\]"),
+    ],
+)
+def test_options_that_no_fit_can_use(options, message, clean):
+    with pytest.raises(ValueError, match=message):
+        fitted(clean, **options)
+
+
+def test_arguments_that_no_fit_can_use(clean):
+    with pytest.raises(ValueError, match="`number` must be a whole number, positive, but is 0"):
+        cj.Starts(0)
+    with pytest.raises(ValueError, match=r"`parameters` must be at least one Parameter, but is {}"):
+        cj.identify(SCENE, STATE, clean, {}, progress=False)
+    with pytest.raises(ValueError, match="`measurements` must be not empty, but is 0"):
+        cj.identify_many(SCENE, STATE, [], PARAMETERS)
+    other = cj.Measurements({"x": clean["x"]})
+    with pytest.raises(ValueError, match=r"`measurements\[1\]` must be of the channels and times"):
+        cj.identify_many(SCENE, STATE, [clean, other], PARAMETERS)
+    elbow = cj.Series(cj.quantities.JournalOffset("elbow", "x"), TIMES, TIMES, NOISE)
+    with pytest.raises(ValueError, match="Series 'probe': .*elbow"):
+        cj.identify(SCENE, STATE, cj.Measurements({"probe": elbow}), PARAMETERS)
+
+
+def test_times_of_series_may_differ_and_angles_have_a_period():
+    early, late = np.array([0.1, 0.2]), np.array([0.2, 0.35])
+    angle = cj.Series(cj.quantities.JointAngle("elbow"), early, [3.1, -3.1], 0.1)
+    probe = cj.Series(PROBES["x"], late, [1.0, 2.0], 0.5)
+    data = samples(cj.Measurements({"angle": angle, "probe": probe}), 4)
+    predicted = np.array([[-3.1, -3.2, 9.0, 9.0], [9.0, 1.5, np.nan, 9.0]])
+    found = data.residuals(predicted)
+    turn = 2.0 * np.pi - 6.2
+    np.testing.assert_allclose(found[0], [turn / 0.1, -1.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found[1], [0.0, 1.0, UNREACHED, 0.0])
+    assert data.count == 4 and data.until([0.1, 0.2, 0.35, 0.35], 0.2).count == 3

@@ -1,0 +1,54 @@
+"""Level sets of misfits, on curves and points whose sets are known."""
+
+import numpy as np
+import pytest
+
+from clearjoint.identification.screening.level_sets import among, apart, evenly, level, reach
+
+RANDOM = np.random.default_rng(2)
+
+
+def test_the_reach_of_straight_curves_is_where_their_spread_is_the_excess():
+    """Point k has a chi squared k a time: the third of them is 2 s above the best after s."""
+    curves = np.arange(5.0)[:, None] * np.arange(11.0)
+    assert reach(curves, 3, 7.4) == pytest.approx(3.7)
+    assert reach(curves, 5, 3.0) == pytest.approx(0.75)
+    assert reach(curves, 1, 0.0) == 10.0 and reach(curves, 3, 21.0) == 10.0
+    np.testing.assert_allclose(level(curves, 3.5), 3.5 * np.arange(5.0))
+    np.testing.assert_allclose(level(curves, 10.0), 10.0 * np.arange(5.0))
+
+
+def test_points_are_one_in_each_layer():
+    drawn = evenly(50, 3, RANDOM)
+    layers = np.sort(np.floor(25.0 * (drawn + 1.0)), axis=0)
+    np.testing.assert_array_equal(layers, np.tile(np.arange(50)[:, None], 3))
+
+
+def test_distances_do_not_depend_on_units():
+    corners = np.array([[0.0, 0.0], [0.1, 0.1], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    expected = {0, 2, 3, 4}
+    for units in ([1.0, 1.0], [1e-6, 1e3]):
+        chosen = apart(corners * units, 4)
+        assert chosen[0] == 0 and set(chosen) == expected
+    assert len(apart(corners, 9)) == 5
+    assert len(apart(np.zeros((3, 2)), 2)) == 2
+
+
+def test_new_points_follow_a_set_in_two_thin_pieces():
+    """Of two needles a unit apart, a normal distribution of all points would fill the middle."""
+    along = np.linspace(-0.1, 0.1, 20)
+    needle = np.column_stack([along, 1e-3 * RANDOM.standard_normal(20)])
+    both = np.concatenate([needle, needle + [0.0, 1.0]])
+    bounds = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
+    drawn = among(both, 500, 6, bounds, RANDOM)
+    near = np.abs(drawn[:, 1] - np.round(drawn[:, 1]))
+    assert near.max() < 0.02 and set(np.round(drawn[:, 1])) == {0.0, 1.0}
+    assert 0.05 < drawn[:, 0].std() < 0.12
+
+
+def test_new_points_keep_inside_the_bounds():
+    points = RANDOM.uniform(-1.0, 1.0, (40, 2)) * [1.0, 0.0]
+    low, high = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
+    drawn = among(points, 300, 6, (low, high), RANDOM)
+    assert (drawn >= low).all() and (drawn <= high).all() and (drawn[:, 1] == 0.0).all()
+    assert np.mean(np.abs(drawn[:, 0]) == 1.0) < 0.02

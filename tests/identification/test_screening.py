@@ -1,0 +1,125 @@
+"""Screening, on a mass on a spring over 16 periods: of its stiffness, chi squared has a minimum for
+each number of periods, so that no slope leads from a far guess to the truth."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.identification.residuals import UNREACHED, experiment, samples
+from clearjoint.identification.screening.misfit_curves import SideBySide
+
+STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
+TIMES = np.linspace(0.1, 20.0, 200)
+LANES = 12
+FAR = {"stiffness": 20.0}
+CHANNEL = cj.quantities.Position("mass", "x")
+PARAMETERS = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+SPRING = cj.SpringDamper("ground", "mass", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), STIFFNESS)
+SCENE = cj.Scene({"mass": cj.Body(MASS, (1.0, 1.0, 1.0))}, forces={"spring": SPRING})
+STATE = cj.State({"mass": cj.body_state((START, 0.0, 0.0))})
+
+
+def moved(stiffness):
+    """Closed form."""
+    return START * np.cos(np.sqrt(stiffness / MASS) * TIMES)
+
+
+@pytest.fixture(scope="module")
+def data():
+    series = cj.Series(CHANNEL, TIMES, moved(STIFFNESS), NOISE)
+    return cj.Measurements({"x": series.with_noise(np.random.default_rng(4))})
+
+
+def side_by_side(data, **options):
+    integration = cj.Integration(rtol=1e-8, **options)
+    runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, integration)
+    return SideBySide(runs, samples(data, len(runs.times)))
+
+
+def fitted(data, **options):
+    return cj.identify(SCENE, STATE, data, PARAMETERS, guess=FAR, progress=False, **options)
+
+
+def test_chi_squared_over_time_is_that_of_the_closed_form(data):
+    stiffnesses, lanes = np.geomspace(20.0, 130.0, LANES), side_by_side(data)
+    assert lanes.count == 200 and lanes.time(0.0) == 0.0
+    assert lanes.time(1.5) == TIMES[1] and lanes.time(2.0) == TIMES[1]
+    residuals = np.array([(moved(k) - data["x"].values) / NOISE for k in stiffnesses])
+    means = [np.convolve(row, np.full(10, 0.1))[:200] for row in residuals]
+    for smoothing, expected, count in ((1, residuals, 200), (10, means, 150)):
+        found = lanes.chi_squared(np.log(stiffnesses)[:, None], count, smoothing)
+        assert found.shape == (LANES, count + 1) and (found[:, 0] == 0.0).all()
+        sums = np.cumsum(np.square(expected), axis=1)[:, :count]
+        np.testing.assert_allclose(found[:, 1:], sums, rtol=1e-3, atol=0.1)
+
+
+def test_runs_that_end_early_count_as_far_off(data):
+    lanes = side_by_side(data, max_steps=400)
+    found = lanes.chi_squared(np.full((LANES, 1), np.log(STIFFNESS)), 200)[0]
+    steps = np.diff(found)
+    last = int(np.argmax(steps > 0.5 * UNREACHED**2))
+    assert 10 < last < 190 and found[last] < 2.0 * last
+    np.testing.assert_allclose(steps[last:], UNREACHED**2)
+
+
+@pytest.fixture(scope="module")
+def screened(data):
+    return fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, finish=2, smoothing=1))
+
+
+def test_screening_finds_what_no_slope_leads_to(data, screened):
+    lost = fitted(data)
+    assert lost.chi_squared > 100.0 * screened.chi_squared
+    low, high = screened.intervals["stiffness"]
+    assert low < STIFFNESS < high and high - low < 0.01 * STIFFNESS
+    assert screened.warnings == []
+    (found,) = screened.screened
+    assert found.complete and found.times[-1] == TIMES[-1]
+    assert found.points.shape == (10, 1) and len(found.times) < 15
+    assert found.runs >= 4 * 40 + (len(found.times) - 1) * (40 + 10)
+    np.testing.assert_array_equal([s.start for s in screened.searches], found.starts)
+    assert "from screening by" in str(screened)
+
+
+def test_a_screening_that_does_not_come_to_the_end_says_so(data):
+    few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
+    (warning,) = [text for text in few.warnings if text.startswith("Screening came to")]
+    assert warning.endswith("s only: allow more rounds.")
+    (found,) = few.screened
+    assert not found.complete and len(found.times) == 2
+
+
+def test_what_noise_does_not_explain_is_screened_anew(data):
+    understated = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, data["x"].values, NOISE / 2)})
+    starts = cj.Screening(40, spread=1.5, keep=10, finish=1, smoothing=1, passes=2)
+    fit = fitted(understated, starts=starts)
+    first, second = fit.screened
+    assert len(fit.searches) == 2 and first.starts != second.starts
+    assert fit.estimates["stiffness"] == pytest.approx(STIFFNESS, rel=0.01)
+    assert "noise is understated" in fit.warnings[-1]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"number": 0}, "`number` must be a whole number, positive, but is 0"),
+        ({"smoothing": 0}, "`smoothing` must be a whole number, positive, but is 0"),
+        ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass how far"),
+        ({"spread": {"a": np.inf}}, "`spread` must be finite and positive, but is {'a': inf}"),
+        ({"finish": 40}, "`keep` must be above 4, at least finish = 40, .*, but is 32"),
+        ({"keep": 4}, "`keep` must be above 4"),
+        ({"keep": 1000}, "at most 4 times number, but is 1000: keep about a fifth of number"),
+    ],
+)
+def test_settings_that_no_screening_can_use(settings, message):
+    with pytest.raises(ValueError, match=message):
+        cj.Screening(**settings)
+
+
+def test_arguments_that_no_screening_can_use(data):
+    with pytest.raises(ValueError, match=r"`spread` must be of parameters .*\['mass'\]"):
+        fitted(data, starts=cj.Screening(spread={"mass": 1.0}))
+    with pytest.raises(ValueError, match="`guess` must be one guess, round which to screen, but"):
+        cj.identify(
+            SCENE, STATE, data, PARAMETERS, guess=[FAR, FAR], starts=cj.Screening(), progress=False
+        )

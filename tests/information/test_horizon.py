@@ -1,0 +1,231 @@
+"""Growth of differences, ways from wrong guesses, and the horizons of a fit by a single run."""
+
+import warnings
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint import plot
+from clearjoint.information import descent_paths as ways
+from clearjoint.information import error_growth as growth
+from clearjoint.information.horizon import PLACES
+from clearjoint.quantities import JournalOffset
+
+LAST = 0.04
+
+
+def clearance(scene: cj.Scene):
+    return scene.joints["pin"].clearance
+
+
+def arm() -> tuple[cj.Scene, cj.State]:
+    """A single arm on a joint with clearance; it strikes twice before 0.04 s."""
+    law = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
+    pin = cj.ClearanceJoint(
+        "ground",
+        "arm",
+        journal_point=(-0.5, 0.0, 0.0),
+        bearing_radius=10e-3,
+        clearance=0.5e-3,
+        journal_length=20e-3,
+        law=law,
+    )
+    body = cj.Body(7.02, (0.1, 0.5855, 0.5855))
+    scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, 9.81, 0.0))
+    return scene, cj.State({"arm": cj.body_state((0.5, 0.0, 0.0))})
+
+
+@pytest.fixture(scope="module")
+def found() -> cj.Horizon:
+    times = np.linspace(0.0, LAST, 401)[1:]
+    probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
+    return cj.horizon(
+        *arm(),
+        {"clearance": cj.Parameter(clearance, cj.Log())},
+        {"probe": cj.Sensor(probe, times, 5e-6)},
+        uncertainty={"clearance": np.log(3.0)},
+    )
+
+
+RADIUS = float(np.sqrt((0.1 + 2 * 0.5855) / (2 * 7.02)))
+"""Of gyration, m."""
+
+
+def _moved(state: cj.State, speed: float) -> cj.State:
+    """All points get a velocity as in the disturbance."""
+    push, arm = speed * np.array(growth.DIRECTION), state.bodies["arm"]
+    return cj.State(
+        {"arm": cj.BodyState(arm.position, arm.orientation, arm.velocity + push, push / RADIUS)}
+    )
+
+
+def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
+    """(T, N, 3) points (N, 3) of the arm over time."""
+    saved = solution.saved.states.bodies["arm"]
+    s, x, y, z = np.moveaxis(np.asarray(saved.orientation), -1, 0)
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - s * z), 2 * (x * z + s * y)],
+            [2 * (x * y + s * z), 1 - 2 * (x * x + z * z), 2 * (y * z - s * x)],
+            [2 * (x * z - s * y), 2 * (y * z + s * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return np.asarray(saved.position)[:, None] + np.einsum("ijt,nj->tni", rotation, local)
+
+
+def test_growth_is_that_of_two_neighbouring_runs(found):
+    scene, state = arm()
+    speed, settings = 1e-8, {"save_at": found.times, "rtol": 1e-11, "progress": False}
+    local = np.concatenate([np.zeros((1, 3)), RADIUS * np.eye(3)])
+    ends = [
+        _points(cj.simulate(scene, _moved(state, sign * speed), LAST, **settings), local)
+        for sign in (1.0, -1.0)
+    ]
+    apart = np.linalg.norm((ends[0] - ends[1]) / (2.0 * speed), axis=2)
+    measured = np.sqrt((apart**2).mean(axis=1))
+    np.testing.assert_allclose(found.growth[:, 1], measured, rtol=1e-3)
+    late = found.times >= 0.0101
+    slope = np.polyfit(found.times[late], np.log(measured[late]), 1)[0]
+    assert found.rate == pytest.approx(slope, rel=0.01)
+
+
+def test_growth_in_flight_is_that_of_free_motion(found):
+    """Points move apart at 1 m/s, and some turning."""
+    flight = found.times < 0.01
+    late = found.growth[flight, 1] / found.times[flight]
+    np.testing.assert_allclose(late, late[0], rtol=1e-3)
+    assert (found.growth[flight, 0] == 0.0).all()
+
+
+def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
+    """Against differences of the misfit itself, by runs of `simulate`."""
+    scene, state = arm()
+    journal = np.array([[-0.5, 0.0, -0.01]])
+
+    def seen(logarithm: float) -> np.ndarray:
+        other = cj.put(scene, clearance, 5e-4 * np.exp(logarithm))
+        run = cj.simulate(other, state, LAST, save_at=found.times, rtol=1e-11, progress=False)
+        return _points(run, journal)[:, 0, :2] / 5e-6
+
+    truth, step = seen(0.0), 1e-6
+    for guess in found.guesses:
+        closed = np.zeros(len(found.times), bool)
+        for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
+            near = [
+                np.cumsum(((seen((share + s) * guess.offsets[0]) - truth) ** 2).sum(axis=1))
+                for s in (step, -step)
+            ]
+            closed |= (near[0] < near[1] * (1.0 - 1e-9)) & (near[0] > 1.0)
+        assert (closed == guess.closed).mean() > 0.98
+        assert guess.since == (found.times[guess.closed.argmax()] if closed.any() else np.inf)
+    assert 0.02 < np.mean([guess.closed for guess in found.guesses]) < 0.98
+
+
+def test_ways_of_an_oscillation():
+    """Frequency from sin(w t): closed where misfits by themselves rise towards the truth."""
+    times = np.linspace(0.0, 10.0, 2001)
+    true, off = 3.0, 1.2
+
+    def misfits(w):
+        return np.cumsum((1e3 * (np.sin(w * times) - np.sin(true * times))) ** 2)
+
+    w = true + off
+    here = ways.closed(
+        {"x": 1e3 * np.sin(true * times)},
+        {"x": 1e3 * np.sin(w * times)},
+        {"x": 1e3 * off * times * np.cos(w * times)},
+        len(times),
+    )
+    step = 1e-6
+    slopes = (misfits(w + step) - misfits(w - step)) / (2.0 * step)
+    expected = (slopes < 0.0) & (misfits(w) > 1.0)
+    assert 0.1 < expected.mean() < 0.9
+    assert (here == expected).mean() > 0.999
+
+
+def test_a_run_that_fails_closes_the_way():
+    times = np.linspace(0.1, 1.0, 10)
+    short = {"x": 1.1 * times[:4]}
+    closed = ways.closed({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
+    assert closed.tolist() == [False] * 4 + [True] * 6
+
+
+def test_guesses_of_several_parameters():
+    """Each alone both ways, and all corners of up to three."""
+    two = np.array(list(ways.offsets(np.array([1.0, 2.0]))))
+    assert two.tolist() == [[1, 0], [-1, 0], [0, 2], [0, -2], [1, 2], [1, -2], [-1, 2], [-1, -2]]
+    assert len(list(ways.offsets(np.ones(1)))) == 2
+    assert len(list(ways.offsets(np.ones(5)))) == 10 + 8
+
+
+def test_a_short_run_is_within_all_horizons(found):
+    assert found.numerical == np.inf
+    assert 0.0 < found.error.max() < 1e-3 and 0.0 < found.derivative_error.max() < 1e-4
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found.warn_if_beyond(min(LAST, found.single_shot))
+
+
+def test_the_warning_gives_numbers_and_the_remedy(found):
+    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*multiple shooting"):
+        limited.warn_if_beyond(0.03)
+
+
+def test_the_report_names_limits_guesses_and_the_worth_of_longer_records(found):
+    text = str(found)
+    assert "A run of 40 ms" in text
+    assert "log clearance" in text and "+1.1" in text and "-1.1" in text
+    assert "40 ms" in text.splitlines()[-1]
+
+
+def test_errors(found):
+    probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
+    parameters = {"clearance": cj.Parameter(clearance, cj.Log())}
+    with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
+        cj.horizon(*arm(), parameters, probe, uncertainty={})
+    with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):
+        cj.horizon(*arm(), parameters, probe, uncertainty={"clearance": 0.0})
+
+
+@pytest.mark.slow
+def test_horizons_of_the_double_pendulum():
+    """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
+    worst guess likewise (`studies/horizon`). Rounding alone tells runs apart from 0.15 s on (the
+    reference's README)."""
+    from studies.identifiability.instruments import ACROSS, BASES, PARAMETERS
+
+    times = np.arange(1, 2001) * 1e-4
+    probe = [JournalOffset("shoulder", component=k, base=base) for base in BASES for k in ACROSS]
+    parameters = PARAMETERS | {
+        "restitution": cj.Parameter(
+            lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0.0, 1.0)
+        )
+    }
+    found = cj.horizon(
+        *cj.double_pendulum(),
+        parameters,
+        {"probe": cj.Sensor(probe, times, 5e-6)},
+        uncertainty={"stiffness": np.log(5.0), "restitution": 1.8, "clearance": np.log(1.2)},
+    )
+    stiffer = next(g for g in found.guesses if (g.offsets > 0.0).tolist() == [True, False, False])
+    assert 0.06 < stiffer.since < 0.075
+    assert 0.03 < found.convergence < 0.045
+    assert 0.15 < found.numerical < 0.2
+
+
+def test_figures_have_labels_and_mark_what_is_limited(found):
+    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    axes = plot.growth(limited)
+    assert axes.get_ylabel() == "displacement, m"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "log clearance",
+        "initial velocity, m/s",
+    ]
+    assert "integration fails" in [text.get_text() for text in axes.texts]
+    assert plot.integration_error(limited).get_yscale() == "log"
+    drawn = plot.record_length(found.information)
+    assert drawn.get_xlabel() == "length of the record, ms"
+    plt.close("all")

@@ -1,0 +1,202 @@
+"""Fisher information: against closed forms, and the bounds of an event-exact solver."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.information import fisher_information as information
+from clearjoint.quantities import ContactForce, Position, Velocity
+from studies.identifiability import instruments as study
+
+TIMES = np.linspace(0.01, 1.0, 100)
+
+
+def thrown() -> tuple[cj.Scene, cj.State]:
+    """A free mass at 3 m/s upwards in gravity: x(t) = 3 t + g t^2/2."""
+    scene = cj.Scene({"ball": cj.Body(1.0, (0.1, 0.1, 0.1))}, gravity=(0.0, -9.81, 0.0))
+    return scene, cj.State({"ball": cj.body_state((0.0, 0.0, 0.0), velocity=(0.0, 3.0, 0.0))})
+
+
+def launch(scale: cj.AbstractScale | None = None) -> cj.Parameter:
+    return cj.Parameter.initial(lambda s: s.bodies["ball"].velocity[1], scale)
+
+
+def gravity(scale: cj.AbstractScale | None = None) -> cj.Parameter:
+    return cj.Parameter(lambda s: s.gravity[1], scale)
+
+
+def mass() -> cj.Parameter:
+    return cj.Parameter(lambda s: s.bodies["ball"].mass, cj.Log())
+
+
+@pytest.fixture(scope="module")
+def report() -> cj.Identifiability:
+    """Speed and gravity from the height, and from the speed; the mass from nothing."""
+    sensors = {
+        "height": cj.Sensor(Position("ball", "y"), TIMES, 0.02),
+        "speed": cj.Sensor([Velocity("ball", "y")], TIMES[:50], 0.1),
+    }
+    parameters = {"v": launch(cj.Linear(2.0)), "g": gravity(), "mass": mass()}
+    return cj.identifiability(*thrown(), parameters, sensors)
+
+
+def expected(times: np.ndarray, noise: float) -> np.ndarray:
+    """Covariance of v and g by least squares of heights."""
+    rows = np.stack([times, times**2 / 2.0], axis=1) / noise
+    return np.linalg.inv(rows.T @ rows)
+
+
+def test_bounds_are_those_of_linear_least_squares(report):
+    one = report.of("height")
+    covariance = expected(TIMES, 0.02)
+    deviations = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(one.value_deviations[:2], deviations, rtol=1e-6)
+    np.testing.assert_allclose(one.deviations[0], deviations[0] / 2.0, rtol=1e-6)
+    correlation = covariance[0, 1] / deviations.prod()
+    found = np.linalg.inv(one.matrix[:2, :2])
+    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(correlation, rel=1e-6)
+    alone = 0.02 / np.linalg.norm(TIMES**2 / 2.0)
+    assert one.deviations_alone[1] == pytest.approx(alone, rel=1e-6)
+
+
+def test_shorter_records_and_those_over_time(report):
+    one = report.of("height")
+    for count in (2, 50):
+        until = np.sqrt(np.diag(expected(TIMES[:count], 0.02)))
+        np.testing.assert_allclose(one.until(TIMES[count - 1]).value_deviations[:2], until, 1e-6)
+        np.testing.assert_allclose(one.over_time()[count - 1, :2] * [2.0, 1.0], until, 1e-6)
+    assert np.isinf(one.over_time()[0, :2]).all()
+
+
+def test_sensors_add_their_information(report):
+    both = np.linalg.inv(expected(TIMES, 0.02))
+    rows = np.stack([np.ones(50), TIMES[:50]], axis=1) / 0.1
+    deviations = np.sqrt(np.diag(np.linalg.inv(both + rows.T @ rows)))
+    np.testing.assert_allclose(report.value_deviations[:2], deviations, rtol=1e-6)
+
+
+def test_what_no_sensor_sees_is_not_identifiable(report):
+    """A free mass falls as any other."""
+    assert report.identifiable == {"v": True, "g": True, "mass": False}
+    assert report.rank == 2
+    assert np.isinf(report.deviations[2]) and np.isinf(report.condition)
+    worst = report.combinations[-1]
+    assert worst.described(report.labels) == "log mass"
+    text = str(report)
+    assert "log mass  " in text and "not seen" in text
+    assert "mass is not identifiable: the standard deviation of log mass is without bound" in text
+
+
+def test_parameters_that_act_alike_come_out_as_their_difference():
+    """Two launch speeds that add: only the sum is seen."""
+    scene, state = thrown()
+
+    def add(scene, state, value):
+        velocity = state.bodies["ball"].velocity + value * np.array([0.0, 1.0, 0.0])
+        ball = cj.BodyState(*_parts(state.bodies["ball"], velocity))
+        return scene, cj.State({"ball": ball}, state.memory, state.work)
+
+    parameters = {"first": launch(), "second": cj.Parameter.change(add, 0.0, unit="m/s")}
+    sensors = {"height": cj.Sensor(Position("ball", "y"), TIMES, 0.02)}
+    report = cj.identifiability(scene, state, parameters, sensors)
+    assert report.rank == 1
+    assert report.identifiable == {"first": False, "second": False}
+    seen, unseen = report.combinations
+    assert seen.described(report.labels) in ("first + second", "second + first")
+    assert unseen.described(report.labels) in ("first - second", "second - first")
+    assert seen.standard_deviation == pytest.approx(0.02 / np.linalg.norm(TIMES), rel=1e-6)
+    assert np.isinf(unseen.standard_deviation)
+
+
+def _parts(ball, velocity):
+    return ball.position, ball.orientation, velocity, ball.spin
+
+
+def test_a_root_keeps_what_its_square_would_lose():
+    """Two columns apart by 1e-9: the information's condition is beyond double precision."""
+    generator = np.random.default_rng(0)
+    common, apart = generator.standard_normal((2, 200))
+    rows = np.stack([common, common + 1e-9 * apart], axis=1)
+    own = apart - common * (common @ apart) / (common @ common)
+    deviation = 1.0 / (1e-9 * np.linalg.norm(own))
+    found = information.together(information.root_of(rows), 1e-12)
+    np.testing.assert_allclose(found, deviation, rtol=1e-4)
+    assert np.isinf(information.together(information.root_of(rows), 1e-6)).all()
+
+
+def test_weights_that_matter_are_named_though_they_are_small():
+    root = np.diag([1e4, 1.0]) @ np.array([[1.0, -0.01], [0.0, 1.0]])
+    worst = information.combinations(root, 1e-9)[-1]
+    assert worst.described(["a", "b"]) == "b + 0.01 a"
+    assert worst.shares[0] > 0.99
+
+
+@pytest.mark.slow
+def test_measured_series_serve_as_sensors(report):
+    """By their channel, times and noise, whatever their values."""
+
+    class Series:
+        channel, times, noise = Position("ball", "y"), TIMES, np.full(100, 0.02)
+
+    class Measurements:
+        series = {"height": Series()}  # noqa: RUF012
+
+    parameters = {"v": launch(cj.Linear(2.0)), "g": gravity(), "mass": mass()}
+    found = cj.identifiability(*thrown(), parameters, Measurements())
+    np.testing.assert_allclose(found.deviations, report.of("height").deviations)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: cj.Sensor("x", TIMES, 1.0), "`channels`"),
+        (lambda: cj.Sensor(Position("ball", "y"), TIMES[::-1], 1.0), "`times`.*rising"),
+        (lambda: cj.Sensor(Position("ball", "y"), [], 1.0), "`times`"),
+        (lambda: cj.Sensor(Position("ball", "y"), TIMES, 0.0), "`noise`.*positive"),
+        (lambda: cj.Sensor(Position("ball", "y"), TIMES, [1.0, 2.0]), "`noise`.*shape"),
+        (lambda: _planned({}), "`sensors`"),
+        (lambda: _planned({"a": 3.0}), r"`sensors\['a'\]`"),
+        (lambda: _planned({"a": cj.Sensor(Position("bal", "y"), TIMES, 1.0)}), "'a'.*'bal'"),
+    ],
+)
+def test_errors(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def _planned(sensors):
+    return cj.identifiability(*thrown(), {"g": gravity()}, sensors)
+
+
+def test_errors_of_reports(report):
+    with pytest.raises(ValueError, match="'probe'"):
+        report.of("probe")
+    with pytest.raises(ValueError, match="`time`"):
+        report.until(0.0)
+
+
+@pytest.mark.slow
+def test_bounds_of_the_pendulum_by_its_contact_forces():
+    """0.05 s at 20 kHz, as in the study, contact forces alone."""
+    times = 0.05 * np.arange(1, 1001) / 1000
+    forces = [ContactForce("shoulder", base) for base in "VW"]
+    sensors = {"contacts": cj.Sensor(forces, times, 15.0)}
+    report = cj.identifiability(*cj.double_pendulum(), study.PARAMETERS, sensors)
+    assert_as_known(report, study.INSTRUMENTS["contacts"].known[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("column", [0, 1])
+def test_bounds_of_the_pendulum_by_all_instruments(column):
+    found = study.report(study.LENGTHS[column])
+    for name, instrument in study.INSTRUMENTS.items():
+        assert_as_known(found.of(name), instrument.known[column])
+
+
+def assert_as_known(report: cj.Identifiability, known: tuple[str, ...]) -> None:
+    """To all the digits that are known: those of a solver in quadruple precision."""
+    for name, deviation, text in zip(report.names, report.deviations, known, strict=True):
+        assert report.identifiable[name] == bool(text), name
+        if text:
+            digits = len(text.split("e")[0].replace(".", "").lstrip("0"))
+            assert float(f"{deviation:.{digits}g}") == float(text), (name, deviation, text)

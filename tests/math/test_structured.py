@@ -1,0 +1,75 @@
+"""Structural zeros and ones of a scene: which they are, and that they change no number."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.math.vectors import Matrix, Vector, pack, structured, unpack
+
+
+def test_exact_zeros_and_ones_of_vectors_are_structural():
+    tree = {"axis": np.array([0.0, 1.0, 1e-300]), "number": np.zeros(()), "other": np.zeros(5)}
+    form = structured(tree)
+    assert form.patterns == ((0.0, 1.0, None), None, None)
+    axis = unpack(form)["axis"]
+    assert isinstance(axis, Vector) and type(axis.x) is type(axis.y) is float
+    assert axis.z == 1e-300 and type(axis.z) is not float
+    np.testing.assert_array_equal(pack(axis), tree["axis"])
+
+
+def test_matrices_keep_their_places():
+    matrix = np.array([[2.0, 0.0, 3.0], [0.0, 1.0, 0.0], [4.0, 0.0, 5.0]])
+    found = unpack(structured(matrix))
+    assert isinstance(found, Matrix)
+    assert (found.row_x.y, found.row_y.y, found.row_z.y) == (0.0, 1.0, 0.0)
+    np.testing.assert_array_equal(pack(found), matrix)
+
+
+def test_what_varies_or_is_traced_is_no_structure():
+    assert structured(np.zeros(3), varied=True).patterns == (None,)
+    patterns = []
+
+    def trace(x):
+        patterns.extend(structured(x).patterns)
+        return x
+
+    jax.jit(trace)(jnp.zeros(3))
+    assert patterns == [None]
+
+
+def test_scenes_of_other_numbers_share_a_program_and_of_other_zeros_do_not():
+    def form(gravity):
+        return jax.tree.structure(structured({"gravity": np.array(gravity)}))
+
+    assert form([0.0, 9.81, 0.0]) == form([0.0, 1.62, 0.0])
+    assert form([0.0, 9.81, 0.0]) != form([0.1, 9.81, 0.0])
+    assert form([0.0, 9.81, 0.0]) != form([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("clearance", [None, 5e-4])
+def test_structure_changes_no_rate(clearance):
+    """Accelerations of a double pendulum in motion, with and without, to rounding."""
+    scene, state = cj.double_pendulum(clearance)
+    spins = {"arm 2": (0.3, -0.2, 0.5), "arm 3": (1.0, -0.2, 0.5)}
+    bodies = {
+        name: cj.body_state(state.bodies[name].position, spin=spin) for name, spin in spins.items()
+    }
+    formulation = Formulation(cj.JointCoordinates())
+    coordinates = formulation.coordinates
+
+    @jax.jit
+    def rates(form):
+        scene = unpack(form)
+        variables = coordinates.encode(scene, unpack(bodies))
+        memory = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
+        found, _ = state_rates(scene, formulation, variables, memory, 0.0)
+        return jax.tree.map(jnp.asarray, found)
+
+    plain, pruned = (jax.tree.leaves(rates(form)) for form in (scene, structured(scene)))
+    assert max(np.abs(leaf).max() for leaf in plain) > 1.0
+    for one, other in zip(plain, pruned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-15)

@@ -1,0 +1,440 @@
+"""The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
+
+import types
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from clearjoint import (
+    Body,
+    ClearanceJoint,
+    EndPlay,
+    FixedAxially,
+    Hertz,
+    LankaraniNikravesh,
+    MasslessLink,
+    MotionMode,
+    RegularisedCoulomb,
+    Scene,
+    State,
+    Trajectory,
+    body_state,
+    observe,
+)
+from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
+from clearjoint.dynamics.contact_forces import contact_forces
+from clearjoint.dynamics.equations_of_motion import evaluate
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.math.vectors import EulerParameters, Vector, pack, unpack
+from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState
+from clearjoint.testing import moving
+
+RANDOM = np.random.default_rng(8)
+N = 30
+BEARING, CLEARANCE, LENGTH, PLAY = 1.0, 0.2, 0.9, 0.1
+MASSES = {"a": 2.0, "b": 0.7}
+INERTIAS = {
+    "a": np.array([[0.9, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.0]]),
+    "b": np.diag([0.3, 0.4, 0.5]),
+}
+FRICTION = RegularisedCoulomb(0.3, 0.5)
+COORDINATES = AbsoluteCoordinates()
+POINTS = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_point", "journal_point")}
+AXES = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_axis", "journal_axis")}
+AXES["bearing_axis"][:6] = [*np.eye(3), *-np.eye(3)]
+AXES["journal_axis"][3:9] = [*np.eye(3), *-np.eye(3)]
+POSITION, VELOCITY, SPIN = RANDOM.normal(size=(3, 2, N, 3))
+ROTATION = Rotation.random(2 * N, rng=8)
+
+
+def vector(rows):
+    return Vector(*np.moveaxis(rows, -1, 0))
+
+
+def random_states():
+    """Both bodies in N poses with N twists, all at once."""
+    quaternions = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
+    return {
+        name: BodyState(
+            vector(POSITION[k]),
+            EulerParameters(*quaternions[k].T),
+            vector(VELOCITY[k]),
+            vector(SPIN[k]),
+        )
+        for k, name in enumerate("ab")
+    }
+
+
+MATRICES = ROTATION.as_matrix().reshape(2, N, 3, 3)
+
+
+def random_scene(bearing_body="a", **options):
+    """Two free bodies and a joint between them; points and axes differ from state to state."""
+    joint = ClearanceJoint(
+        bearing_body,
+        "b",
+        bearing_radius=BEARING,
+        clearance=CLEARANCE,
+        journal_length=LENGTH,
+        law=LankaraniNikravesh(0.6, 50.0),
+        **options,
+    )
+    bodies = {name: Body(MASSES[name], INERTIAS[name]) for name in MASSES}
+    scene = unpack(Scene(bodies, {"pin": joint}))
+    places = [vector(rows) for rows in (*POINTS.values(), *AXES.values())]
+    names = [*POINTS, *AXES]
+    return eqx.tree_at(lambda s: [getattr(s.joints["pin"], name) for name in names], scene, places)
+
+
+MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
+
+
+def dynamics(**options):
+    scene = random_scene(**options)
+    return evaluate(scene, Formulation(COORDINATES), random_states(), MEMORY, 0.0)
+
+
+def turned(body, rows):
+    return np.einsum("nij,nj->ni", MATRICES[body], rows)
+
+
+def dot(a, b):
+    return np.sum(a * b, axis=-1)
+
+
+def unit(rows):
+    return rows / np.linalg.norm(rows, axis=-1, keepdims=True)
+
+
+def paper_geometry(sign):
+    """Equations (1)-(21) at base V (sign -1) or W (sign 1) with matrices, misprints corrected.
+
+    The frame's columns are unit vectors (eqs 3 and 4), and eq. (10) takes both components of a base
+    from that base. Returns penetration, its rate, normal, and the contact points on i and j.
+    """
+    z_r = unit(AXES["bearing_axis"])  # (1)
+    other = np.where(np.abs(z_r[:, 2:]) > 0.9, [[1.0, 0, 0]], [[0, 0, 1.0]])
+    x_r = unit(np.cross(z_r, other))  # (3)
+    frame = MATRICES[0] @ np.stack([x_r, np.cross(z_r, x_r), z_r], axis=-1)  # (4) and (5)
+    bearing = POSITION[0] + turned(0, POINTS["bearing_point"])  # (6)
+    base_local = POINTS["journal_point"] + sign * LENGTH / 2 * unit(AXES["journal_axis"])
+    base = POSITION[1] + turned(1, base_local)  # (7)
+    s = np.einsum("nji,nj->ni", frame, base - bearing)  # (8) and (9)
+    e = s * [1.0, 1.0, 0.0]  # (10)
+    n = unit(e)  # (12)
+    depth = np.linalg.norm(e, axis=1) - CLEARANCE  # (11) and (13)
+    on_bearing = s * [0.0, 0.0, 1.0] + BEARING * n  # (15)
+    on_journal = s + (BEARING - CLEARANCE) * n
+    points = [bearing + np.einsum("nij,nj->ni", frame, p) for p in (on_bearing, on_journal)]
+    velocities = [velocity(k, points[k]) for k in (0, 1)]  # (14), (17) and (19)
+    normal = np.einsum("nij,nj->ni", frame, n)
+    rate = dot(velocities[1] - velocities[0], normal)  # (20) and (21)
+    return depth, rate, normal, *points
+
+
+def velocity(body, point):
+    """Of the material point of a body that is at a global point."""
+    return VELOCITY[body] + np.cross(turned(body, SPIN[body]), point - POSITION[body])
+
+
+def contact_points(scene, motions, contact):
+    """Global contact points on the bearing and the journal."""
+    first, second = scene.joints["pin"].pair()
+    return motions[first].point(contact.arm_first), motions[second].point(contact.arm_second)
+
+
+@pytest.mark.parametrize(("base", "sign"), [("V", -1.0), ("W", 1.0)])
+def test_geometry_is_that_of_the_paper(base, sign):
+    scene = random_scene()
+    motions = COORDINATES.motions(scene, random_states())
+    contact = scene.joints["pin"].contacts(motions)[base]
+    found = (
+        contact.gap.depth,
+        contact.gap.rate,
+        contact.normal,
+        *contact_points(scene, motions, contact),
+    )
+    for ours, papers in zip(found, paper_geometry(sign), strict=True):
+        np.testing.assert_allclose(pack(ours), papers, rtol=1e-11, atol=1e-12)
+    assert contact.slip is None
+    assert (contact.gap.bearing_radius, contact.gap.journal_radius) == (1.0, 0.8)
+
+
+def test_journal_offset_is_in_the_frame_of_the_bearing():
+    scene = random_scene()
+    motions = COORDINATES.motions(scene, random_states())
+    centre, *bases = (
+        pack(scene.joints["pin"].journal_offset(motions, base)) for base in (None, "V", "W")
+    )
+    np.testing.assert_allclose(centre, np.mean(bases, axis=0), rtol=1e-12, atol=1e-13)
+    for sign, offset in zip((-1.0, 1.0), bases, strict=True):
+        depth, *_ = paper_geometry(sign)
+        np.testing.assert_allclose(np.hypot(*offset.T[:2]), depth + CLEARANCE, rtol=1e-11)
+    along_zeta = 2
+    assert (AXES["bearing_axis"][along_zeta] == [0, 0, 1]).all()
+    bearing = POSITION[0] + turned(0, POINTS["bearing_point"])
+    journal = POSITION[1] + turned(1, POINTS["journal_point"])
+    body_axes = np.einsum("nji,nj->ni", MATRICES[0], journal - bearing)
+    np.testing.assert_allclose(centre[along_zeta], body_axes[along_zeta], rtol=1e-12)
+    z_r = unit(AXES["bearing_axis"])
+    np.testing.assert_allclose(centre[:, 2], dot(body_axes, z_r), rtol=1e-9, atol=1e-12)
+
+
+def test_slip_is_the_tangential_velocity_of_the_contact_points():
+    scene = random_scene(friction=FRICTION)
+    motions = COORDINATES.motions(scene, random_states())
+    for contact in scene.joints["pin"].contacts(motions).values():
+        points = [pack(point) for point in contact_points(scene, motions, contact)]
+        relative = velocity(1, points[1]) - velocity(0, points[0])
+        normal = pack(contact.normal)
+        expected = relative - normal * dot(relative, normal)[:, None]
+        np.testing.assert_allclose(pack(contact.slip), expected, rtol=1e-11, atol=1e-12)
+
+
+def test_penetration_rate_is_the_derivative_of_the_penetration():
+    """At bases and shoulders, both bodies moving, for all orientations of the axes."""
+    scene = random_scene(axial=EndPlay(PLAY, Hertz(30.0)))
+    states = random_states()
+    rates = COORDINATES.mechanics(scene, states).variable_rates([0.0] * 12)
+    rates = jax.tree.map(lambda rate, like: rate + 0.0 * like, rates, states)
+
+    def depths(states):
+        contacts = scene.joints["pin"].contacts(COORDINATES.motions(scene, states))
+        return {label: jnp.asarray(contact.gap.depth) for label, contact in contacts.items()}
+
+    moving = jax.jvp(depths, (states,), (rates,))[1]
+    contacts = scene.joints["pin"].contacts(COORDINATES.motions(scene, states))
+    assert set(contacts) == {"V", "W", "lower shoulder", "upper shoulder"}
+    for label, contact in contacts.items():
+        np.testing.assert_allclose(contact.gap.rate, moving[label], rtol=1e-10, atol=1e-11)
+
+
+POLICIES = {
+    "bases": {},
+    "friction": {"friction": FRICTION},
+    "end play": {"axial": EndPlay(PLAY, Hertz(30.0))},
+    "axial constraint": {"axial": FixedAxially()},
+}
+
+
+def loads(found):
+    """Force (global) and moment about the centre of mass (global) on each body, from its motion."""
+    result = []
+    for k, name in enumerate("ab"):
+        part = found.accelerations[name]
+        angular = pack(part.angular) @ INERTIAS[name] + np.cross(SPIN[k], SPIN[k] @ INERTIAS[name])
+        result.append((MASSES[name] * pack(part.linear), turned(k, angular)))
+    return result
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_momentum_of_a_free_pair_is_conserved(policy):
+    """Forces equal and opposite, and their moments in balance about the origin, at any state."""
+    found = dynamics(**POLICIES[policy])
+    (force_a, moment_a), (force_b, moment_b) = loads(found)
+    total = moment_a + moment_b + np.cross(POSITION[0], force_a) + np.cross(POSITION[1], force_b)
+    assert np.abs(force_a).max() > 10.0 and np.abs(moment_a).max() > 10.0
+    np.testing.assert_allclose(force_a, -force_b, atol=1e-11 * np.abs(force_a).max())
+    np.testing.assert_allclose(total, 0.0, atol=1e-11 * np.abs(moment_a).max())
+
+
+@pytest.mark.parametrize("policy", ["bases", "friction", "end play"])
+def test_power_on_the_bodies_is_force_times_rate(policy):
+    """Minus normal force times penetration rate, and friction times slip."""
+    found = dynamics(**POLICIES[policy])
+    power = sum(
+        dot(force, VELOCITY[k]) + dot(moment, turned(k, SPIN[k]))
+        for k, (force, moment) in enumerate(loads(found))
+    )
+    expected = 0.0
+    for part in found.contact_forces["pin"].values():
+        expected = expected - part.normal_force * part.contact.gap.rate
+        if part.friction is not None:
+            expected = expected + part.friction.dot(part.contact.slip)
+    np.testing.assert_allclose(power, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_forces_push_the_bodies_apart():
+    """The journal's share of a base's force points from the wall to the bearing's axis."""
+    found = dynamics()
+    expected = -sum(
+        pack(part.contact.normal) * np.asarray(part.normal_force)[:, None]
+        for part in found.contact_forces["pin"].values()
+    )
+    np.testing.assert_allclose(loads(found)[1][0], expected, rtol=1e-12, atol=1e-11)
+
+
+def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
+    """Pruning what the ground makes zero changes nothing for the journal's body."""
+    scene = random_scene(friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
+    states = random_states()
+    zero = vector(np.zeros((N, 3)))
+    still = BodyState(zero, EulerParameters(np.ones(N), zero.x, zero.y, zero.z), zero, zero)
+    pinned = random_scene(GROUND, friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
+    variables = COORDINATES.encode(pinned, states)
+    on_ground = contact_forces(pinned, COORDINATES.motions(pinned, variables), MEMORY)
+    on_body = contact_forces(scene, COORDINATES.motions(scene, {**states, "a": still}), MEMORY)
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11), on_ground, on_body
+    )
+
+
+PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
+
+
+def pin_scene(law, **options):
+    """A journal on a body, its axis Z, in a bearing of the ground."""
+    joint = ClearanceJoint(GROUND, "journal", **PIN, law=law, **options)
+    return Scene({"journal": Body(2.0, (0.1, 0.1, 0.1))}, {"pin": joint})
+
+
+def rates_of(scene, body, clearance):
+    """Accelerations and contacts of one journal, as functions that can be differentiated."""
+    scene = eqx.tree_at(lambda s: s.joints["pin"].clearance, unpack(scene), clearance)
+    memory = {"pin": {"V": 0.0, "W": 0.0}}
+    found = evaluate(scene, Formulation(COORDINATES), {"journal": unpack(body)}, memory, 0.0)
+    return found.accelerations, found.contact_forces
+
+
+def test_centred_journal_has_finite_values_and_derivatives():
+    scene = pin_scene(LankaraniNikravesh(0.9, 6.6e10), friction=FRICTION)
+    centred = jax.tree.map(jnp.asarray, body_state((0, 0, 0), velocity=(0.1, -0.2, 0.3)))
+    change = jax.tree.map(lambda leaf: jnp.asarray(RANDOM.normal(size=leaf.shape)), centred)
+    values, tangents = jax.jvp(
+        lambda body, c: rates_of(scene, body, c), (centred, 0.5e-3), (change, 1.0)
+    )
+    pulled = jax.grad(lambda body, c: rates_of(scene, body, c)[1]["pin"]["W"].normal_force)
+    for leaf in jax.tree.leaves((values, tangents, pulled(centred, 0.5e-3))):
+        assert np.isfinite(leaf).all()
+    for contact in values[1]["pin"].values():
+        assert contact.normal_force == 0.0 and contact.contact.gap.depth == -0.5e-3
+
+
+MODES = {
+    "free flight": (0.3, 0.0, MotionMode.FREE_FLIGHT),
+    "V alone": (0.3, -0.3, MotionMode.ONE_BASE),
+    "W alone": (0.3, 0.3, MotionMode.ONE_BASE),
+    "line": (0.6, 0.0, MotionMode.LINE_CONTACT),
+    "opposite sides": (0.0, 0.6, MotionMode.OPPOSITE_SIDES),
+}
+"""Shift of the journal's centre and further shift of base W against it along X, mm; the mode."""
+
+
+def tilted(shift, tilt):
+    turn = Rotation.from_rotvec([0.0, np.arcsin(tilt / 10.0), 0.0])
+    return body_state((shift * 1e-3, 0, 0), turn.as_quat(scalar_first=True))
+
+
+def test_motion_modes_and_eccentricities_of_constructed_states():
+    states = [tilted(shift, tilt) for shift, tilt, _ in MODES.values()]
+    batch = jax.tree.map(lambda *leaves: np.stack(leaves), *states)
+    run = types.SimpleNamespace(formulation=Formulation(), redundant_constraints=())
+    trajectory = Trajectory(np.arange(5.0), State({"journal": batch}))
+    found = observe(pin_scene(Hertz(1e9)), run, trajectory)
+    expected = [mode for _, _, mode in MODES.values()]
+    np.testing.assert_array_equal(found.modes["pin"], expected)
+    for base, sign in (("V", -1), ("W", 1)):
+        e = [1e-3 * abs(shift + sign * tilt) for shift, tilt, _ in MODES.values()]
+        contact = found.contacts["pin"][base]
+        np.testing.assert_allclose(contact.eccentricity, e, atol=1e-15)
+        np.testing.assert_allclose(contact.penetration, np.array(e) - 0.5e-3, atol=1e-15)
+
+
+SIDES = {"lower": -1.0, "upper": 1.0}
+
+
+@pytest.mark.parametrize("shift", [-0.3, -0.05, 0.0, 0.04, 0.2])
+def test_shoulders_stop_the_journal_after_half_the_play(shift):
+    """Hertz's force at the shoulder reached, along the bearing's axis, inwards; else none."""
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    law = Hertz(100.0)
+    scene = pin_scene(law, bearing_axis=axis, journal_axis=axis, axial=EndPlay(PLAY, law))
+    accelerations, forces = rates_of(scene, body_state(shift * axis), 0.5e-3)
+    depths = {name: float(forces["pin"][f"{name} shoulder"].contact.gap.depth) for name in SIDES}
+    assert depths == pytest.approx({"lower": -shift - 0.05, "upper": shift - 0.05})
+    push = sum(-side * 100.0 * max(depths[name], 0.0) ** 1.5 for name, side in SIDES.items())
+    np.testing.assert_allclose(
+        2.0 * pack(accelerations["journal"].linear), push * axis, rtol=1e-11, atol=1e-13
+    )
+
+
+HALF_TURN = (0.0, 1.0, 0.0, 0.0)
+"""Euler parameters of a turn by 180 degrees about X."""
+
+
+@pytest.mark.parametrize("shift", [-0.3, 0.2])
+@pytest.mark.parametrize(
+    ("options", "orientation"),
+    [
+        ({"journal_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
+        ({"bearing_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
+        ({}, HALF_TURN),
+        ({"bearing_axis": (0.0, 0.0, -1.0), "journal_axis": (0.0, 0.0, -1.0)}, HALF_TURN),
+    ],
+    ids=["journal's axis", "bearing's axis", "body", "body with both"],
+)
+def test_antiparallel_axes_meet_the_same_shoulders(options, orientation, shift):
+    """The base that lies at an end of the bearing meets the shoulder there, moving outwards."""
+    scene = pin_scene(Hertz(100.0), axial=EndPlay(PLAY, Hertz(100.0)), **options)
+    body = body_state((0.0, 0.0, shift), orientation, velocity=(0.0, 0.0, 0.7))
+    accelerations, forces = rates_of(scene, body, 0.5e-3)
+    up = -1.0 if "bearing_axis" in options else 1.0
+    for name, side in SIDES.items():
+        gap = forces["pin"][f"{name} shoulder"].contact.gap
+        assert float(gap.depth) == pytest.approx(side * up * shift - 0.05)
+        assert float(gap.rate) == pytest.approx(side * up * 0.7)
+    push = -np.sign(shift) * 100.0 * (abs(shift) - 0.05) ** 1.5
+    assert 2.0 * float(accelerations["journal"].linear.z) == pytest.approx(push)
+
+
+@pytest.mark.parametrize("make", [ClearanceJoint, MasslessLink])
+def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
+    """Eccentricities and penetrations at the walls, axial constraints, rows of a link and angle."""
+    numbers = {"clearance": 0.5e-3, "journal_length": 20e-3, "axial": FixedAxially()}
+    numbers |= {} if make is MasslessLink else {"bearing_radius": 10e-3, "law": Hertz(1e9)}
+    same, opposite = (
+        unpack(make(GROUND, "journal", journal_axis=(0.0, 0.0, z), **numbers)) for z in (1.0, -1.0)
+    )
+    motion = moving((6e-4, -2e-4, 1e-3), (1.0, 0.03, 0.02, 0.3), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+    motions = {GROUND: GROUND_MOTION, "journal": motion}
+
+    def numbers_of(joint, swapped):
+        rows = joint.rows(motions, 0.0)
+        found = {label: (row.value, row.bias) for label, row in rows.items()}
+        if make is ClearanceJoint:
+            contacts = joint.contacts(motions)
+            found |= {label: (c.gap.depth, c.gap.rate) for label, c in contacts.items()}
+            offsets = {base: joint.journal_offset(motions, base) for base in ("V", "W")}
+            found |= {f"{base} offset": tuple(offset) for base, offset in offsets.items()}
+            found["turn"] = (joint.turn(motions).value, joint.turn(motions).bias)
+        other = {"V": "W", "W": "V"}
+        return {(other.get(k[0], k[0]) + k[1:]) if swapped else k: v for k, v in found.items()}
+
+    expected, found = numbers_of(same, False), numbers_of(opposite, True)
+    assert found.keys() == expected.keys() and len(found) >= 3
+    for label, values in expected.items():
+        np.testing.assert_allclose(found[label], values, rtol=1e-9, atol=1e-12, err_msg=label)
+
+
+def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():
+    found = dynamics(axial=FixedAxially())
+    assert list(found.rows["pin"]) == ["axial"]
+    row = found.rows["pin"]["axial"]
+    axis = turned(0, unit(AXES["bearing_axis"]))
+    centres = [POSITION[k] + turned(k, rows) for k, rows in enumerate(POINTS.values())]
+    np.testing.assert_allclose(row.value, dot(axis, centres[1] - centres[0]), atol=1e-13)
+    accelerations = found.accelerations
+    second = row.bias + sum(
+        pair.force.dot(accelerations[name].linear) + pair.moment.dot(accelerations[name].angular)
+        for name, pair in row.jacobian.items()
+    )
+    rate = sum(
+        pair.force.dot(vector(VELOCITY[k])) + pair.moment.dot(vector(SPIN[k]))
+        for k, pair in enumerate((row.jacobian["a"], row.jacobian["b"]))
+    )
+    np.testing.assert_allclose(second, -10.0 * rate - 25.0 * row.value, rtol=1e-9, atol=1e-9)
+    assert random_scene().joints["pin"].rows({}, 0.0) == {}

@@ -1,0 +1,113 @@
+"""Parameters by place: listing, replacing, tying, and places that name nothing."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.fields.checks import quantity, recheck, recheck_changes
+from clearjoint.parametrisation.places import unit_at
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return cj.double_pendulum()[0]
+
+
+def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
+    listed = cj.parameters(scene)
+    assert len(listed) == len(jax.tree.leaves(scene))
+    assert listed["joints['shoulder'].clearance"] == (5e-4, "m")
+    assert listed["joints['shoulder'].law.stiffness.young_modulus"] == (207e9, "Pa")
+    assert listed["gravity"][1] == "m/s^2"
+    for name, (value, _) in listed.items():
+        assert eval(f"scene.{name}", {"scene": scene}) is value
+
+
+def test_units_of_places_in_scenes_and_states(scene):
+    state = cj.double_pendulum()[1]
+    assert unit_at(scene, lambda s: s.bodies["arm 2"].mass) == "kg"
+    assert unit_at(scene, lambda s: s.gravity[1]) == "m/s^2"
+    assert unit_at(scene, lambda s: s.joints["shoulder"].law.restitution) == "1"
+    assert unit_at(state, lambda s: s.bodies["arm 3"].spin[2]) == "rad/s"
+
+
+def test_put_replaces_one_number_and_shares_the_rest(scene):
+    changed = cj.put(scene, lambda s: s.joints["shoulder"].clearance, 1e-4)
+    value = changed.joints["shoulder"].clearance
+    assert isinstance(value, np.ndarray) and value.dtype == np.float64 and value == 1e-4
+    assert changed.bodies["arm 2"].inertia is scene.bodies["arm 2"].inertia
+    assert scene.joints["shoulder"].clearance == 5e-4
+
+
+def test_put_replaces_components_and_ties(scene):
+    changed = cj.put(scene, lambda s: s.gravity[1], 1.5)
+    np.testing.assert_array_equal(changed.gravity, [0.0, 1.5, 0.0])
+    np.testing.assert_array_equal(scene.gravity, [0.0, 9.81, 0.0])
+    tied = cj.put(scene, lambda s: (s.bodies["arm 2"].mass, s.bodies["arm 3"].inertia[0]), 3.0)
+    assert tied.bodies["arm 2"].mass == tied.bodies["arm 3"].inertia[0] == 3.0
+    whole = cj.put(scene, lambda s: s.joints["elbow"].axis_first, (0.0, 1.0, 0.0))
+    np.testing.assert_array_equal(whole.joints["elbow"].axis_first, [0.0, 1.0, 0.0])
+
+
+def test_put_works_while_jax_traces(scene):
+    def pull(x):
+        return cj.put(scene, lambda s: s.gravity[1], x).gravity
+
+    np.testing.assert_array_equal(jax.jit(pull)(2.0), [0.0, 2.0, 0.0])
+    np.testing.assert_array_equal(jax.jacfwd(pull)(2.0), [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (lambda s: s.joints["knee"].clearance, "knee"),
+        (lambda s: s.joints["shoulder"].gap, "gap"),
+        (lambda s: s.gravity[1] * 2.0, "unsupported operand"),
+        (lambda s: s.joints["shoulder"].friction, "NoneType"),
+        (lambda s: s.joints["shoulder"].law.stiffness, "RavnStiffness"),
+        (lambda s: s, "Scene"),
+        (lambda s: [], "is \\[\\]"),
+        (lambda s: [*s.gravity], "not iterable"),
+        (lambda s: 9.81, "float"),
+    ],
+)
+def test_places_that_name_no_number_are_refused(scene, place, said):
+    with pytest.raises(
+        ValueError, match=rf"`place` must be a function.*{said}.*parameters\(tree\)"
+    ):
+        cj.put(scene, place, 1.0)
+
+
+def test_values_and_components_that_do_not_fit_are_refused(scene):
+    with pytest.raises(ValueError, match=r"`value`.*shape \(3,\).*is 1\.0"):
+        cj.put(scene, lambda s: s.gravity, 1.0)
+    with pytest.raises(ValueError, match=r"`place`.*\[3\].*shape \(3,\)"):
+        cj.put(scene, lambda s: s.gravity[3], 1.0)
+
+
+class LawWithClassVariables(cj.Hertz):
+    """A law of one's own, with annotations that are no fields."""
+
+    has_memory: ClassVar[bool] = False
+    exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)
+    unset: ClassVar[float]
+    floor: Any = quantity("m/s", default=1e-3)
+
+
+def test_class_variables_are_no_parameters(scene):
+    joint = scene.joints["shoulder"]
+    own = eqx.tree_at(
+        lambda s: s.joints["shoulder"].law, scene, LawWithClassVariables(joint.law.stiffness)
+    )
+    listed = cj.parameters(own)
+    assert len(listed) == len(jax.tree.leaves(own))
+    assert listed["joints['shoulder'].law.floor"] == (1e-3, "m/s")
+    changed = cj.put(own, lambda s: s.joints["shoulder"].law.floor, 2e-3)
+    recheck(changed)
+    recheck_changes(changed, own)
+    with pytest.raises(ValueError, match="clearance"):
+        recheck_changes(cj.put(own, lambda s: s.joints["shoulder"].clearance, -1.0), own)

@@ -1,0 +1,137 @@
+"""Figures of motion, contact forces and orbits, from states made by hand."""
+
+from types import SimpleNamespace
+
+import equinox as eqx
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint import plot
+from clearjoint.dynamics.formulation import Formulation
+
+COUNT, CLEARANCE = 60, 0.5e-3
+TIMES = np.linspace(0.0, 0.06, COUNT)
+WINDOW = (0.01, 0.03)
+AROUND = slice(9, 31)
+"""Instants in the window, and one on each side."""
+POINT, AXIS = np.array([0.2, -0.1, 0.3]), np.array([1.0, 2.0, 2.0]) / 3.0
+
+
+@pytest.fixture(autouse=True)
+def no_figure_stays():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """A bearing that tumbles, and a journal that runs round in it, a micrometre into the wall for
+    half of the time; with the bearing's rotations, from body to global axes."""
+    first = np.cross(AXIS, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(AXIS, (0.0, 0.0, 1.0)))
+    second = np.cross(AXIS, first)
+    round_it = 2.0 * np.pi * np.arange(COUNT) / COUNT
+    size = CLEARANCE + 1e-6 * np.sign(np.sin(round_it))
+    place = np.cos(round_it)[:, None] * first + np.sin(round_it)[:, None] * second
+    tumbling = Rotation.from_rotvec(np.outer(5.0 * TIMES, (3.0, -1.0, 2.0)))
+    euler = np.roll(tumbling.as_quat(), 1, axis=1)
+    still = np.zeros((COUNT, 3))
+    bearing = cj.BodyState(np.outer(TIMES, (1.0, 2.0, 3.0)), euler, still, still)
+    centre = bearing.position + tumbling.apply(POINT + size[:, None] * place)
+    states = cj.State({"bearing": bearing, "journal": cj.BodyState(centre, euler, still, still)})
+    joint = cj.ClearanceJoint(
+        "bearing",
+        "journal",
+        bearing_point=POINT,
+        bearing_axis=AXIS,
+        journal_axis=AXIS,
+        bearing_radius=10e-3,
+        clearance=CLEARANCE,
+        journal_length=20e-3,
+        law=cj.Hertz(cj.RavnStiffness(207e9, 0.3)),
+    )
+    body = cj.Body(1.0, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"bearing": body, "journal": body}, {"pin": joint})
+    trajectory = cj.Trajectory(TIMES, states)
+    run = SimpleNamespace(
+        formulation=Formulation(cj.AbsoluteCoordinates()), saved=None, redundant_constraints=()
+    )
+    return cj.observe(scene, run, trajectory), trajectory, tumbling.as_matrix()
+
+
+def test_the_orbit_of_a_bearing_that_moves_is_seen_from_the_bearing(turning):
+    seen, _, rotations = turning
+    offset = seen.contacts["pin"]["V"].offset
+    np.testing.assert_allclose(offset[:, 2], -10e-3, atol=1e-12)
+    orbit = plot.eccentricity_vectors(seen, "pin", "V")
+    np.testing.assert_allclose(orbit, offset[:, :2])
+    # In axes of the bearing made by hand, which turn with it, up to a turn about its axis.
+    x = np.cross(AXIS, (1.0, 0.0, 0.0)) / np.linalg.norm(np.cross(AXIS, (1.0, 0.0, 0.0)))
+    section = {"x": rotations @ x, "y": rotations @ np.cross(AXIS, x)}
+    by_hand = plot.eccentricity_vectors(seen, "pin", "V", section) @ (1.0, 1.0j)
+    ratio = orbit @ (1.0, 1.0j) / by_hand
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-9)
+    assert abs(ratio[0]) == pytest.approx(1.0)
+    angles = np.unwrap(np.angle(orbit @ (1.0, 1.0j)))
+    assert abs(angles[-1] - angles[0]) == pytest.approx(2.0 * np.pi * (1 - 1 / COUNT))
+    axes = plot.journal_orbit(seen, "pin", CLEARANCE)
+    assert axes.get_xlabel() == "eccentricity along the bearing's x, mm"
+    assert np.hypot(*axes.get_lines()[0].get_data()) == pytest.approx(0.5, rel=3e-3)
+
+
+def test_contact_forces_over_time(turning):
+    seen, _, _ = turning
+    axes = plot.contact_forces(seen, "pin", window=WINDOW)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, ms", "normal force, N")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["base V", "base W"]
+    np.testing.assert_allclose(axes.get_xlim(), (10.0, 30.0))
+    for line, base in zip(axes.get_lines(), "VW", strict=True):
+        np.testing.assert_allclose(line.get_xdata(), 1e3 * TIMES[AROUND])
+        expected = seen.contacts["pin"][base].normal_force[AROUND]
+        np.testing.assert_allclose(line.get_ydata(), expected)
+        assert expected.max() > 1.0
+
+
+def test_large_contact_forces_are_in_kilonewtons(turning):
+    seen, _, _ = turning
+    force = 1e6 * seen.contacts["pin"]["V"].normal_force
+    seen = eqx.tree_at(lambda s: s.contacts["pin"]["V"].normal_force, seen, force)
+    axes = plot.contact_forces(seen, "pin")
+    assert axes.get_ylabel() == "normal force, kN"
+    assert max(axes.get_lines()[0].get_ydata()) == pytest.approx(1e-3 * force.max())
+
+
+@pytest.mark.parametrize("draw", [plot.position, plot.acceleration])
+def test_motion_takes_a_window(turning, draw):
+    seen, trajectory, _ = turning
+    data = {"one": trajectory if draw is plot.position else seen}
+    (line,) = draw(data, "bearing", "X", window=WINDOW).get_lines()
+    np.testing.assert_allclose(line.axes.get_xlim(), WINDOW)
+    np.testing.assert_allclose(line.get_xdata(), TIMES[AROUND])
+    if draw is plot.position:
+        np.testing.assert_allclose(line.get_ydata(), TIMES[AROUND])
+    assert len(draw(data, "bearing").get_lines()[0].get_xdata()) == COUNT
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda s, t: plot.contact_forces(s, "pinn"),
+            r"`joint` must be .*\['pin'\], but is 'pinn'",
+        ),
+        (lambda s, t: plot.journal_orbit(s, "pinn", 1e-3), r"`joint` must be one of those"),
+        (lambda s, t: plot.orbit_in_contact(s, "pin", "U", 1e-3), r"`contact` must be .*'V', 'W'"),
+        (lambda s, t: plot.eccentricities(s, "pinn", 1e-3), "`joint` must be one of those"),
+        (lambda s, t: plot.contact_and_reaction(s, ("pin", "V"), ("elbow", "arm")), "`joint` must"),
+        (lambda s, t: plot.position({"": t}, "bearing", "x"), "`component` must be one of .*'x'"),
+        (lambda s, t: plot.path({"": t}, "bearing", ("X", "U")), "`component` must be one of"),
+        (lambda s, t: plot.position({"": t}, "arm"), r"`body` must be .*\['bearing', 'journal'\]"),
+        (lambda s, t: plot.acceleration({"": s}, "arm"), r"`body` must be one of those observed"),
+    ],
+)
+def test_wrong_names_are_told(turning, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(*turning[:2])

@@ -1,0 +1,311 @@
+"""Quantities of an instant: closed forms, `observe`, and derivatives against differences."""
+
+import math
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint import quantities as q
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.math.vectors import structured, unpack
+from clearjoint.model.mechanisms import CRANK_LENGTH, ROD_LENGTH
+from clearjoint.quantities.instant import Instant
+
+JOINT = Formulation(cj.JointCoordinates())
+ABSOLUTE = Formulation(cj.AbsoluteCoordinates())
+ANGLE, SPIN, LENGTH, MASS, GRAVITY = 2.5, 3.0, 0.8, 1.7, 9.81
+
+
+def instant(scene, state):
+    """The scene at a state, in joint coordinates, at time zero."""
+    scene = unpack(structured(scene))
+    variables = JOINT.coordinates.encode(scene, unpack(state.bodies))
+    return Instant(scene, JOINT, 0.0, variables, state.memory, {})
+
+
+def turned(angle):
+    """Euler parameters of a turn about Z."""
+    return (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """A rod hung in the origin, at an angle from X, that falls along -Y and spins about Z."""
+    moment = MASS * LENGTH**2 / 12
+    axis, end = (0, 0, 1), (-0.5 * LENGTH, 0, 0)
+    pin = cj.RevoluteJoint("ground", "rod", (0, 0, 0), end, axis, axis)
+    rod = cj.Body(MASS, (1e-3, moment, moment))
+    out = np.array([math.cos(ANGLE), math.sin(ANGLE), 0.0])
+    across = np.array([-out[1], out[0], 0.0])
+    rod_state = cj.body_state(
+        0.5 * LENGTH * out, turned(ANGLE), 0.5 * LENGTH * SPIN * across, (0, 0, SPIN)
+    )
+    scene = cj.Scene({"rod": rod}, {"pin": pin}, gravity=(0, -GRAVITY, 0))
+    return instant(scene, cj.State({"rod": rod_state})), out, across
+
+
+def vector(quantity, now, *arguments, **options):
+    return [float(quantity(*arguments, c, **options)(now)) for c in "xyz"]
+
+
+def test_point_of_a_spinning_pendulum(pendulum):
+    now, out, across = pendulum
+    place = 0.3
+    arm, point = 0.5 * LENGTH + place, (place, 0, 0)
+    fall = -1.5 * GRAVITY / LENGTH * math.cos(ANGLE)
+    acceleration = arm * (fall * across - SPIN**2 * out)
+    weight = np.array([0.0, -GRAVITY, 0.0])
+    close = {"rtol": 1e-12, "atol": 1e-12}
+    compare = np.testing.assert_allclose
+    compare(vector(q.PointPosition, now, "rod", point), arm * out, **close)
+    compare(vector(q.PointVelocity, now, "rod", point), arm * SPIN * across, **close)
+    compare(vector(q.PointAcceleration, now, "rod", point), acceleration, **close)
+    felt = acceleration - weight
+    compare(vector(q.PointAcceleration, now, "rod", point, gravity=True), felt, **close)
+    compare(
+        vector(q.PointAcceleration, now, "rod", point, axes="body", gravity=True),
+        [felt @ out, felt @ across, 0.0],
+        **close,
+    )
+    assert q.PointVelocity("rod", point)(now) == pytest.approx(arm * SPIN)
+    size = np.linalg.norm(acceleration)
+    assert q.PointAcceleration("rod", point, axes="body")(now) == pytest.approx(size)
+    centre = 0.5 * LENGTH * (fall * across - SPIN**2 * out)
+    push = MASS * (centre - weight)
+    compare(vector(q.Reaction, now, "pin", "rod"), push, rtol=1e-10, atol=1e-10)
+    compare(vector(q.Reaction, now, "pin", "ground"), -push, rtol=1e-10, atol=1e-10)
+    assert q.Reaction("pin", "rod")(now) == pytest.approx(np.linalg.norm(push))
+
+
+def test_point_of_the_ground_stands_still(pendulum):
+    now, _, _ = pendulum
+    assert vector(q.PointPosition, now, "ground", (1, 2, 3)) == [1.0, 2.0, 3.0]
+    assert vector(q.PointVelocity, now, "ground", (1, 2, 3)) == [0.0, 0.0, 0.0]
+
+
+def test_angles_of_the_pendulum(pendulum):
+    now, _, _ = pendulum
+    assert q.JointAngle("pin")(now) == pytest.approx(ANGLE)
+    assert q.Angle("rod", (0, 0, 2))(now) == pytest.approx(ANGLE)
+    assert q.Angle("rod", (0, 0, -1))(now) == pytest.approx(-ANGLE)
+    from_up = q.Angle("rod", (0, 0, 1), (0, 3, 0), axis=(1, 0, 0))
+    assert from_up(now) == pytest.approx(ANGLE - 0.5 * math.pi)
+    beyond = q.Angle("rod", (0, 0, 1), reference=(0, -1, 0), axis=(1, 0, 0))
+    assert beyond(now) == pytest.approx(ANGLE + 0.5 * math.pi - 2.0 * math.pi)
+    assert q.Angle.period == q.JointAngle.period == 2.0 * math.pi
+    assert q.Position.period is None
+
+
+def test_angle_about_a_slanted_axis_is_that_of_the_projection():
+    about, direction, reference = np.random.default_rng(3).normal(size=(3, 3))
+    turn = Rotation.from_rotvec([0.3, -1.2, 0.8])
+    body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
+    scene = cj.Scene({"a": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    now = instant(scene, cj.State({"a": body}))
+    found = float(q.Angle("a", about, reference, axis=direction)(now))
+    unit = about / np.linalg.norm(about)
+    flat = np.eye(3) - np.outer(unit, unit)
+    back = Rotation.from_rotvec(found * unit).apply(flat @ reference)
+    seen = flat @ turn.apply(direction)
+    lengths = np.linalg.norm(back) * np.linalg.norm(seen)
+    assert back @ seen == pytest.approx(lengths, rel=1e-12)
+
+
+def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
+    """About an axis that both frames see differently."""
+    axis, here = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([0.6, 0.0, -0.8])
+    across = np.cross(here, axis)
+    shortest = Rotation.from_rotvec(across / np.linalg.norm(across) * math.acos(here @ axis))
+    hinge = cj.CylindricalJoint("ground", "a", (0, 0, 0), (0, 0, 0), 2.0 * axis, 3.0 * here)
+    scene = cj.Scene({"a": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"hinge": hinge})
+
+    def angle(turned):
+        turn = Rotation.from_rotvec(turned * axis) * shortest
+        body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
+        return float(q.JointAngle("hinge")(instant(scene, cj.State({"a": body}))))
+
+    for turned in (-0.4, 0.0, 1.9):
+        assert angle(turned) == pytest.approx(turned, abs=1e-12)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 1e-17), (0.0, 0.0, 1.0), (0.6, -0.8, 0.0)])
+def test_joint_angle_is_zero_for_parallel_frames(axis):
+    """For axes equal but for rounding, and for opposite ones."""
+    scene = cj.Scene(
+        {"a": cj.Body(1.0, (1.0, 1.0, 1.0)), "b": cj.Body(1.0, (1.0, 1.0, 1.0))},
+        {
+            "equal": cj.RevoluteJoint(
+                "ground", "a", (0, 0, 0), (0, 0, 0), axis, np.array(axis) - [0, 0, 2e-17]
+            ),
+            "opposite": cj.CylindricalJoint(
+                "ground", "b", (0, 0, 0), (0, 0, 0), axis, [-part for part in axis]
+            ),
+        },
+    )
+    scene = jax.tree.map(jnp.asarray, scene)  # so that nothing is structural
+    state = cj.State({name: cj.body_state((0, 0, 0)) for name in scene.bodies})
+    variables = ABSOLUTE.coordinates.encode(unpack(scene), unpack(state.bodies))
+    now = Instant(unpack(scene), ABSOLUTE, 0.0, variables, {}, {})
+    for name in scene.joints:
+        assert q.JointAngle(name)(now) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_joint_angles_of_the_slider_crank():
+    scene, state = cj.slider_crank(angle=1.0)
+    rod = -math.asin(CRANK_LENGTH * math.sin(1.0) / ROD_LENGTH)
+    now = instant(scene, state)
+    expected = {"motor": 1.0, "crank bearing": 1.0, "crank pin": rod - 1.0, "slider pin": rod}
+    found = {name: float(q.JointAngle(name)(now)) for name in expected}
+    assert found == pytest.approx(expected, abs=1e-12)
+    driven, _ = cj.slider_crank(angle=1.0, motor=cj.DriveTorque("ground", "crank", (0, 0, 1), 2.0))
+    assert q.JointAngle("motor")(instant(driven, state)) == pytest.approx(1.0)
+
+
+def swinging(friction):
+    """The double pendulum in motion, its journal pressed 20 µm into the wall and sliding."""
+    law = cj.Hertz(cj.RavnStiffness(207e9, 0.3))
+    scene, _ = cj.double_pendulum(law=law, friction=friction)
+    first = Rotation.from_rotvec([0.0, 2e-3, 0.9])
+    second = first * Rotation.from_rotvec([0.7, 0.0, 0.0])
+    spins = np.array([0.3, 0.2, 2.0]), np.array([-1.1, 0.0, 0.0])
+    centre = first.apply([0.5, 0.0, 0.0]) + [3e-4, -4.3e-4, 1e-4]
+    velocity = np.cross(first.apply(spins[0]), first.apply([0.5, 0, 0])) + [0.02, 0.01, 0.0]
+    bodies = {"arm 2": cj.body_state(centre, first.as_quat(scalar_first=True), velocity, spins[0])}
+    elbow = centre + first.apply([0.5, 0.0, 0.0])
+    moving = velocity + np.cross(first.apply(spins[0]), first.apply([0.5, 0, 0]))
+    spin = second.inv().apply(first.apply(spins[0])) + spins[1]
+    arm = second.apply([0.0, 0.0, 0.5])
+    bodies["arm 3"] = cj.body_state(
+        elbow + arm,
+        second.as_quat(scalar_first=True),
+        moving + np.cross(second.apply(spin), arm),
+        spin,
+    )
+    return scene, cj.State(bodies)
+
+
+def test_values_are_those_of_observe():
+    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+    now = instant(scene, state)
+    row = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
+    solution = SimpleNamespace(formulation=JOINT, redundant_constraints=())
+    seen = cj.observe(scene, solution, cj.Trajectory(np.zeros(1), row))  # pyright: ignore
+    for arm in ("arm 2", "arm 3"):
+        expected = seen.reactions["elbow"][arm].force[0]
+        found = vector(q.Reaction, now, "elbow", arm)
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
+        expected = seen.accelerations[arm].linear[0]
+        found = vector(q.PointAcceleration, now, arm, (0, 0, 0))
+        np.testing.assert_allclose(found, expected, rtol=1e-8)
+    friction = seen.contacts["shoulder"]["V"].friction_force[0]
+    found = q.FrictionForce("shoulder", "V")(now)
+    assert found == pytest.approx(np.linalg.norm(friction), rel=1e-8)
+    assert found > 100.0
+
+
+def test_friction_is_zero_where_there_is_none():
+    assert q.FrictionForce("shoulder", "V")(instant(*swinging(None))) == 0.0
+
+
+EVERY = {
+    "point": q.PointPosition("arm 3", (0.1, 0.2, 0.5), "y"),
+    "point speed": q.PointVelocity("arm 3", (0.1, 0.2, 0.5)),
+    "accelerometer": q.PointAcceleration("arm 3", (0.1, 0.2, 0.5), "x", "body", gravity=True),
+    "angle": q.Angle("arm 2", (0, 0, 1)),
+    "elbow angle": q.JointAngle("elbow"),
+    "journal angle": q.JointAngle("shoulder"),
+    "reaction": q.Reaction("elbow", "arm 3", "y"),
+    "probe": q.JournalOffset("shoulder", "x", "V"),
+    "friction": q.FrictionForce("shoulder", "V"),
+    "contact": q.ContactForce("shoulder"),
+}
+
+
+def test_derivatives_are_those_of_differences():
+    """In a random direction of the variables and of the scene's numbers at once.
+
+    Without the hinge's axes, by the sign of whose z joint coordinates choose where angles start.
+    """
+    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+    variables = JOINT.coordinates.encode(unpack(scene), unpack(state.bodies))
+    random = np.random.default_rng(8)
+    point = (scene, variables)
+    direction = jax.tree.map(
+        lambda leaf: random.normal(size=np.shape(leaf)) * (np.abs(leaf) + 1e-4), point
+    )
+
+    def values(point):
+        scene, variables = point
+        now = Instant(unpack(scene), JOINT, 0.0, variables, {}, {})
+        return {name: jnp.asarray(quantity(now)) for name, quantity in EVERY.items()}
+
+    def shifted(step):
+        return values(jax.tree.map(lambda a, b: a + step * b, point, direction))
+
+    direction = eqx.tree_at(
+        lambda d: (d[0].joints["elbow"].axis_first, d[0].joints["elbow"].axis_second),
+        direction,
+        (np.zeros(3), np.zeros(3)),
+    )
+    point, direction = jax.tree.map(jnp.asarray, (point, direction))
+    _, exact = eqx.filter_jit(jax.jvp)(values, (point,), (direction,))
+    step = 1e-6
+    ahead, behind = shifted(step), shifted(-step)
+    for name, slope in exact.items():
+        difference = float(ahead[name] - behind[name]) / (2.0 * step)
+        assert slope == pytest.approx(difference, rel=1e-6), name
+        assert slope != 0.0, name
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: q.Position("a", "X"), r"`component` must be one of \('x', 'y', 'z'\).*'X'"),
+        (lambda: q.PointPosition("a", (0, 0), "x"), r"`point` must be an array of shape \(3,\)"),
+        (lambda: q.PointAcceleration("a", (0, 0, 0), "x", "local"), r"`axes` must be.*'local'"),
+        (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
+        (lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)), "`axis` must be a direction across"),
+        (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
+    ],
+)
+def test_bad_arguments_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "message"),
+    [
+        (q.Position("arm", "x"), r"`body` must be one of the scene's \['arm 2', 'arm 3', 'ground'"),
+        (q.Acceleration("ground"), r"`body` must be one of the scene's \['arm 2', 'arm 3'\].*grou"),
+        (q.ContactForce("elbow"), r"`joint` must be one of the scene's \['shoulder'\].*'elbow'"),
+        (q.Penetration("shoulder", "U"), r"`contact` must be one of the scene's \['V', 'W'\]"),
+        (q.JournalOffset("elbow", "x"), r"`joint` must be one of the scene's \['shoulder'\]"),
+        (q.Reaction("shoulder", "arm 2"), r"`joint` must be one of the scene's \['elbow'\]"),
+        (q.Reaction("elbow", "ground"), r"`body` must be one of the scene's \['arm 2', 'arm 3'\]"),
+        (q.Multiplier("hinge", "angle"), r"`joint` must be .*\['elbow', 'shoulder'\]"),
+        (q.JointAngle("hip"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
+    ],
+)
+def test_names_that_a_scene_lacks_are_refused(quantity, message):
+    scene, _ = cj.double_pendulum()
+    with pytest.raises(ValueError, match=message):
+        quantity.check(scene)
+
+
+def test_names_that_a_scene_has_are_accepted():
+    scene, _ = cj.double_pendulum()
+    for quantity in EVERY.values():
+        quantity.check(scene)
+
+
+def test_units_are_si():
+    units = {name: quantity.unit for name, quantity in EVERY.items()}
+    assert set(units.values()) == {"m", "m/s", "m/s^2", "rad", "N"}
+    assert q.Multiplier("motor", "angle").unit is None

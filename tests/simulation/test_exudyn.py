@@ -1,0 +1,67 @@
+"""The same models in another simulator: Exudyn, an optional extra."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+exudyn_models = pytest.importorskip(
+    "tests.support.exudyn_models", reason="Exudyn is not installed: pip install -e '.[exudyn]'"
+)
+
+
+def test_spatial_double_pendulum_with_ideal_joints():
+    """A spherical joint and a revolute joint about a skew axis, full inertias, spinning start."""
+    m = exudyn_models
+    scene = cj.Scene(
+        {"one": cj.Body(m.MASS_1, m.INERTIA_1), "two": cj.Body(m.MASS_2, m.INERTIA_2)},
+        {
+            "ball": cj.SphericalJoint("ground", "one", (0, 0, 0), -np.asarray(m.CENTRE_1)),
+            "elbow": cj.RevoluteJoint(
+                "one",
+                "two",
+                np.asarray(m.ELBOW) - m.CENTRE_1,
+                np.asarray(m.ELBOW) - m.CENTRE_2,
+                m.ELBOW_AXIS,
+                m.ELBOW_AXIS,
+            ),
+        },
+        gravity=m.GRAVITY,
+    )
+    velocity_1, velocity_2, spin_2 = m.initial_velocities()
+    state = cj.State(
+        {
+            "one": cj.body_state(m.CENTRE_1, velocity=velocity_1, spin=m.SPIN_1),
+            "two": cj.body_state(m.CENTRE_2, velocity=velocity_2, spin=spin_2),
+        }
+    )
+    times = np.array([0.25, 0.5, 1.0])
+    theirs = m.spatial_double_pendulum(times)
+    solution = cj.simulate(scene, state, 1.0, save_at=times, rtol=1e-9)
+    for k, name in enumerate(("one", "two")):
+        ours = solution.states.bodies[name].position
+        np.testing.assert_allclose(ours, theirs[:, k], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5])
+def test_bounce_by_hunt_and_crossley(restitution):
+    """One impact of a journal in its bearing; the two bases share the stiffness of one contact."""
+    m = exudyn_models
+    theirs = m.bounce(restitution)
+    law = cj.HuntCrossley(restitution, 0.5 * m.BOUNCE_STIFFNESS)
+    joint = cj.ClearanceJoint(
+        "ground",
+        "journal",
+        bearing_radius=m.BEARING_RADIUS,
+        clearance=m.BOUNCE_CLEARANCE,
+        journal_length=0.01,
+        law=law,
+    )
+    scene = cj.Scene({"journal": cj.Body(m.BOUNCE_MASS, (1.0, 1.0, 1.0))}, {"pin": joint})
+    speed = theirs.entry_speed
+    state = cj.State({"journal": cj.body_state((0, 0, 0), velocity=(0, speed, 0))})
+    solution = cj.simulate(scene, state, 0.007, rtol=1e-9, record_impacts=True)
+    impact = solution.impacts.of("pin", "V")
+    assert impact.exit_speed[0] == pytest.approx(theirs.exit_speed, rel=1e-6)
+    assert 2 * impact.peak_force[0] == pytest.approx(theirs.peak_force, rel=1e-6)
+    assert impact.duration[0] == pytest.approx(theirs.contact_time, rel=1e-6)

@@ -1,0 +1,303 @@
+"""Derivatives through a run: reverse mode against forward mode, closed forms and the reference, and
+the points where a kink or a vanishing length could spoil them."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.contact_events import reaches
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.math.vectors import Vector, structured, unpack
+from clearjoint.model.contact.gap import Gap
+from clearjoint.model.contact.laws import contact_normal_force
+from clearjoint.model.mechanisms import STEEL
+from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
+from clearjoint.simulation.method import make_method
+from clearjoint.simulation.segments import begin, segment
+
+REVERSE = diffrax.RecursiveCheckpointAdjoint()
+GRAVITY, CLEARANCE, RESTITUTION = 9.81, 5e-4, 0.9
+END, BEFORE = 0.012, 0.0099
+"""s: after the first impact, and before it."""
+TIMES = jnp.asarray([0.0, BEFORE, END])
+MEMORY = {"shoulder": {"V": 0.0, "W": 0.0}}
+
+
+def rod(height=0.0):
+    """A rod whose journal is at a height in the bearing, falling along -Y."""
+    joint = cj.ClearanceJoint(
+        "ground",
+        "rod",
+        journal_point=(-0.1, 0.0, 0.0),
+        bearing_radius=10e-3,
+        clearance=CLEARANCE,
+        journal_length=20e-3,
+        law=cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL, entry_speed_floor=1e-2),
+    )
+    scene = cj.Scene({"rod": cj.Body(1.0, (1e-5, 3e-3, 3e-3))}, {"pin": joint}, gravity=(0, -1, 0))
+    return scene, cj.State({"rod": cj.body_state((0.1, height, 0.0))})
+
+
+def heights(parameters, **options):
+    """Heights at `TIMES` by clearance m, restitution, gravity m/s^2 and height at the start m."""
+    scene, state = rod()
+    clearance, restitution, gravity, start = parameters
+    down = jnp.asarray([0.0, -1.0, 0.0])
+    scene = eqx.tree_at(
+        lambda s: (s.joints["pin"].clearance, s.joints["pin"].law.restitution, s.gravity),
+        scene,
+        (clearance, restitution, gravity * down),
+    )
+    position = state.bodies["rod"].position - start * down
+    state = eqx.tree_at(lambda s: s.bodies["rod"].position, state, position)
+    solution = cj.simulate(
+        scene,
+        state,
+        END,
+        save_at=TIMES,
+        solver=diffrax.Bosh3(),
+        rtol=1e-7,
+        landing_tolerance=1e-13,
+        **options,
+    )
+    return solution.states.bodies["rod"].position[:, 1]
+
+
+LANES = np.array(
+    [
+        [CLEARANCE, RESTITUTION, GRAVITY, 0.0],
+        [4e-4, 0.5, GRAVITY, 1e-5],
+        [CLEARANCE, RESTITUTION, GRAVITY, -CLEARANCE],
+    ]
+)
+"""From the centre, from beside it, and touching the wall: no depth, no slip, no entry speed."""
+
+
+@pytest.fixture(scope="module")
+def forward():
+    """Heights, and their derivatives; shape (lanes, times) and (lanes, times, parameters)."""
+    slopes = jax.jit(jax.vmap(jax.jacfwd(heights)))(LANES)
+    return np.asarray(slopes)
+
+
+@pytest.fixture(scope="module")
+def reverse():
+    """The derivatives of each height in reverse mode, through a mean over the lanes."""
+
+    def mean(lanes, weights):
+        found = jax.vmap(lambda lane: heights(lane, adjoint=REVERSE))(lanes)
+        return jnp.mean(found @ weights)
+
+    slopes = jax.jit(jax.grad(mean))
+    found = [slopes(LANES, weights) for weights in np.eye(len(TIMES))]
+    return len(LANES) * np.stack(found, axis=1)
+
+
+@pytest.mark.slow
+def test_reverse_equals_forward(forward, reverse):
+    """Both differentiate the same steps, impacts, contact from the start and saving included."""
+    scale = np.abs(forward).max(axis=2, keepdims=True)
+    assert np.isfinite(reverse).all()
+    np.testing.assert_allclose(reverse / scale, forward / scale, rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_free_fall_are_exact(reverse):
+    """From the centre, where the journal's direction vanishes: start - g t^2 / 2."""
+    expected = [[0, 0, 0, 1], [0, 0, -0.5 * BEFORE**2, 1]]
+    np.testing.assert_allclose(reverse[0, :2], expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_derivatives_after_an_impact_agree_with_differences(reverse):
+    run = jax.jit(heights)
+    for lane in (0, 1):
+        for k, step in enumerate((1e-8, 1e-3, 1e-3, 1e-8)):
+            change = step * np.eye(4)[k]
+            ahead, behind = (run(LANES[lane] + sign * change)[-1] for sign in (1, -1))
+            expected = float(ahead - behind) / (2 * step)
+            assert reverse[lane, -1, k] == pytest.approx(expected, rel=2e-3)
+
+
+def test_grad_without_adjoint_names_the_remedy():
+    scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))})
+
+    def flown(speed):
+        state = cj.State({"rod": cj.body_state((0, 0, 0))})
+        thrown = eqx.tree_at(lambda s: s.bodies["rod"].velocity, state, jnp.zeros(3) + speed)
+        return cj.simulate(scene, thrown, 1.0).final.bodies["rod"].position[0]
+
+    with pytest.raises(RuntimeError, match="RecursiveCheckpointAdjoint"):
+        jax.jit(jax.grad(flown)).lower(1.0)
+
+
+@pytest.fixture(scope="module")
+def overflowing():
+    """A method, a packed scene, and a run whose first trial step overflows."""
+    scene, state = rod(-1.1 * CLEARANCE)
+    method = make_method(diffrax.Bosh3(), None, Formulation(), None, 1e-6, None)
+    form, times = structured(scene), [jnp.asarray(t) for t in (0.0, 1e99, 1e90)]
+    return method, form, begin(method, form, state, *times, False, None)
+
+
+def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
+    """It is rejected, so that the state after it is the state before; JAX alone makes NaN of it."""
+    method, form, now = overflowing
+
+    def after(y):
+        before = eqx.tree_at(lambda s: s.y, now.step, y)
+        tried = CheckpointedLoops(1).attempt(method, unpack(form), before, jnp.asarray(1e99))
+        return sum(jax.tree.leaves(tried.step.y.motion)), (tried.kept, tried.information["y1"])
+
+    slopes, (kept, reached) = jax.jit(jax.grad(after, has_aux=True))(now.step.y)
+    assert not kept and not all(np.isfinite(leaf) for leaf in jax.tree.leaves(reached))
+    assert all(slope == 1.0 for slope in jax.tree.leaves(slopes))
+
+
+def test_without_adjoint_nothing_of_it_is_in_the_program(overflowing):
+    method, form, now = overflowing
+    arguments = (method, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
+    plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
+    reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, CheckpointedLoops(1))[0])
+    assert "custom_vjp_call" not in plain and "custom_vjp_call" in reverse
+
+
+@pytest.mark.parametrize("adjoint", [diffrax.DirectAdjoint(), diffrax.ForwardMode(), 300])
+def test_other_adjoints_are_refused(adjoint):
+    with pytest.raises(ValueError, match=r"adjoint.*RecursiveCheckpointAdjoint\(\) for jax.grad"):
+        cj.simulate(*rod(), END, adjoint=adjoint)
+
+
+def test_checkpoints_are_those_asked_for():
+    assert loops_for(None) is PLAIN
+    assert loops_for(diffrax.RecursiveCheckpointAdjoint(checkpoints=7)) == CheckpointedLoops(7)
+
+
+@pytest.mark.slow
+def test_reverse_derivatives_against_the_reference():
+    """The paper's pendulum after its first impact, against the extended-precision table."""
+
+    def height(parameters):
+        scene, state = cj.double_pendulum()
+        scene = eqx.tree_at(
+            lambda s: (
+                s.joints["shoulder"].clearance,
+                s.joints["shoulder"].law.stiffness.young_modulus,
+                s.joints["shoulder"].law.restitution,
+            ),
+            scene,
+            (jnp.exp(parameters[0]), jnp.exp(parameters[1]), parameters[2]),
+        )
+        solution = cj.simulate(
+            scene, state, END, rtol=1e-9, landing_tolerance=1e-13, adjoint=REVERSE
+        )
+        return solution.final.bodies["arm 2"].position[1]
+
+    slopes = jax.jit(jax.grad(height))(jnp.asarray([np.log(5e-4), np.log(207e9), 0.9]))
+    expected = [2.861031385e-4, -2.626347866e-6, -4.567781795e-5]
+    np.testing.assert_allclose(slopes, expected, rtol=1e-3)
+
+
+POSITIONS = {"centred": 0.0, "touching": CLEARANCE, "deep": 1.02 * CLEARANCE}
+
+
+@pytest.fixture(scope="module")
+def kernel():
+    """Tangents and cotangents of the equations of motion at a height of the journal, at rest: no
+    slip, no entry speed. All numbers of the scene, the state and the memory vary."""
+    law = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
+    scene, state = cj.double_pendulum(
+        friction=cj.Ambrosio(0.1, lower_speed=0.0), axial=cj.EndPlay(1e-3, cj.Hertz(1e9)), law=law
+    )
+    form = structured(scene)
+    numbers, shape = jax.tree.flatten((form.tree, state.bodies, MEMORY))
+
+    def rates(numbers, height):
+        tree, bodies, memory = jax.tree.unflatten(shape, numbers)
+        scene, formulation = unpack(tree), Formulation()
+        lifted = {
+            name: eqx.tree_at(
+                lambda b: b.position, body, body.position + height * jnp.asarray([0.0, 1.0, 0.0])
+            )
+            for name, body in bodies.items()
+        }
+        y = formulation.coordinates.encode(scene, unpack(lifted))
+        found = reaches(scene, formulation.coordinates.motions(scene, y))
+        results = (state_rates(scene, formulation, y, memory, 0.0), found)
+        return [jnp.asarray(x, dtype=float) for x in jax.tree.leaves(results)]
+
+    random = np.random.default_rng(4)
+    change = [random.normal(size=np.shape(n)) * (np.abs(n) + 1e-3) for n in numbers]
+
+    @jax.jit
+    def both(height):
+        numbers_ = [jnp.asarray(n, dtype=float) for n in numbers]
+        out, pushed = jax.jvp(lambda n: rates(n, height), (numbers_,), (change,))
+        _, pull = jax.vjp(lambda n: rates(n, height), numbers_)
+        weights = [1.0 + 0.1 * k for k in range(len(out))]
+        (pulled,) = pull([jnp.asarray(w) for w in weights])
+        return pushed, pulled, sum(w * p for w, p in zip(weights, pushed, strict=True))
+
+    return both, change
+
+
+@pytest.mark.parametrize("position", POSITIONS)
+def test_equations_of_motion_have_finite_derivatives(kernel, position):
+    both, change = kernel
+    pushed, pulled, expected = both(POSITIONS[position])
+    assert all(np.isfinite(leaf).all() for leaf in (*pushed, *pulled))
+    parts = [np.sum(a * b) for a, b in zip(pulled, change, strict=True)]
+    assert sum(parts) == pytest.approx(expected, abs=1e-10 * np.abs(parts).max())
+
+
+def test_force_at_zero_depth_is_that_of_the_flight():
+    """Hertz: both sides have slope zero. Linear: the flight's, since a contact has depth."""
+    for law in (
+        cj.Hertz(1e9),
+        cj.Hertz(1e9, exponent=1.0),
+        cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9),
+    ):
+        slopes = jax.grad(lambda d, law=law: contact_normal_force(law, Gap(d, 0.1), 0.1))(0.0)
+        assert slopes == 0.0
+
+
+def test_damping_at_zero_entry_speed_is_that_of_the_floor():
+    """F = K delta^1.5 (1 + chi rate/floor) for either sign of a rate below the floor."""
+    law = cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9, entry_speed_floor=1e-3)
+    slope = jax.grad(lambda rate: contact_normal_force(law, Gap(1e-6, rate), 0.0))(0.0)
+    assert slope == pytest.approx(1e9 * 1e-9 * 0.75 * 0.75 / 1e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("law", "slope"),
+    [(cj.RegularisedCoulomb(0.2, 1e-2), 20.0), (cj.Ambrosio(0.2, 0.0, 1e-2), 20.0)],
+    ids=["Coulomb", "Ambrosio from rest"],
+)
+def test_friction_at_zero_slip_has_the_slope_of_either_side(law, slope):
+    def force(speed):
+        return law.force(3.0, Vector(speed, 0.0, 0.0)).x
+
+    np.testing.assert_allclose(jax.jvp(force, (0.0,), (1.0,))[1], -3.0 * slope, rtol=1e-12)
+    np.testing.assert_allclose(jax.grad(force)(0.0), -3.0 * slope, rtol=1e-12)
+
+
+def test_reverse_derivative_of_a_flight_is_the_closed_form():
+    """z = z0 + v t - g t^2/2, along the whole scene at once."""
+    scene = cj.Scene({"ball": cj.Body(2.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, -9.81))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0), velocity=(0.0, 0.0, 3.0))})
+
+    def height(scene, state):
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        solution = cj.simulate(scene, state, 2.0, adjoint=adjoint)
+        return solution.final.bodies["ball"].position[2]
+
+    of_scene, of_state = jax.jit(jax.grad(height, argnums=(0, 1)))(scene, state)
+    np.testing.assert_allclose(of_scene.gravity, (0.0, 0.0, 2.0), atol=1e-9)
+    np.testing.assert_allclose(of_scene.bodies["ball"].mass, 0.0, atol=1e-9)
+    np.testing.assert_allclose(of_state.bodies["ball"].position, (0.0, 0.0, 1.0), atol=1e-9)
+    np.testing.assert_allclose(of_state.bodies["ball"].velocity, (0.0, 0.0, 2.0), atol=1e-9)

@@ -1,0 +1,252 @@
+"""Derivatives across jumps of the force: at the begin and end of contacts, and in time."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.fields.checks import quantity
+from clearjoint.math.vectors import ZERO, Vector, unpack
+from clearjoint.model.bodies import Wrench
+from clearjoint.simulation.time_decisions import decides_by_time
+from tests.support.planes import Plane
+
+Q = cj.quantities
+GRAVITY, DROP, MASS = 9.81, 5e-4, 1.0
+INTEGRATION = cj.Integration(rtol=1e-10)
+
+
+class Buffer(cj.AbstractContactLaw):
+    """A spring, a damper beside it and a preload: max(K d + D d' + P, 0). It jumps at the onset by
+    what the damper and the preload push there, and at the separation by the preload."""
+
+    stiffness: Any = quantity("N/m")
+    damping: Any = quantity("N s/m", default=0.0)
+    preload: Any = quantity("N", default=0.0)
+    has_memory = False
+
+    def force(self, gap, entry_speed):
+        pushed = self.elastic_force(gap) + self.damping * gap.rate
+        return jnp.where(gap.depth > 0.0, jnp.maximum(pushed, 0.0), 0.0)
+
+    def elastic_force(self, gap):
+        spring = self.stiffness * gap.depth + self.preload
+        return jnp.where(gap.depth > 0.0, spring, 0.0)
+
+    def stored_energy(self, gap):
+        depth = jnp.maximum(gap.depth, 0.0)
+        return (0.5 * self.stiffness * depth + self.preload) * depth
+
+
+def dropped(law, points=1):
+    """A body that falls along X onto a plane."""
+    plane = Plane("ball", ((0.0, 0.0, 0.0),) * points, (1.0, 0.0, 0.0), DROP, law)
+    scene = cj.Scene(
+        {"ball": cj.Body(MASS, (1.0, 1.0, 1.0))}, {"floor": plane}, gravity=(GRAVITY, 0.0, 0.0)
+    )
+    return scene, cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+
+
+def arrived(end, drop, stiffness, damping, preload):
+    """Place and velocity in closed form: the fall, an oscillation about rest, and the rise."""
+    begin = np.sqrt(2.0 * drop / GRAVITY)
+    rest = (MASS * GRAVITY - preload) / stiffness
+    decay = 0.5 * damping / MASS
+    w = np.sqrt(stiffness / MASS - decay**2)
+
+    def inside(t):
+        """Depth, its rate and second rate, by x = rest + exp(-decay t) (a cos + b sin)."""
+        a, b = -rest, (GRAVITY * begin - decay * rest) / w
+        c, s, e = np.cos(w * t), np.sin(w * t), np.exp(-decay * t)
+        depth = rest + e * (a * c + b * s)
+        rate = e * ((-decay * a + w * b) * c + (-decay * b - w * a) * s)
+        return depth, rate, stiffness * depth + damping * rate + preload
+
+    def let_go(t):
+        depth, _, force = inside(t)
+        return min(depth, force)
+
+    low = 0.25 * np.pi / w
+    high = 2.0 * np.pi / w
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if let_go(middle) > 0.0 else (low, middle)
+    depth, rate, _ = inside(low)
+    flight = end - begin - low
+    return np.array(
+        [drop + depth + rate * flight + 0.5 * GRAVITY * flight**2, rate + GRAVITY * flight]
+    )
+
+
+def slope(function, value, step):
+    """Derivative by central differences of fourth order."""
+    at = [function(value + k * step) for k in (-2, -1, 1, 2)]
+    return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+
+
+LAWS = {"damper": (1e6, 800.0, 0.0), "preload": (1e6, 0.0, 60.0), "both": (1e6, 300.0, 40.0)}
+END = 0.016
+PARAMETERS = {
+    "drop": cj.Parameter(lambda s: s.joints["floor"].offset),
+    "damping": cj.Parameter(lambda s: s.joints["floor"].law.damping),
+    "preload": cj.Parameter(lambda s: s.joints["floor"].law.preload),
+}
+
+
+def expected(law):
+    stiffness, damping, preload = law
+    slopes = (
+        slope(lambda v: arrived(END, v, *law), DROP, 1e-7),
+        slope(lambda v: arrived(END, DROP, stiffness, v, preload), damping, 1e-2),
+        slope(lambda v: arrived(END, DROP, stiffness, damping, v), preload, 1e-3),
+    )
+    return np.stack(slopes, axis=-1)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_sensitivities_across_a_jump_of_a_law(law):
+    """What the damper and the preload push at once belongs in the derivatives after it."""
+    scene, state = dropped(Buffer(*LAWS[law]))
+    outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
+    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], integration=INTEGRATION)
+    values = [found.values[name][0] for name in outputs]
+    derivatives = [found.derivatives[name][0] for name in outputs]
+    np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
+    np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_plain_derivatives_have_the_jump_too():
+    """Those of the computed steps."""
+    scene, state = dropped(Buffer(*LAWS["both"]))
+
+    def speed(drop):
+        varied = cj.put(scene, lambda s: s.joints["floor"].offset, drop)
+        final = cj.simulate(varied, state, END, rtol=1e-9, landing_tolerance=1e-13).final
+        return final.bodies["ball"].velocity[0]
+
+    wanted = expected(LAWS["both"])[1, 0]
+    forward = jax.jit(jax.jacfwd(speed))(DROP)
+    np.testing.assert_allclose(forward, wanted, rtol=1e-3)
+
+
+class Push(cj.AbstractForce):
+    """A force along X on a body, from a time on; `how` says so in several ways."""
+
+    body: str = eqx.field(static=True)
+    force: Any = quantity("N")
+    start: Any = quantity("s")
+    how: Any = eqx.field(default=jnp.greater_equal, static=True)
+
+    def body_names(self):
+        return (self.body,)
+
+    def breakpoints(self):
+        return self.start
+
+    def wrenches(self, motions, t):
+        force = jnp.where(self.how(t, self.start), self.force, 0.0)
+        return {self.body: Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+class Undeclared(Push):
+    """The same, which doesn't say when."""
+
+    breakpoints = cj.AbstractForce.breakpoints
+
+
+def pushed(*pushes):
+    forces = {f"push {k}": push for k, push in enumerate(pushes)}
+    scene = cj.Scene({"ball": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces=forces)
+    return scene, cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+
+
+def start_of(k):
+    return cj.Parameter(lambda s: s.forces[f"push {k}"].start)
+
+
+def test_switches_in_time_have_their_derivatives():
+    """x = sum F (t - t_s)^2/(2 m); two at one instant, each with its own; either comparison."""
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3, jnp.greater))
+    parameters = {
+        "first": start_of(0),
+        "second": start_of(1),
+        "force": cj.Parameter(lambda s: s.forces["push 0"].force),
+    }
+    outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
+    found = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
+    np.testing.assert_allclose(found.values["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
+    x, v = found.derivatives["x"], found.derivatives["v"]
+    np.testing.assert_allclose(x, [[0, 0, 0], [0, 0, 0], [-1.4, -0.35, 0.1225]], atol=1e-9)
+    np.testing.assert_allclose(v, [[0, 0, 0], [-2, -0.5, 0], [-2, -0.5, 0.35]], atol=1e-9)
+    assert found.accepted < 12
+
+
+@pytest.mark.slow
+def test_plain_derivatives_have_the_switch_too():
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
+
+    def ended(start):
+        varied = cj.put(scene, lambda s: s.forces["push 0"].start, start)
+        return cj.simulate(varied, state, 1.0).final.bodies["ball"].position[0]
+
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
+
+
+def test_a_switch_in_time_that_is_not_declared_is_refused():
+    scene, state = pushed(Undeclared("ball", 4.0, 0.3))
+    outputs = {"x": Q.Position("ball", "x")}
+    with pytest.raises(ValueError, match=r"forces\['push 0'\].*`breakpoints`"):
+        cj.sensitivities(scene, state, 1.0, {"start": start_of(0)}, outputs, [1.0])
+
+
+class Varying(cj.AbstractForce):
+    """A force that is a function of time."""
+
+    function: Any = eqx.field(static=True)
+
+    def body_names(self):
+        return ("ball",)
+
+    def wrenches(self, motions, t):
+        force = self.function(t) * motions["ball"].position.x
+        return {"ball": Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+@pytest.mark.parametrize(
+    ("function", "decides"),
+    [
+        (lambda t: jnp.exp(-t) * jax.jit(jnp.cos)(t) + jnp.tanh(t), False),
+        (lambda t: 3.0, False),
+        (lambda t: jnp.where(t > 0.3, 1.0, 0.0), True),
+        (lambda t: jnp.maximum(t - 0.3, 0.0), True),
+        (lambda t: jnp.sin(t % 0.3), True),
+        (lambda t: jnp.interp(t, jnp.arange(3.0), jnp.arange(3.0)), True),
+        (lambda t: jax.lax.cond(t < 0.3, lambda: 1.0, lambda: 0.0), True),
+        (lambda t: 1.0 * t.astype(int), True),
+    ],
+)
+def test_what_decides_by_time_is_found(function, decides):
+    assert decides_by_time(unpack(Varying(function))) is decides
+
+
+def test_derivatives_need_landing():
+    with pytest.raises(ValueError, match="landing_tolerance"):
+        cj.Integration(landing_tolerance=None).method(*dropped(Buffer(*LAWS["both"])))
+
+
+def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():
+    class Harder(cj.Hertz):
+        def force(self, gap, entry_speed):
+            return super().force(gap, entry_speed) + gap.rate
+
+    class Continuous(Buffer):
+        force_jumps = False
+
+    assert Buffer.force_jumps and Harder.force_jumps and not Continuous.force_jumps
+    laws = cj.Hertz, cj.HuntCrossley, cj.MemorylessHuntCrossley, cj.LankaraniNikravesh
+    assert not any(law.force_jumps for law in laws)

@@ -1,0 +1,70 @@
+"""A program that takes long to compile is announced before."""
+
+import warnings
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+import clearjoint as cj
+from clearjoint.math.vectors import structured
+from clearjoint.parametrisation.parameter import coordinates_of
+from clearjoint.parametrisation.parametrised_scene import parametrised
+from clearjoint.simulation.program_size import LARGE, shapes_of
+from clearjoint.simulation.segments import begin
+from clearjoint.simulation.variational import start_with_tangents
+
+SPAN = (0.0, 1.0, 1e-6)
+
+
+def _chain(rods):
+    """Rods in a row along X with hinges about Z and Y in turn."""
+    bodies, joints, states = {}, {}, {}
+    before, end = "ground", (0.0, 0.0, 0.0)
+    for k in range(rods):
+        name, axis = f"rod {k}", ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))[k % 2]
+        bodies[name] = cj.Body(1.0, (1e-4, 3e-3, 3e-3))
+        states[name] = cj.body_state(((k + 0.5) * 0.2, 0.0, 0.0))
+        joints[f"hinge {k}"] = cj.RevoluteJoint(before, name, end, (-0.1, 0.0, 0.0), axis, axis)
+        before, end = name, (0.1, 0.0, 0.0)
+    return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), cj.State(states)
+
+
+def _begun(scene, state):
+    """Trace the begin of a run, which precedes all compiling."""
+    method, form = cj.Integration().method(scene, state), structured(scene)
+    jax.eval_shape(lambda *span: begin(method, form, state, *span, False, None).step.t, *SPAN)
+
+
+def _begun_with_derivatives(scene, state):
+    parameters = {"mass": cj.Parameter(lambda s: s.bodies["rod 0"].mass)}
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    method = cj.Integration().method(scene, state)
+    jax.eval_shape(lambda *span: start_with_tangents(method, family, *span).t, *SPAN)
+
+
+def test_a_long_chain_is_announced_before_it_is_compiled():
+    with pytest.warns(UserWarning, match=r"operations for each stage .* 8 GB"):
+        _begun(*_chain(12))
+
+
+def test_derivatives_count():
+    chain = _chain(7)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _begun(*chain)
+    with pytest.warns(UserWarning, match="compiling takes minutes"):
+        _begun_with_derivatives(*chain)
+
+
+def test_shapes_are_those_of_the_function():
+    def many():
+        total = jnp.zeros(3)
+        for _ in range(LARGE + 1):
+            total = jax.lax.neg(total)
+        return total, {"a": 1.0}
+
+    with pytest.warns(UserWarning, match="operations for each stage"):
+        shapes = shapes_of(many, derivatives=False)
+    assert shapes[0].shape == (3,) and shapes[1]["a"].shape == ()

@@ -1,0 +1,145 @@
+"""Trajectories and impact tables against an event-exact solver in extended precision."""
+
+import diffrax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from tests.support.reference import CASES, Case
+
+COLUMNS = {
+    "onset": "t_on",
+    "entry_speed": "v_minus",
+    "peak_force": "F_peak",
+    "duration": "duration",
+}
+
+
+def _run(case: Case, times: np.ndarray, rtol: float) -> cj.Solution:
+    scene, state = cj.double_pendulum(case.clearance, case.restitution)
+    return cj.simulate(
+        scene,
+        state,
+        case.safe,
+        save_at=np.minimum(times, case.safe),
+        rtol=rtol,
+        record_impacts=True,
+        solver=diffrax.Dopri8(),
+    )
+
+
+def _position_errors(solution: cj.Solution, reference: dict[str, np.ndarray]) -> np.ndarray:
+    errors = [
+        np.abs(solution.states.bodies[body].position[:, k] - reference[f"r{number}{axis}"])
+        for body, number in (("arm 2", 2), ("arm 3", 3))
+        for k, axis in enumerate("xyz")
+    ]
+    return np.max(errors, axis=0)
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_trajectories_and_impacts(case, reference_folder):
+    """At rtol 1e-10: positions to 1e-6 m; impacts to 1e-6 in the first half, 5e-3 to the end."""
+    reference = case.trajectory(reference_folder)
+    solution = _run(case, reference["t"], 1e-10)
+    assert _position_errors(solution, reference).max() < 1e-6
+    for base in "VW":
+        expected = case.impacts(reference_folder, base)
+        expected["duration"] = expected["t_off"] - expected["t_on"]
+        found = solution.impacts.of("shoulder", base)
+        count = len(expected["t_on"])
+        assert len(found) >= count
+        early = expected["t_off"] <= 0.5 * case.safe
+        for name, column in COLUMNS.items():
+            errors = np.abs(getattr(found, name)[:count] / expected[column] - 1.0)
+            assert errors[early].max() < 1e-6, (base, name)
+            assert errors.max() < 5e-3, (base, name)
+
+
+@pytest.mark.parametrize(
+    ("solver", "order", "exponents"),
+    [
+        (diffrax.Heun(), 2, (4, 5, 6, 7)),
+        (diffrax.Bosh3(), 3, (4, 5, 6, 7, 8)),
+        (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9)),
+    ],
+    ids=["Heun", "Bosh3", "Tsit5"],
+)
+def test_error_falls_at_the_order_of_the_solver_across_impacts(
+    solver, order, exponents, reference_folder
+):
+    """Four impacts of each base lie before 0.07 s. Error against steps at the solver's order, and
+    proportional to the tolerance."""
+    reference = Case(5e-4, 0.9, 0.07).trajectory(reference_folder)
+    scene, state = cj.double_pendulum()
+    tolerances = 10.0 ** -np.array(exponents)
+    errors, steps = [], []
+    for rtol in tolerances:
+        solution = cj.simulate(
+            scene, state, 0.07, save_at=np.minimum(reference["t"], 0.07), rtol=rtol, solver=solver
+        )
+        errors.append(_position_errors(solution, reference).max())
+        steps.append(int(solution.accepted))
+    by_steps = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    by_tolerance = np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
+    assert by_steps > order - 0.35
+    assert by_tolerance > 0.8
+
+
+@pytest.mark.parametrize(
+    ("preset", "error"),
+    [("look", 2e-7), ("study", 8e-12), ("reference", 1e-13)],
+)
+def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
+    """Eleven contacts lie before 0.1 s. What `clearjoint.presets` says, with room of two."""
+    reference = Case(5e-4, 0.9, 0.1).trajectory(reference_folder)
+    scene, state = cj.double_pendulum()
+    arguments = dict(getattr(cj.presets, preset), record_impacts=preset == "reference")
+    solution = cj.simulate(scene, state, 0.1, save_at=np.minimum(reference["t"], 0.1), **arguments)
+    assert error / 100 < _position_errors(solution, reference).max() < error
+
+
+@pytest.mark.slow
+def test_landing_buys_accuracy_across_impacts(reference_folder):
+    """The same tolerance without landing is worse by orders of magnitude."""
+    reference = Case(5e-4, 0.9, 0.06).trajectory(reference_folder)
+    scene, state = cj.double_pendulum()
+    errors = {}
+    for tolerance in (1e-12, None):
+        solution = cj.simulate(
+            scene, state, 0.06, save_at=reference["t"], rtol=1e-6, landing_tolerance=tolerance
+        )
+        errors[tolerance] = _position_errors(solution, reference).max()
+    assert errors[1e-12] < 0.1 * errors[None]
+
+
+def test_first_impact(reference_folder):
+    """The paper's first impact: 10.0964 ms, 0.0990454 m/s, 1466.376 N a base."""
+    solution = _run(Case(5e-4, 0.9, 0.011), np.array([0.011]), 1e-10)
+    for base in "VW":
+        impacts = solution.impacts.of("shoulder", base)
+        assert impacts.onset[0] == pytest.approx(0.010096375546923, rel=1e-10)
+        assert impacts.entry_speed[0] == pytest.approx(0.0990454441153, rel=1e-9)
+        assert impacts.peak_force[0] == pytest.approx(1466.3764358, rel=1e-6)
+        # Free fall until the journal has crossed the clearance.
+        assert impacts.onset[0] == pytest.approx(np.sqrt(2 * 0.5e-3 / 9.81), rel=1e-9)
+
+
+def test_forces_and_reactions_match_the_reference(reference_folder):
+    case = Case(5e-4, 0.9, 0.1)
+    reference = case.trajectory(reference_folder)
+    solution = _run(case, reference["t"], 1e-10)
+    scene, _ = cj.double_pendulum()
+    observed = cj.observe(scene, solution)
+    reaction = np.stack([reference[name] for name in ("Rx", "Ry", "Rz")], axis=1)
+    assert np.abs(observed.reactions["elbow"]["arm 3"].force - reaction).max() < 0.05
+    for base in "VW":
+        contact = observed.contacts["shoulder"][base]
+        assert np.abs(contact.normal_force - reference[f"F{base}"]).max() < 0.1
+        assert np.abs(contact.eccentricity - reference[f"e{base}"]).max() < 1e-9
+        assert np.abs(contact.penetration_rate - reference[f"dd{base}"]).max() < 1e-6
+    linear = observed.accelerations["arm 3"].linear[:, 1]
+    assert np.abs(linear - reference["a3y"]).max() < 0.01
+    for name, column in (("kinetic", "T"), ("gravity", "Ug"), ("contacts", "Uel")):
+        start = observed.energies[name][0]
+        assert np.abs(observed.energies[name] - start - reference[column]).max() < 1e-6

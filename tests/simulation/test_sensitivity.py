@@ -1,0 +1,188 @@
+"""Sensitivities against an event-exact solver in quadruple precision, and closed forms."""
+
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.parametrisation.parameter import coordinates_of
+from clearjoint.parametrisation.parametrised_scene import parametrised
+from clearjoint.simulation.sensitivities import followed
+from tests.support.programs import body_of, primitives
+from tests.support.reference import Case
+
+JOINT, Q = "shoulder", cj.quantities
+PARAMETERS = {
+    "clearance": cj.Parameter(lambda s: s.joints[JOINT].clearance, cj.Log()),
+    "stiffness": cj.Parameter(lambda s: s.joints[JOINT].law.stiffness.young_modulus, cj.Log()),
+    "restitution": cj.Parameter(lambda s: s.joints[JOINT].law.restitution),
+}
+OUTPUTS = {
+    "y": Q.Position("arm 2", "y"),
+    "V": Q.EntrySpeed(JOINT, "V"),
+    "W": Q.EntrySpeed(JOINT, "W"),
+}
+TIMES = np.array([0.012, 0.025, 0.040, 0.060, 0.065, 0.080, 0.100])
+POSITION = np.array(
+    [
+        [2.861031385e-4, -2.626347866e-6, -4.567781795e-5],
+        [-1.552556927e-4, 1.519316328e-6, -3.972620347e-4],
+        [-1.152930568e-4, 1.179629503e-6, -6.871866829e-4],
+        [-5.195528888e-4, 4.865243798e-6, -1.928408968e-3],
+        [4.881763503e-4, 2.261749622e-6, 6.566882160e-4],
+        [-2.179315892e-4, -8.075284706e-6, -1.652051576e-3],
+        [-3.040991498e-4, 5.228820326e-5, -2.617509723e-3],
+    ]
+)
+ENTRIES = {
+    ("V", 4): [3.395300981e-2, 1.676431639e-4, 1.724020207e-1],
+    ("W", 4): [2.293936506e-2, -3.880555868e-3, 1.430823149e-1],
+    ("V", 5): [8.310691660e-2, 2.668511166e-2, 3.099094667e-1],
+    ("W", 5): [-9.181802553e-3, -1.168291211e-2, 8.115270544e-2],
+}
+"""To log clearance, log stiffness and restitution, by the reference's README."""
+
+
+def _during(folder, base, number):
+    """The middle of a base's contact, s, by the reference."""
+    table = Case(5e-4, 0.9, 0.15).impacts(folder, base)
+    return 0.5 * (table["t_on"][number - 1] + table["t_off"][number - 1])
+
+
+@pytest.mark.parametrize(("rtol", "accuracy"), [(1e-9, 1e-5), (1e-11, 1e-6)])
+def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, reference_folder):
+    middles = {contact: _during(reference_folder, *contact) for contact in ENTRIES}
+    times = np.union1d(TIMES, list(middles.values()))
+    found = cj.sensitivities(
+        *cj.double_pendulum(),
+        0.1,
+        PARAMETERS,
+        OUTPUTS,
+        times,
+        integration=cj.Integration(rtol=rtol),
+    )
+    position = found.derivatives["y"][np.searchsorted(times, TIMES)]
+    np.testing.assert_allclose(position, POSITION, rtol=accuracy)
+    for contact, expected in ENTRIES.items():
+        at = np.searchsorted(times, middles[contact])
+        np.testing.assert_allclose(found.derivatives[contact[0]][at], expected, rtol=accuracy)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_outputs_read_is_arithmetic_without_loops(count):
+    """XLA's emitter forgets at each loop what it has written before, and writes it again at every
+    use: a single one among the variables made an acceleration's program five times as large."""
+    scene, state = cj.double_pendulum()
+    parameters = dict(list(PARAMETERS.items())[:count])
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    outputs = {
+        "acceleration": Q.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y"),
+        "reaction": Q.Reaction("elbow", "arm 3"),
+        "contact": Q.ContactForce(JOINT),
+        **OUTPUTS,
+    }
+    method = cj.Integration().method(scene, state)
+
+    def program(times, *span):
+        return followed(method, family, outputs, times, *span, 1000)[0].derivatives
+
+    sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
+    found = primitives(sampling, beside=("while",))
+    assert found["mul"] > 1000
+    loops = ("reduce", "arg", "cum", "concatenate", "pad", "dot_general", "scatter", "sort")
+    assert [name for name in found if name.startswith(loops)] == []
+
+
+ONE_DERIVATIVE = """
+import clearjoint as cj
+cj.configure()
+clearance = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
+output = cj.quantities.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y")
+cj.sensitivities(*cj.double_pendulum(), 0.02, {"clearance": clearance}, {"output": output}, [0.02])
+"""
+
+
+@pytest.mark.slow
+def test_one_derivative_of_an_acceleration_compiles_in_time():
+    """It takes half a minute; it never ended while the dense output was a reduction."""
+    subprocess.run([sys.executable, "-c", ONE_DERIVATIVE], check=True, timeout=400)
+
+
+def _oscillator(mass=2.0, stiffness=50.0, start=0.3):
+    """A mass on a spring of no length along X."""
+    origin = (0.0, 0.0, 0.0)
+    spring = cj.SpringDamper("ground", "mass", origin, origin, stiffness)
+    scene = cj.Scene({"mass": cj.Body(mass, (1.0, 1.0, 1.0))}, forces={"spring": spring})
+    return scene, cj.State({"mass": cj.body_state((start, 0.0, 0.0))})
+
+
+def test_closed_forms_of_an_oscillator():
+    """x = x0 cos(w t) + v0/w sin(w t), w = sqrt(k/m), on all scales and by all ways of varying."""
+    kicked = cj.Parameter.change(
+        lambda scene, state, value: (
+            scene,
+            cj.put(state, lambda s: s.bodies["mass"].velocity[0], value),
+        ),
+        0.0,
+    )
+    found = cj.sensitivities(
+        *_oscillator(),
+        1.5,
+        {
+            "k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log()),
+            "m": cj.Parameter(lambda s: s.bodies["mass"].mass, cj.Bounded(1.0, 5.0)),
+            "x0": cj.Parameter.initial(lambda s: s.bodies["mass"].position[0], cj.Linear(0.1)),
+            "v0": kicked,
+        },
+        {"x": Q.Position("mass", "x")},
+        [0.0, 0.4, 1.5],
+        integration=cj.Integration(rtol=1e-10),
+    )
+    t, angle = found.times, 5.0 * found.times
+    to_log_k = -0.15 * 5.0 * t * np.sin(angle)
+    slope = (2.0 - 1.0) * (5.0 - 2.0) / (5.0 - 1.0)
+    expected = np.stack(
+        [to_log_k, -to_log_k / 2.0 * slope, 0.1 * np.cos(angle), np.sin(angle) / 5.0], axis=-1
+    )
+    np.testing.assert_allclose(found.values["x"], 0.3 * np.cos(angle), atol=1e-9)
+    np.testing.assert_allclose(found.derivatives["x"], expected, atol=1e-8)
+
+
+def test_a_run_that_fails_keeps_what_it_reached():
+    integration = cj.Integration(max_steps=40)
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    arguments = (*_oscillator(), 1.5, parameters, {"x": Q.Position("mass", "x")}, [0.001, 1.5])
+    with pytest.raises(cj.SimulationError, match="step limit") as raised:
+        cj.sensitivities(*arguments, integration=integration)
+    found = raised.value.solution
+    assert found.result == cj.RESULTS.max_steps_reached
+    assert found.times.tolist() == [0.001]
+    assert found.values["x"].shape == (1,)
+    assert found.derivatives["x"].shape == (1, 1)
+    assert 0.001 <= found.time < 1.5
+
+
+@pytest.mark.parametrize(
+    ("scale", "value", "message"),
+    [
+        (cj.Log(), -1.0, "`value` must be positive"),
+        (cj.Bounded(0.0, 1.0), 1.0, "`value` must be between 0.0 and 1.0"),
+    ],
+)
+def test_values_outside_their_scale_are_refused(scale, value, message):
+    with pytest.raises(ValueError, match=message):
+        scale.coordinate(value)
+
+
+@pytest.mark.parametrize("scale", [cj.Linear(3.0), cj.Log(), cj.Bounded(-2.0, 7.0)])
+def test_scales_invert_and_know_their_slope(scale):
+    coordinate = scale.coordinate(1.3)
+    assert float(scale.value(coordinate)) == pytest.approx(1.3, rel=1e-14)
+    step = 1e-5
+    difference = scale.value(coordinate + step) - scale.value(coordinate - step)
+    assert float(scale.slope(coordinate)) == pytest.approx(float(difference) / (2 * step), rel=1e-8)

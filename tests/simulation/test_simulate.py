@@ -1,0 +1,248 @@
+"""The integrator: compilation, saving, recording, result codes, transformations, methods."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.simulation.host_run import segment_compiled
+from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.segments import begin, segment
+from clearjoint.simulation.solvers import default_controller, ready_solver
+from clearjoint.simulation.step_state import Method
+
+END = 0.05
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return cj.double_pendulum()
+
+
+@pytest.fixture(scope="module")
+def plain(pendulum):
+    return cj.simulate(*pendulum, END)
+
+
+def _height(solution):
+    return float(solution.final.bodies["arm 2"].position[1])
+
+
+@pytest.mark.parametrize("saving", [None, jnp.linspace(0.0, END, 5)], ids=["plain", "saving"])
+def test_the_stepping_loop_is_one_native_function(pendulum, saving):
+    """Every while loop of the program but the outer ones that save is a call of native code."""
+    scene, state = pendulum
+    landing = Landing(jnp.asarray(1e-12))
+    controller = default_controller(jnp.asarray(1e-6), jnp.asarray(1e-9))
+    method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, Formulation(), landing)
+    times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
+    run = eqx.filter_jit(begin)(method, scene, state, *times, saving is not None, None)
+    lowered = eqx.filter_jit(segment).lower(method, scene, run, saving, times[1], jnp.asarray(9))
+    compiled = lowered.compile()
+    text = compiled.compiled.as_text()
+    assert text.count("xla_cpu_small_call") >= 1
+    assert "custom-call(" not in text.replace("xla_cpu_small_call", "")
+    outer_loops = 0 if saving is None else 1
+    in_entry = text[text.index("\nENTRY") :]
+    assert in_entry.count(" while(") <= outer_loops
+
+
+def test_changing_numbers_compiles_nothing(pendulum, plain):
+    """Clearance, law, geometry, masses, tolerances and times are arguments of one program."""
+    scene, state = pendulum
+    cj.simulate(scene, state, 0.3)
+    compiled = segment_compiled._cached._cache_size()
+    other, _ = cj.double_pendulum(clearance=3e-4, restitution=0.7, journal_length=0.03)
+    other = eqx.tree_at(lambda s: s.bodies["arm 3"].mass, other, np.asarray(6.0))
+    solution = cj.simulate(other, state, 0.4, rtol=1e-7, landing_tolerance=1e-11, first_step=1e-6)
+    assert solution.result == cj.RESULTS.successful
+    assert segment_compiled._cached._cache_size() == compiled
+
+
+def test_saving_does_not_change_the_steps(pendulum, plain):
+    saved = cj.simulate(*pendulum, END, save_at=[0.0, 0.01, 0.0287, END])
+    assert saved.attempts == plain.attempts
+    np.testing.assert_array_equal(saved.times, [0.0, 0.01, 0.0287, END])
+    for name in ("arm 2", "arm 3"):
+        final, last = saved.final.bodies[name], saved.states.bodies[name]
+        np.testing.assert_array_equal(last.position[-1], final.position)
+        np.testing.assert_allclose(final.position, plain.final.bodies[name].position, rtol=1e-14)
+    start = saved.states.bodies["arm 2"].position[0]
+    np.testing.assert_array_equal(start, pendulum[1].bodies["arm 2"].position)
+
+
+def test_saved_states_lie_on_the_trajectory(pendulum):
+    """Dense output in flight: free fall to rounding; at recorded steps: the step itself."""
+    solution = cj.simulate(*pendulum, 0.03, save_at=np.linspace(0, 0.01, 300), record_steps=True)
+    fall = 0.5 * 9.81 * solution.times**2
+    np.testing.assert_allclose(solution.states.bodies["arm 2"].position[:, 1], fall, atol=1e-13)
+    steps = solution.steps
+    assert len(steps) == solution.accepted + 1
+    again = cj.simulate(*pendulum, 0.03, save_at=steps.times, record_steps=True)
+    found = again.states.bodies["arm 3"].position
+    np.testing.assert_allclose(found, steps.states.bodies["arm 3"].position, atol=1e-13)
+
+
+def test_a_run_can_be_continued(pendulum, plain):
+    """The final state with its memory goes on, in the middle of a contact too."""
+    scene, state = pendulum
+    half = cj.simulate(scene, state, 0.0102, rtol=1e-9)
+    assert half.final.memory["shoulder"]["V"] > 0.0
+    rest = cj.simulate(scene, half.final, END, start_time=0.0102, rtol=1e-9)
+    whole = cj.simulate(scene, state, END, rtol=1e-9)
+    assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
+
+
+def test_step_limit_returns_what_was_reached(pendulum):
+    solution = cj.simulate(*pendulum, END, save_at=[0.005, END], max_steps=100, throw=False)
+    assert solution.result == cj.RESULTS.max_steps_reached
+    assert solution.attempts == 100
+    assert 0.0 < solution.time < END
+    np.testing.assert_array_equal(solution.times, [0.005])
+    with pytest.raises(cj.SimulationError, match="max_steps") as failure:
+        cj.simulate(*pendulum, END, max_steps=100)
+    assert failure.value.solution.time == solution.time
+
+
+@pytest.mark.parametrize("modulus, code", [(1e25, "left_bearing"), (1e300, "non_finite")])
+def test_fixed_steps_that_explode_say_so(pendulum, modulus, code):
+    """A step of 1 ms jumps deep into the wall: the next ones go through it, or the state overflows,
+    and the code says so."""
+    scene, state = pendulum
+    stiff = eqx.tree_at(lambda s: s.joints["shoulder"].law.stiffness.young_modulus, scene, modulus)
+    solution = cj.simulate(
+        stiff,
+        state,
+        1.0,
+        controller=diffrax.ConstantStepSize(),
+        first_step=1e-3,
+        landing_tolerance=None,
+        throw=False,
+    )
+    assert solution.result == getattr(cj.RESULTS, code)
+    assert np.isfinite(solution.final.bodies["arm 2"].position).all()
+
+
+def test_adaptive_steps_survive_overshoot(pendulum):
+    """A first step of half a second overflows on trial, is rejected, and shrinks."""
+    solution = cj.simulate(*pendulum, END, first_step=0.5)
+    assert solution.result == cj.RESULTS.successful
+    assert _height(solution) == pytest.approx(_height(cj.simulate(*pendulum, END)), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        {"solver": diffrax.Dopri5()},
+        {"solver": diffrax.Kvaerno3(), "atol": 1e-9},
+        {
+            "controller": diffrax.ConstantStepSize(),
+            "first_step": 1e-5,
+            "solver": diffrax.Midpoint(),
+        },
+    ],
+    ids=["Dopri5", "Kvaerno3", "Midpoint with constant steps"],
+)
+def test_other_solvers_and_controllers(pendulum, method):
+    solution = cj.simulate(*pendulum, 0.02, **method)
+    assert _height(solution) == pytest.approx(
+        _height(cj.simulate(*pendulum, 0.02, rtol=1e-9)), abs=2e-6
+    )
+
+
+def test_split_solvers_are_refused(pendulum):
+    with pytest.raises(ValueError, match="KenCarp4"):
+        cj.simulate(*pendulum, 0.02, solver=diffrax.KenCarp4())
+
+
+def test_vmapped_lanes_equal_single_runs(pendulum):
+    """Batched clearances, each with its own steps and impacts, equal the runs one by one within the
+    tolerance: rounding differs, and the choice of steps amplifies it."""
+    scene, state = pendulum
+    clearances = jnp.asarray([2e-4, 5e-4, 1e-3])
+
+    def run(clearance):
+        swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
+        solution = cj.simulate(swept, state, END, save_at=jnp.asarray([0.02, END]))
+        return solution.states.bodies["arm 2"].position, solution.result == cj.RESULTS.successful
+
+    positions, fine = jax.jit(jax.vmap(run))(clearances)
+    assert fine.all()
+    for lane, clearance in enumerate(clearances):
+        swept, _ = cj.double_pendulum(clearance=float(clearance))
+        single = cj.simulate(swept, state, END, save_at=[0.02, END])
+        np.testing.assert_allclose(
+            positions[lane], single.states.bodies["arm 2"].position, rtol=0, atol=1e-9
+        )
+
+
+@pytest.mark.slow
+def test_a_failing_lane_leaves_the_others_alone(pendulum):
+    scene, state = pendulum
+
+    def run(clearance):
+        swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
+        solution = cj.simulate(swept, state, END, save_at=jnp.asarray([0.02, END]))
+        return solution.final.bodies["arm 2"].position, solution.result == cj.RESULTS.successful
+
+    good, fine = jax.jit(jax.vmap(run))(jnp.asarray([2e-4, 5e-4, 1e-3]))
+    mixed, ok = jax.jit(jax.vmap(run))(jnp.asarray([2e-4, jnp.nan, 1e-3]))
+    np.testing.assert_array_equal(ok, [True, False, True])
+    np.testing.assert_allclose(good[jnp.asarray([0, 2])], mixed[jnp.asarray([0, 2])], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_forward_derivative_through_impacts(pendulum):
+    """Three impacts: the derivative by the clearance, against the extended-precision table."""
+    scene, state = pendulum
+
+    def height(log_clearance):
+        swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
+        solution = cj.simulate(swept, state, 0.06, rtol=1e-9, save_at=jnp.asarray([0.012, 0.06]))
+        return solution.states.bodies["arm 2"].position[:, 1]
+
+    slope = jax.jit(lambda x: jax.jvp(height, (x,), (1.0,))[1])(jnp.log(5e-4))
+    expected = [2.861031385e-4, -5.195528888e-4]
+    np.testing.assert_allclose(slope, expected, rtol=2e-2)
+
+
+def test_memoryless_and_free_scenes_run():
+    body = cj.Body(2.0, (0.1, 0.2, 0.25))
+    scene = cj.Scene({"rock": body})
+    state = cj.State({"rock": cj.body_state((0, 0, 0), velocity=(1, 2, 3), spin=(0.1, 2.0, 0.3))})
+    solution = cj.simulate(scene, state, 1.0, ledger=True, save_at=[0.0, 1.0])
+    np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
+    observed = cj.observe(scene, solution)
+    assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
+    hertz, state = cj.double_pendulum(law=cj.Hertz(6.6e10))
+    assert cj.simulate(hertz, state, 0.02).final.memory == {}
+
+
+def test_contact_at_the_start_counts_as_elastic(pendulum):
+    """A journal released 5 um deep leaves with the elastic energy, whatever the restitution."""
+    scene, _ = cj.double_pendulum(restitution=0.5)
+    scene = eqx.tree_at(lambda s: s.gravity, scene, np.zeros(3))
+    state = cj.State(
+        {
+            "arm 2": cj.body_state((0.5, 5.05e-4, 0.0)),
+            "arm 3": cj.body_state((1.0, 5.05e-4, 0.5)),
+        }
+    )
+    solution = cj.simulate(scene, state, 1e-3, rtol=1e-9, save_at=[0.0, 1e-3], ledger=True)
+    observed = cj.observe(scene, solution)
+    assert observed.energies["contacts"][0] > 1e-4
+    assert observed.energies["contacts"][1] == 0.0
+    assert observed.energies["kinetic"][1] == pytest.approx(
+        observed.energies["contacts"][0], rel=1e-6
+    )
+
+
+def test_a_scene_closed_over_by_jit_runs_in_one_piece():
+    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, -9.81))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+    fallen = jax.jit(lambda: cj.simulate(scene, state, 2.0).final.bodies["ball"].position[2])()
+    assert float(fallen) == pytest.approx(-0.5 * 9.81 * 4.0, rel=1e-9)

@@ -1,0 +1,101 @@
+"""The ladder of features, its guard of absent ones, and the planar programs beside spatial ones."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.math.vectors import pack, structured, unpack
+from clearjoint.testing import without
+from studies.features.__main__ import main
+from studies.features.planar import planar_pendulum, slider_crank_rates, without_motor
+from studies.features.rungs import LADDER, unchanged
+
+FORMULATION = Formulation()
+FAST = 3
+"""Rungs whose programs are traced in no time."""
+
+
+def of_rungs(places):
+    return [
+        pytest.param(place, marks=[pytest.mark.slow] if place > FAST else [], id=LADDER[place].name)
+        for place in places
+    ]
+
+
+@pytest.mark.parametrize("place", of_rungs(range(len(LADDER) - 1)))
+def test_program_is_the_same_without_the_code_of_the_features_above(place):
+    assert unchanged(place)
+
+
+@pytest.mark.parametrize("place", of_rungs(range(1, len(LADDER))))
+def test_program_needs_the_code_of_its_own_feature(place):
+    with without(LADDER[place].feature), pytest.raises(AssertionError, match="lacks"):
+        LADDER[place].make().text()
+
+
+@pytest.mark.parametrize(
+    "changed", [lambda scene: scene, without_motor], ids=["driven", "coasting"]
+)
+def test_slider_crank_by_hand_has_the_general_rates(changed):
+    scene, state = cj.slider_crank()
+    scene = unpack(structured(changed(scene)))
+    start = FORMULATION.coordinates.encode(scene, unpack(state.bodies))
+    memory = {"slider pin": {base: jnp.asarray(0.1) for base in "VW"}}
+
+    @jax.jit
+    def both(variables):
+        arguments = scene, FORMULATION, variables, memory, jnp.asarray(0.01)
+        return state_rates(*arguments)[0], slider_crank_rates(*arguments)[0]
+
+    generator, pressed = np.random.default_rng(0), 0
+    for _ in range(8):
+        variables = jax.tree.map(
+            lambda value: value + generator.normal() * (6e-4 if abs(value) < 1.0 else 50.0), start
+        )
+        general, by_hand = (np.array(jax.tree.leaves(rates)) for rates in both(variables))
+        np.testing.assert_allclose(by_hand, general, rtol=1e-7, atol=1e-9)
+        pressed += abs(general[-1]) > 1.0
+    assert 0 < pressed < 8
+
+
+def test_body_held_in_a_plane_accelerates_as_one_that_is_free():
+    """A turn of a joint that also slides is about the parent's point."""
+    (free, start), (held, _) = planar_pendulum(False), planar_pendulum(True)
+    free, held = unpack(structured(free)), unpack(structured(held))
+    coordinates = FORMULATION.coordinates
+    memory = {"shoulder": {base: jnp.asarray(0.1) for base in "VW"}}
+
+    def accelerations(scene, variables):
+        rates, _ = state_rates(scene, FORMULATION, variables, memory, 0.0)
+        rates = jax.tree.map(jnp.asarray, rates)
+
+        def velocities(variables):
+            motions = coordinates.motions(scene, variables)
+            return [pack((motions[name].velocity, motions[name].spin)) for name in scene.bodies]
+
+        return jax.jvp(velocities, (variables,), (rates,))[1]
+
+    @jax.jit
+    def both(variables):
+        there = coordinates.encode(free, coordinates.decode(held, variables))
+        return accelerations(held, variables), accelerations(free, there)
+
+    generator = np.random.default_rng(1)
+    variables = coordinates.encode(held, unpack(start.bodies))
+    shifts = jax.tree.map(lambda _: generator.normal(), variables)
+    for scale in (2e-4, 1.0):
+        moved = jax.tree.map(lambda value, shift, s=scale: value + s * shift, variables, shifts)
+        here, there = (np.concatenate(jax.tree.leaves(found)) for found in both(moved))
+        np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-6)
+
+
+def test_study_runs(capsys, tmp_path):
+    main(["--quick", "--output", str(tmp_path)])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 4
+    assert all("the same program" in line for line in lines[2:])
+    assert (tmp_path / "features.png").stat().st_size > 3000

@@ -1,0 +1,92 @@
+"""A sweep whose chunks cost nothing: numbers that follow from the lanes alone."""
+
+from pathlib import Path
+
+import numpy as np
+
+from clearjoint.sweeps.layout import Coordinate, Layout, Variable
+from clearjoint.sweeps.store.identity import Identity, row_digests
+from clearjoint.sweeps.store.program import RUN
+from clearjoint.sweeps.store.store import SweepMemory, SweepStore
+
+COMPONENTS = ("x", "y", "z")
+RESULT = Variable(
+    dtype="int8",
+    attrs={"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"},
+)
+SETTINGS = {"rtol": 1e-6, "end_time": 0.5, "solver": "Tsit5", "record_impacts": True}
+
+
+def layout(times: int = 5, **changes) -> Layout:
+    """Four clearances times three restitutions in chunks of five: 5, 5 and 2 lanes."""
+    parts = {
+        "axes": (
+            Coordinate("clearance", np.linspace(1e-4, 1e-3, 4), "m"),
+            Coordinate("restitution", np.array([0.1, 0.5, 0.9])),
+        ),
+        "chunk": 5,
+        "variables": {
+            "position": Variable(("time", "component"), (times, 3), unit="m", description="of arm"),
+            "steps": Variable(dtype="int64"),
+            "touched": Variable(dtype="bool"),
+            "result": RESULT,
+        },
+        "coordinates": (
+            Coordinate("time", np.linspace(0, 0.5, times), "s"),
+            Coordinate("component", COMPONENTS),
+        ),
+        "settings": SETTINGS,
+    }
+    return Layout(**{**parts, **changes})
+
+
+def opened(path: Path, layout: Layout, programs: dict[str, str] | None = None) -> SweepStore:
+    """The store of a layout at a path; its lanes are known by their values of the axes."""
+    columns = layout.values()
+    lanes = row_digests([np.asarray(columns[name], float) for name in sorted(columns)])
+    return SweepStore.open(path, layout, Identity(programs or {RUN: "falls"}, {RUN: lanes}))
+
+
+def results(layout: Layout, lanes) -> dict[str, np.ndarray]:
+    """Of some lanes: incompressible positions, some NaN, and codes 0 or 1."""
+    lanes = np.asarray(lanes)
+    shape = layout.variables["position"].shape
+    position = np.stack([np.random.default_rng(lane).random(shape) for lane in lanes])
+    position[lanes == 1] = np.nan
+    return {
+        "position": position,
+        "steps": 1000 + lanes,
+        "touched": lanes % 2 == 0,
+        "result": (lanes % 3 == 0).astype("int8"),
+    }
+
+
+def complete(layout: Layout):
+    """The labelled results of a sweep that nothing interrupted."""
+    memory = SweepMemory(layout)
+    compute(memory)
+    return memory.dataset()
+
+
+def compute(store: SweepMemory | SweepStore, chunks=None) -> None:
+    """Write what is missing, or that of some chunks."""
+    for chunk, lanes in store.missing().items():
+        if chunks is None or chunk in chunks:
+            store.write(chunk, lanes, results(store.layout, lanes))
+
+
+def large_layout() -> Layout:
+    """Forty chunks of 2.4 MB, which take some time to write."""
+    return layout(
+        times=50_000, axes=(Coordinate("clearance", np.linspace(0, 1, 79), "m"),), chunk=2
+    )
+
+
+def fill(path: Path, calls: Path) -> None:
+    """Compute what is missing in a store of `large_layout` and log every chunk that is begun."""
+    large = large_layout()
+    store = opened(path, large)
+    with calls.open("a") as log:
+        for chunk, lanes in store.missing().items():
+            print(chunk, file=log, flush=True)
+            store.write(chunk, lanes, results(large, lanes))

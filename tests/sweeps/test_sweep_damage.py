@@ -1,0 +1,123 @@
+"""Damaged stores: what is damaged is named, reads as pending, and is computed anew."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from clearjoint.sweeps.store.store import open_sweep
+from tests.support.fake_sweep import complete, compute, layout, opened, results
+from tests.sweeps.test_sweep_store import identical
+
+CHUNK, LANES = 1, [5, 6, 7, 8, 9]
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "sweep.zarr"
+    compute(opened(path, layout()))
+    return path
+
+
+def flipped(file):
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    file.write_bytes(content)
+
+
+DAMAGES = {
+    "deleted": lambda file: file.unlink(),
+    "flipped": flipped,
+    "truncated": lambda file: file.write_bytes(file.read_bytes()[:-3]),
+    "short": lambda file: file.write_bytes(b"\x01"),
+    "empty": lambda file: file.write_bytes(b""),
+    "garbage": lambda file: file.write_bytes(bytes(range(200))),
+}
+FILES = {
+    "position": "c/1/0/0",
+    "steps": "c/1",
+    "touched": "c/1",
+    "result": "c/1",
+}
+
+
+UNSEEN = [("result", "deleted")]
+"""As of a chunk that was never done."""
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
+    whole = complete(layout())
+    DAMAGES[damage](path / name / FILES[name])
+    fault = "missing" if damage == "deleted" else "damaged"
+    said = [] if (name, damage) in UNSEEN else [f"{name}/{FILES[name]} is {fault}"]
+
+    found, warned = recorded(lambda: open_sweep(path))
+    assert [text for text in said if text not in warned] == []
+    lanes = found.stack(lane=("clearance", "restitution"))
+    assert np.flatnonzero(lanes["result"] == -1).tolist() == LANES
+    assert np.isnan(lanes["position"].isel(lane=LANES)).all()
+    others = np.delete(np.arange(12), LANES)
+    for key in whole.data_vars:
+        expected = whole[key].stack(lane=("clearance", "restitution")).isel(lane=others)
+        np.testing.assert_array_equal(lanes[key].isel(lane=others), expected)
+
+    store = opened(path, layout())
+    missing, warned = recorded(store.missing)
+    assert [text for text in said if text not in warned] == []
+    assert missing == {CHUNK: LANES}
+    store.write(CHUNK, LANES, results(layout(), LANES))
+    found, warned = recorded(lambda: open_sweep(path))
+    assert warned == ""
+    identical(found, whole)
+
+
+def recorded(function):
+    """What a function returns, and warns of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = function()
+    return found, " ".join(str(warning.message) for warning in caught)
+
+
+def test_the_last_chunk_which_is_not_full_is_computed_anew(path):
+    flipped(path / "position" / "c" / "2" / "0" / "0")
+    store = opened(path, layout())
+    missing, warned = recorded(store.missing)
+    assert missing == {2: [10, 11]} and "position/c/2/0/0 is damaged" in warned
+    store.write(2, [10, 11], results(layout(), [10, 11]))
+    identical(recorded(lambda: open_sweep(path))[0], complete(layout()))
+
+
+def test_much_damage_is_counted(path):
+    for file in path.glob("*/c/?"):
+        if file.is_file() and file.parts[-3] in ("steps", "touched"):
+            file.unlink()
+    assert "c/0 is missing" in recorded(lambda: open_sweep(path))[1]
+    assert "and 1 more" in recorded(lambda: open_sweep(path))[1]
+
+
+@pytest.mark.parametrize("name", ["clearance", "component", "sweep_lanes"])
+@pytest.mark.parametrize("damage", ["deleted", "flipped"])
+def test_damaged_labels_are_named(path, name, damage):
+    file = path / name / "c" / "0"
+    DAMAGES[damage](file)
+    for read in (open_sweep, lambda path: opened(path, layout())):
+        with pytest.raises(ValueError, match=f"{file} is .*: restore that file from a copy"):
+            read(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"{}"])
+def test_damaged_metadata_are_named(path, content):
+    (path / "zarr.json").write_bytes(content)
+    for read in (open_sweep, lambda path: opened(path, layout())):
+        with pytest.raises(ValueError, match=f"{path} is none, or its zarr.json is damaged"):
+            read(path)
+
+
+def test_stores_of_other_formats_are_refused(path):
+    file = path / "zarr.json"
+    file.write_text(file.read_text().replace('"sweep_format": 2', '"sweep_format": 1'))
+    with pytest.raises(ValueError, match="format 2, and not 1 .*xarray.open_zarr"):
+        open_sweep(path)

@@ -1,0 +1,451 @@
+"""Chunks over executors: processes of one's own, Dask's workers, and what dies in between."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+import xarray as xr
+
+import clearjoint as cj
+from clearjoint.fields.checks import quantity
+from clearjoint.runtime import busy_devices, program_kind
+from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
+from clearjoint.sweeps.layout import Coordinate
+from clearjoint.sweeps.progress import lane_progress
+from clearjoint.sweeps.store.store import SweepMemory, open_sweep
+from tests.support.fake_sweep import complete, layout, opened, results
+
+SPAWN = multiprocessing.get_context("spawn")
+MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
+"""Twelve chunks of five lanes, the last of three."""
+
+
+def lanes_of(chunk: int) -> range:
+    return range(*MANY.span(chunk).indices(MANY.lanes))
+
+
+def results_of(chunk: int):
+    return results(MANY, lanes_of(chunk))
+
+
+def write(store, chunk: int, arrays) -> None:
+    store.write(chunk, lanes_of(chunk), arrays)
+
+
+@pytest.fixture(scope="module")
+def processes():
+    with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
+        yield executor
+
+
+@pytest.fixture
+def store(tmp_path):
+    return opened(tmp_path / "sweep.zarr", MANY)
+
+
+def swept(task, executor, store) -> None:
+    run_chunks(task, store.missing(), executor, partial(write, store))
+
+
+def identical_to_uninterrupted(store) -> None:
+    found, expected = open_sweep(store.path), complete(store.layout)
+    xr.testing.assert_identical(found, expected)
+    for name in expected.data_vars:
+        assert found[name].values.tobytes() == expected[name].values.tobytes()
+
+
+class Decoded:
+    """Makes a file in a folder whenever it is decoded."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        (self.folder / f"{os.getpid()} {time.monotonic_ns()}").touch()
+
+
+def test_processes_compute_a_closure_that_each_decodes_once(processes, store, tmp_path):
+    (tmp_path / "decoded").mkdir()
+    decoded = Decoded(tmp_path / "decoded")
+    swept(lambda chunk: decoded and results_of(chunk), processes, store)
+    identical_to_uninterrupted(store)
+    pids = [file.name.split()[0] for file in (tmp_path / "decoded").iterdir()]
+    assert 1 <= len(pids) == len(set(pids)) <= 2
+    assert str(os.getpid()) not in pids
+
+
+def settings(chunk):
+    """What is in force where it runs, and the process."""
+    folder = jax.config.jax_compilation_cache_dir
+    words = np.array([str(jax.numpy.zeros(1).dtype), os.environ["XLA_FLAGS"], folder])
+    kind = np.array(program_kind(busy_devices()))
+    return {"words": words, "pid": np.array(os.getpid()), "program": kind}
+
+
+def get_the_settings_of_this_one(executor) -> None:
+    found = {}
+    run_chunks(settings, [0], executor, found.__setitem__)
+    here = ["float64", os.environ["XLA_FLAGS"], jax.config.jax_compilation_cache_dir]
+    assert found[0]["words"].tolist() == here
+    assert found[0]["pid"] != os.getpid()
+    assert found[0]["program"] == program_kind(busy_devices()) == "cpu, as for several"
+
+
+def test_processes_get_the_settings_of_this_one(processes):
+    get_the_settings_of_this_one(processes)
+
+
+def failing(chunk):
+    if chunk == 1:
+        raise FloatingPointError("lane 7 ran away")
+    time.sleep(0.1)
+    return results_of(chunk)
+
+
+@pytest.mark.parametrize("kind", ["processes", "threads"])
+def test_error_in_a_chunk_is_named_and_the_others_are_kept(kind, processes, store):
+    with ThreadPoolExecutor(2) as threads:
+        executor = threads if kind == "threads" else processes
+        with pytest.raises(ChunkError, match=r"Chunk 1 failed.*lane 7 ran away") as raised:
+            swept(failing, executor, store)
+        assert "resumes" in str(raised.value)
+        assert isinstance(raised.value.__cause__, FloatingPointError)
+        assert raised.value.chunks == (1,)
+        missing = store.missing()
+        assert {0, 2, 3}.isdisjoint(missing) and {1, 11} <= set(missing)
+        begun = []
+        swept(lambda chunk: begun.append(chunk) or results_of(chunk), threads, store)
+    assert begun == list(missing)
+    identical_to_uninterrupted(store)
+
+
+def killing_itself(folder: Path):
+    """A task whose process dies of chunk 3, the first time."""
+
+    def task(chunk):
+        if chunk == 3 and not (folder / "died").exists():
+            (folder / "died").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return results_of(chunk)
+
+    return task
+
+
+def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes):
+    with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
+        with pytest.raises(ChunkError, match="worker process died") as raised:
+            swept(killing_itself(tmp_path), executor, store)
+        assert isinstance(raised.value.__cause__, BrokenProcessPool)
+        assert "resumes" in str(raised.value)
+        assert 3 in raised.value.chunks and 3 in store.missing()
+        with pytest.raises(ChunkError, match="worker process died"):
+            swept(failing, executor, store)
+    swept(killing_itself(tmp_path), processes, store)
+    identical_to_uninterrupted(store)
+
+
+UNGUARDED = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from clearjoint.sweeps.execution import ChunkError, run_chunks
+
+with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
+    try:
+        run_chunks(abs, [0], executor, print)
+    except ChunkError as error:
+        print(error)
+"""
+
+
+def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+    """A worker imports the script, and would begin workers of its own."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert 'behind `if __name__ == "__main__":`' in done.stdout
+
+
+class OwnError(Exception):
+    """It can be pickled, but not be made anew of its message alone."""
+
+    def __init__(self, message: str, lane: int):
+        super().__init__(f"{message} in lane {lane}")
+
+
+def test_error_that_does_not_travel_is_named_and_breaks_no_pool(processes):
+    class LocalError(Exception):
+        """No other process finds its class."""
+
+    def two_arguments(chunk):
+        raise OwnError("it ran away", chunk)
+
+    def local(chunk):
+        raise LocalError(f"it ran away in lane {chunk}")
+
+    for task, name in ((two_arguments, "OwnError"), (local, "LocalError")):
+        with pytest.raises(ChunkError, match=f"RuntimeError: {name}: it ran away in lane 7"):
+            run_chunks(task, [7], processes, print)
+
+
+def modules_of_ones_own() -> dict[str, eqx.Module]:
+    """Of classes that, as those of a script or a notebook, no other process can import."""
+
+    class Count(eqx.Module):
+        weight: Any = 2.0
+        kind: ClassVar[str] = "none"
+        name: str = eqx.field(static=True, default="count")
+
+        def total(self):
+            return self.weight
+
+    class Shifted(Count):
+        shift: Any = quantity("m", default=0.5)
+        name: Any = "no longer static"
+
+        def total(self):
+            return super().total() + self.shift
+
+    class Made(Shifted):
+        def __init__(self, weight):
+            self.weight, self.shift, self.name = weight, 2 * weight, 0.0
+
+    class MadeAsWell(Made):
+        def total(self):
+            return Made(1.0).total() + super().total()
+
+    class Law(cj.Hertz):
+        factor: Any = quantity("1", default=1.0)
+
+        def elastic_force(self, *arguments):
+            return self.factor * super().elastic_force(*arguments)
+
+    return {
+        "default replaced": Count(5.0, "tally"),
+        "inherited": Shifted(1.0, name=4.0),
+        "own start": Made(1.5),
+        "inherited start": MadeAsWell(2.5),
+        "law": Law(6e10, factor=3.0),
+    }
+
+
+def summary(modules) -> dict[str, np.ndarray]:
+    """What JAX finds in them, also after it has taken them apart."""
+    found = {}
+    for name, module in modules.items():
+        leaves, structure = jax.tree.flatten(module)
+        again = jax.tree.unflatten(structure, [2.0 * leaf for leaf in leaves])
+        paths = [jax.tree_util.keystr(path) for path, _ in jax.tree.leaves_with_path(module)]
+        found[name] = np.array([*leaves, *jax.tree.leaves(again)], dtype=float)
+        found[f"{name}, paths"] = np.array(paths)
+        values = [value for m in (module, again) for value in vars(m).values()]
+        found[f"{name}, fields"] = np.array([str(value) for value in values])
+        if hasattr(module, "total"):
+            found[f"{name}, total"] = np.array([module.total(), again.total()])
+    return found
+
+
+def test_fields_of_classes_of_ones_own_arrive(processes):
+    modules, found = modules_of_ones_own(), {}
+    run_chunks(lambda chunk: summary(modules), [0], processes, found.__setitem__)
+    expected = summary(modules)
+    assert set(found[0]) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[0][name], values, err_msg=name)
+
+
+class Counting(Executor):
+    """Threads that know how many tasks they have been given ahead of those that ended."""
+
+    _max_workers = 2
+
+    def __init__(self):
+        self._threads, self.ended, self.ahead, self.submitted = ThreadPoolExecutor(2), 0, [], 0
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        self.submitted += 1
+        self.ahead.append(self.submitted - self.ended)
+        return self._threads.submit(fn, *args, **kwargs)
+
+
+def test_few_chunks_are_handed_out_at_a_time(store):
+    executor = Counting()
+
+    def on_done(chunk, arrays):
+        executor.ended += 1
+        write(store, chunk, arrays)
+
+    run_chunks(lambda chunk: results_of(chunk), store.missing(), executor, on_done)
+    assert max(executor.ahead) == QUEUED * 2
+    identical_to_uninterrupted(store)
+
+
+def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
+    begun, release = [], threading.Event()
+
+    def task(chunk):
+        begun.append(chunk)
+        if chunk > 0:
+            release.wait(10)
+        return results_of(chunk)
+
+    def interrupted(chunk, arrays):
+        write(store, chunk, arrays)
+        raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(2) as executor:
+        with pytest.raises(KeyboardInterrupt):
+            run_chunks(task, store.missing(), executor, interrupted)
+        release.set()
+    assert list(store.missing()) == list(range(1, 12))
+    assert {0, 1} <= set(begun) <= {0, 1, 2}
+
+
+def test_threads_share_the_task_itself(store):
+    lock, memory = threading.Lock(), SweepMemory(MANY)
+
+    def task(chunk):
+        with lock:
+            return results_of(chunk)
+
+    with ThreadPoolExecutor(2) as executor:
+        swept(task, executor, memory)
+    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+
+
+def test_forking_pools_are_refused():
+    fork = multiprocessing.get_context("fork")
+    with (
+        ProcessPoolExecutor(2, mp_context=fork) as executor,
+        pytest.raises(ValueError, match=r"mp_context=multiprocessing.get_context\('spawn'\)"),
+    ):
+        run_chunks(failing, [0], executor, print)
+
+
+def test_what_is_no_executor_is_refused():
+    with pytest.raises(ValueError, match=r"`executor`.*dask.distributed.Client"):
+        run_chunks(failing, [0], 4, print)
+
+
+STARTED_OTHERWISE = """
+import jax
+from clearjoint.runtime import adopt, in_force
+here = in_force()
+jax.numpy.zeros(1)
+adopt(here | {"XLA_FLAGS": "--something"})
+assert in_force() == here
+for needed in ({"jax_enable_x64": True}, {"lonely": False}):
+    try:
+        adopt(here | needed)
+    except RuntimeError as error:
+        print(error)
+"""
+
+
+def test_worker_where_jax_runs_with_other_floats_is_refused():
+    """Other settings than those that decide the numbers are left as they are."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not {"XLA", "JAX"} & set(name.split("_"))
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", STARTED_OTHERWISE],
+        env=kept,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    floats, devices = done.stdout.splitlines()
+    assert "jax_enable_x64" in floats and "fresh workers" in floats
+    assert "jax_num_cpu_devices" in devices and "fresh workers" in devices
+
+
+def test_progress_counts_lanes_and_tells_the_time_left():
+    with lane_progress(100, 40, True) as bar:
+        bar.start_t -= 10
+        bar.update(20)
+        said = str(bar)
+    assert "60/100" in said and "[00:10<00:20,  2.00 lanes/s]" in said
+
+
+@pytest.fixture(scope="module")
+def dask_client(tmp_path_factory):
+    """Two worker processes, each with a nanny that starts another one when it dies."""
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask is not installed: pip install 'clearjoint[cluster]'"
+    )
+    cluster = distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        local_directory=str(tmp_path_factory.mktemp("dask")),
+    )
+    with cluster, distributed.Client(cluster) as client:
+        yield client
+
+
+def test_dask_workers_get_the_settings_of_this_process(dask_client):
+    get_the_settings_of_this_one(dask_client)
+
+
+def waiting_to_be_killed(folder: Path):
+    """A task that tells its process in a file and then waits, in chunk 4, the first time."""
+
+    def task(chunk):
+        with (folder / "begun").open("a") as begun:
+            print(chunk, file=begun)
+        if chunk == 4 and not (folder / "pid").exists():
+            (folder / "writing").write_text(str(os.getpid()))
+            (folder / "writing").rename(folder / "pid")
+            time.sleep(60)
+        return results_of(chunk)
+
+    return task
+
+
+def kill(file: Path) -> None:
+    """Kill -9 the process whose number appears in a file."""
+    while not file.exists():
+        time.sleep(0.01)
+    os.kill(int(file.read_text()), signal.SIGKILL)
+
+
+def test_dask_survives_a_worker_killed_in_mid_chunk(dask_client, store, tmp_path):
+    killer = threading.Thread(target=kill, args=(tmp_path / "pid",), daemon=True)
+    killer.start()
+    swept(waiting_to_be_killed(tmp_path), dask_client, store)
+    killer.join(timeout=1)
+    assert not killer.is_alive()
+    begun = (tmp_path / "begun").read_text().split()
+    assert begun.count("4") == 2
+    identical_to_uninterrupted(store)
+
+
+def test_dask_repeats_a_chunk_that_failed(dask_client, store, tmp_path):
+    def task(chunk):
+        attempt = tmp_path / f"{chunk} {time.monotonic_ns()}"
+        attempt.touch()
+        if chunk == 7 or len(list(tmp_path.glob(f"{chunk} *"))) == 1:
+            raise FloatingPointError("lane 7 ran away")
+        return results_of(chunk)
+
+    with pytest.raises(ChunkError, match="Chunk 7 failed: FloatingPointError: lane 7"):
+        swept(task, dask_client, store)
+    assert len(list(tmp_path.glob("7 *"))) == 1 + RETRIES
+    assert {7} <= set(store.missing()) <= {7, 8, 9, 10, 11}

@@ -1,0 +1,209 @@
+"""Lanes that fail say so and leave the others as they are; impossible sweeps are refused."""
+
+import warnings
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.sweeps.axes import lanes_of
+from clearjoint.sweeps.starts import checked_starts
+from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
+
+GOOD = np.array([1.0, 5.0, 20.0, 80.0])
+
+
+@pytest.fixture(scope="module")
+def good():
+    return swept(GOOD, max_steps=500)
+
+
+def codes(found) -> list[str]:
+    names = found.result.attrs["flag_meanings"].split()
+    by_number = dict(zip(found.result.attrs["flag_values"], names, strict=True))
+    return [by_number[int(code)] for code in found.result.values]
+
+
+def beside_the_good(good, stiffness, offset=0.0):
+    """The lane of the given stiffness, which fails among good ones; those have the same bits as
+    without it."""
+    with pytest.warns(UserWarning, match="1 of 5 lanes failed"):
+        found = swept(
+            np.insert(GOOD, 2, stiffness), offset=np.insert(0 * GOOD, 2, offset), max_steps=500
+        )
+    others = found.isel(lane=[0, 1, 3, 4])
+    for name in good.data_vars:
+        np.testing.assert_array_equal(others[name], good[name], err_msg=name)
+    assert codes(others) == ["successful"] * 4
+    return found.isel(lane=[2])
+
+
+def test_step_limit_of_a_stiff_lane(good):
+    lane = beside_the_good(good, 1e4)
+    assert codes(lane) == ["max_steps_reached"]
+    assert int(lane.attempts[0]) == 500
+    reached = float(lane.time_reached[0])
+    assert 0.1 < reached < END
+    saved = lane.swing_time[0] <= reached
+    assert np.isfinite(lane.swing_angle[0, saved.values]).all()
+    assert np.isnan(lane.swing_angle[0, ~saved.values]).all()
+    assert np.isfinite(lane.largest[0])
+
+
+def test_law_that_turns_nan(good):
+    """Steps shrink until the time no longer moves; the state is that of the start."""
+    lane = beside_the_good(good, 2 * LARGEST)
+    assert codes(lane) == ["step_too_small"]
+    assert float(lane.time_reached[0]) == 0.0
+    assert np.isfinite(lane.final_spin).all()
+
+
+def test_value_that_no_scene_can_have(good):
+    lane = beside_the_good(good, -3.0)
+    assert codes(lane) == ["bad_parameters"]
+    assert float(lane.time_reached[0]) == 0.0
+    assert int(lane.attempts[0]) == -1 and np.isnan(lane.final_spin).all()
+
+
+def test_state_off_the_ideal_joint(good):
+    lane = beside_the_good(good, 20.0, offset=1e-3)
+    assert codes(lane) == ["not_assembled"]
+    assert float(lane.time_reached[0]) == 0.0 and int(lane.attempts[0]) == 0
+
+
+def held_at_two_points(distance: float) -> tuple[cj.Scene, cj.State]:
+    """The rotor on a ball, and on an axis at a distance from it."""
+    scene, _ = rotor()
+    away = (0.0, 0.0, distance)
+    joints = {
+        "ball": cj.SphericalJoint("ground", "rotor", (0, 0, 0), (0, 0, 0)),
+        "axis": cj.InlineJoint("ground", "rotor", away, away, (0, 0, 1)),
+    }
+    return cj.Scene(scene.bodies, joints, forces=scene.forces, gravity=scene.gravity), STILL
+
+
+STILL = cj.State({"rotor": cj.body_state((0.0, 0.0, 0.0))})
+ABSOLUTE = cj.AbsoluteCoordinates()
+
+
+def distances(values) -> cj.Axis:
+    """Between ball and axis."""
+    return cj.Axis.change(lambda scene, state, d: (held_at_two_points(d)[0], state), values, "m")
+
+
+@pytest.mark.parametrize("lowest, redundant", [(0.0, True), (0.1, False)])
+def test_constraints_of_all_lanes_decide_whether_they_depend_on_each_other(lowest, redundant):
+    """Not those of the first alone, and not those of a lane that nothing runs."""
+    values = np.array([0.2, 1e-6, lowest, 0.3])
+    lanes = lanes_of(*held_at_two_points(0.2), {"d": distances(values)}, {"d": values})
+    lanes, found = checked_starts(lanes, 0.0, ABSOLUTE)
+    assert found == redundant and set(lanes.bad) == {1}
+
+
+def test_lanes_that_simulate_refuses():
+    """For constraints that nearly depend on others, and for numbers of the initial state."""
+    axes = {
+        "d": distances([1e-6, 0.2]),
+        "norm": cj.Axis.initial(lambda s: s.bodies["rotor"].orientation[0], [1.0, 2.0]),
+    }
+    scene, state = held_at_two_points(0.2)
+    with pytest.warns(UserWarning, match=r"Lane 0: .*nearly depend on the others.*ball"):
+        found = cj.sweep(scene, state, 0.1, axes, zipped=True, progress=False, coordinates=ABSOLUTE)
+    assert codes(found) == ["bad_parameters"] * 2
+    with pytest.raises(ValueError, match="nearly depend on the others"):
+        cj.simulate(*held_at_two_points(1e-6), 0.1, coordinates=ABSOLUTE)
+
+
+def test_sweep_of_a_structure_that_cannot_move_is_refused():
+    scene, state = rotor()
+    joints = {"weld": cj.FixedJoint("ground", "rotor", (0, 0, 0), (0, 0, 0))}
+    fixed = cj.Scene(scene.bodies, joints, forces=scene.forces)
+    with pytest.raises(ValueError, match="`coordinates`.*something is left to move"):
+        cj.sweep(fixed, STILL, END, AXES)
+
+
+def test_refused_values_of_the_pendulum_are_told():
+    """A restitution above 1, and a clearance above the radius of the bearing: nothing runs."""
+    axes = {
+        "restitution": cj.Axis(lambda s: s.joints["shoulder"].law.restitution, [1.5, 0.9]),
+        "clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, [5e-4, 2e-2]),
+    }
+    told = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
+    with pytest.warns(UserWarning, match=told):
+        found = cj.sweep(*cj.double_pendulum(), 0.1, axes, zipped=True)
+    assert codes(found) == ["bad_parameters"] * 2
+
+
+def test_nothing_is_said_of_success():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        swept(GOOD)
+
+
+AXES = {"stiffness": stiffness_axis(GOOD)}
+LATER = lambda scene: 2.0 if scene.forces["spring"].stiffness > 10 else -1.0  # noqa: E731
+UNEVEN = lambda scene: np.linspace(0, 1, int(scene.forces["spring"].stiffness))  # noqa: E731
+CHANNELS = OUTPUTS["swing"].channels
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"end_time": 0.0}, r"`end_time`.*after start_time = 0\.0.*\[0\.0\]"),
+        ({"end_time": LATER}, r"`end_time`.*is \[-1\.0\]"),
+        ({"rtol": -1.0}, "`rtol`"),
+        ({"outputs": {"swing": cj.Saved([0.0, 2.0], CHANNELS)}}, "`times`.*end_time"),
+        ({"outputs": {"swing": cj.Saved(UNEVEN, CHANNELS)}}, r"`times`.*equally many.*\[1, 5, 20"),
+        ({"outputs": {"one": cj.Saved([1.0], CHANNELS), "two": cj.Saved([1.0], CHANNELS)}}, "one"),
+        ({"outputs": {"force": angle}}, r"outputs\['force'\].*AbstractReduction"),
+        ({"outputs": {"final": cj.Saved([1.0], {"spin": (angle, "rad")})}}, "final_spin.*rename"),
+        ({"outputs": {"attempts": cj.Peak(angle, "rad")}}, "attempts.*rename"),
+        ({"outputs": {"stiffness": cj.Peak(angle, "rad")}}, "stiffness.*rename the axis"),
+        ({"outputs": {"lost": cj.DissipatedEnergy()}}, "ledger=True"),
+        ({"axes": {}}, "`axes`.*at least one axis"),
+        ({"axes": {"body": stiffness_axis(GOOD)}}, "body.*rename the axis"),
+        (
+            {"axes": {"swing_number": stiffness_axis(GOOD)}, "outputs": OUTPUTS},
+            "swing_number.*rename the axis",
+        ),
+        ({"axes": {**AXES, "k": stiffness_axis([1.0])}, "zipped": True}, "equally many"),
+        ({"axes": {"gravity": cj.Axis(lambda s: s.gravity, GOOD)}}, r"`value`.*shape \(3,\)"),
+        ({"chunk": 0}, "`chunk`"),
+        ({"executor": 3}, "`executor`.*dask"),
+    ],
+)
+def test_what_no_sweep_can_use_is_refused(changes, says):
+    arguments = {"end_time": END, "axes": AXES, **changes}
+    with pytest.raises(ValueError, match=says):
+        cj.sweep(*rotor(), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: cj.Axis(lambda s: s.gravity[1], []), "`values`.*row"),
+        (lambda: cj.Axis(lambda s: s.gravity[1], 3.0), "`values`.*row"),
+        (lambda: cj.Axis(lambda s: s.gravity[1], [np.nan]), "`values`.*finite"),
+        (lambda: cj.Axis(lambda s: s.gravity[1], ["fast"]), "number"),
+        (lambda: cj.Axis("gravity", GOOD), "`place`.*lambda scene"),
+        (lambda: cj.Axis.initial("spin", GOOD), "`place`.*lambda state"),
+        (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),
+        (lambda: cj.Saved([1.0], {}), "`channels`.*by name"),
+        (lambda: cj.Saved([1.0], {"x": angle}), "`channels`.*pair"),
+        (lambda: cj.Saved([1.0], {"time": (angle, "rad")}), "`channels`.*time.*rename"),
+        (lambda: cj.Section(angle, CHANNELS, count=0), "`count`.*positive"),
+        (lambda: cj.Statistics(angle, "rad", start_time=1.0, end_time=0.5), "`end_time`"),
+    ],
+)
+def test_axes_and_outputs_check_themselves(make, says):
+    with pytest.raises(ValueError, match=says):
+        make()
+
+
+def test_changes_of_the_structure_are_bad_lanes():
+    """What a function of the user's does is only known lane by lane."""
+    empty = cj.Axis.change(lambda scene, state, value: (scene, cj.State({})), [1.0])
+    with pytest.warns(UserWarning, match="change numbers only"):
+        found = cj.sweep(*rotor(), END, {"nothing": empty}, devices=jax.devices()[:1])
+    assert codes(found) == ["bad_parameters"]

@@ -1,0 +1,175 @@
+"""Lanes of a sweep do not see each other: order, company, devices, refills; their closed form."""
+
+from collections import deque
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+import xarray as xr
+
+import clearjoint as cj
+from clearjoint.simulation.batch import device_pool as pool
+from clearjoint.simulation.batch import scheduler as batch
+from clearjoint.sweeps import sweep as sweeping
+from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
+
+STIFFNESS = np.geomspace(1.0, 1000.0, 9)
+FREQUENCY = np.sqrt(STIFFNESS / INERTIA)
+AMPLITUDE = SPEED / FREQUENCY
+"""Every lane turns past a quarter of its period."""
+
+
+@pytest.fixture(scope="module")
+def lanes():
+    return swept(STIFFNESS)
+
+
+def same(one: xr.Dataset, other: xr.Dataset) -> None:
+    """Bit for bit, the settings apart."""
+    assert set(one.data_vars) == set(other.data_vars)
+    for name in one.data_vars:
+        np.testing.assert_array_equal(one[name].values, other[name].values, err_msg=name)
+
+
+def test_saved_rows_are_at_the_times_and_on_the_motion(lanes):
+    """More than a ring has slots lie within one step of the softest spring."""
+    w = FREQUENCY[:, None]
+    np.testing.assert_array_equal(lanes.swing_time, np.tile(TIMES, (9, 1)))
+    exact = SPEED / w * np.sin(w * TIMES)
+    error = np.abs(lanes.swing_angle - exact).max(axis=1) / AMPLITUDE
+    assert (error < 1e-5).all() and len(TIMES) > 8 * int(lanes.accepted[0])
+    np.testing.assert_allclose(lanes.swing_spin, SPEED * np.cos(w * TIMES), atol=5e-6 * SPEED)
+    np.testing.assert_array_equal(lanes.swing_angle[:, 0], 0.0)
+    np.testing.assert_array_equal(lanes.swing_spin[:, -1], lanes.final_spin[:, 0, 2])
+
+
+def test_sections_keep_the_first_crossings_after_the_transient(lanes):
+    """Of up to fifteen, those before 0.3 s are left out and two are kept."""
+    exact = np.full((9, 2), np.nan)
+    for lane, period in enumerate(2 * np.pi / FREQUENCY):
+        crossings = period * np.arange(1, 20)
+        found = crossings[(crossings > AFTER) & (crossings < END)][:2]
+        exact[lane, : len(found)] = found
+    assert set(lanes.zero_count.values) == {0, 1, 2}
+    np.testing.assert_array_equal(lanes.zero_count, np.isfinite(exact).sum(axis=1))
+    np.testing.assert_allclose(lanes.zero_time, exact, atol=2e-7)
+    spins = np.where(np.isnan(exact), np.nan, SPEED)
+    np.testing.assert_allclose(lanes.zero_spin, spins, rtol=5e-6)
+
+
+def test_peaks_and_statistics_of_an_oscillation(lanes):
+    """Of parabolas over the steps; and over a window that begins and ends within steps."""
+    w, amplitude = FREQUENCY, AMPLITUDE
+    np.testing.assert_allclose(lanes.largest, amplitude, rtol=2e-5)
+    turns = (lanes.largest_time.values * w / (np.pi / 2) - 1.0) / 4
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-3)
+    mean = SPEED / w**2 * (1 - np.cos(w))
+    np.testing.assert_allclose(lanes.angle_mean / amplitude, mean / amplitude, atol=1e-6)
+    rms = amplitude * np.sqrt(0.5 - np.sin(2 * w) / (4 * w))
+    np.testing.assert_allclose(lanes.angle_rms, rms, rtol=1e-5)
+    np.testing.assert_allclose(lanes.angle_largest, amplitude, rtol=1e-5)
+    full = 1.5 * np.pi < w
+    np.testing.assert_allclose(lanes.angle_smallest[full], -amplitude[full], rtol=1e-5)
+    late = SPEED / w**2 * (np.cos(0.5 * w) - np.cos(0.75 * w)) / 0.25
+    np.testing.assert_allclose(lanes.late_mean / amplitude, late / amplitude, atol=2e-5)
+
+
+def test_reductions_of_ones_own(lanes):
+    np.testing.assert_array_equal(lanes.turnings, np.floor(FREQUENCY / np.pi + 0.5))
+    np.testing.assert_array_equal(lanes.turnings_steps, lanes.accepted)
+    np.testing.assert_array_equal(lanes.turnings_end, 1.0)
+    assert lanes.turnings_end.attrs["units"] == "s"
+
+
+def test_order_and_company_do_not_matter(lanes):
+    same(lanes, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
+    same(lanes.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
+    same(lanes.isel(lane=[4]), swept(STIFFNESS[[4]]))
+
+
+@pytest.mark.skipif(len(jax.devices()) < 2, reason="this machine has one core")
+def test_devices_do_not_matter(lanes):
+    same(lanes, swept(STIFFNESS, devices=jax.devices()[:2]))
+
+
+def test_more_lanes_than_the_pool_holds(lanes):
+    """Six hundred on a pool of 256: lanes come in while others are in mid-run."""
+    many = np.concatenate([STIFFNESS, np.linspace(2.0, 500.0, 591)])
+    found = swept(many)
+    assert (found.result == 0).all()
+    same(lanes, found.isel(lane=slice(9)))
+    w = np.sqrt(many / INERTIA)
+    np.testing.assert_allclose(found.swing_angle[:, -1] * w / SPEED, np.sin(w), atol=1e-5)
+
+
+def test_products_and_lists_have_the_same_lanes(lanes):
+    """The outer product has its last axis fastest."""
+    at_rest = [0.0, 0.0]
+    product = swept(STIFFNESS[:3], offset=at_rest, zipped=False)
+    assert product.sizes["stiffness"] == 3 and product.sizes["offset"] == 2
+    for k in range(2):
+        same(lanes.isel(lane=slice(3)), product.isel(offset=k))
+
+
+def test_end_and_saved_times_follow_the_scene():
+    """A quarter of each lane's own period, so that all end at their amplitude."""
+
+    def quarter(scene) -> float:
+        return 0.5 * np.pi / np.sqrt(scene.forces["spring"].stiffness / INERTIA)
+
+    own = {"swing": cj.Saved(lambda s: TIMES * quarter(s), OUTPUTS["swing"].channels)}
+    found = swept(STIFFNESS, end_time=quarter, outputs={**OUTPUTS, **own})
+    ends = 0.5 * np.pi / FREQUENCY
+    np.testing.assert_array_equal(found.time_reached, ends)
+    np.testing.assert_allclose(found.swing_time, ends[:, None] * TIMES, rtol=1e-15)
+    np.testing.assert_allclose(found.swing_angle[:, -1], SPEED / FREQUENCY, rtol=1e-6)
+
+
+def pool_of(count: int):
+    """What the device holds of a sweep, and the compiled loop, without running it."""
+    held = {}
+
+    def caught(work, *args):
+        held["work"] = work
+        raise InterruptedError
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(InterruptedError):
+        patch.setattr(sweeping, "_compute", caught)
+        swept(np.linspace(1.0, 2.0, count))
+    work = held["work"]
+    runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32))
+    sitting = runs.empty_pool()
+    fresh = runs._filled(sitting, deque(range(count)))
+    return runs, runs._seated(sitting, fresh, None)
+
+
+@pytest.fixture(scope="module")
+def advancing():
+    runs, seats = pool_of(3)
+    return runs._common, pool.Extent(256, 32), runs._mesh, seats
+
+
+def test_the_loop_is_native_with_everything_recorded(advancing):
+    """With saves, sections and reductions, turns are calls of native code and nothing else is."""
+    *constants, seats = advancing
+    compiled = pool.advance.lower(tuple(constants), seats).compile()
+    text = compiled.compiled.as_text()
+    assert text.count("xla_cpu_small_call") >= 1
+    assert "custom-call(" not in text.replace("xla_cpu_small_call", "")
+
+
+def test_memory_on_the_device_does_not_grow_with_steps_or_lanes(advancing):
+    """Two pools of 256 seats, one of them empty: each seat holds its task with the times to save
+    at, and tallies and rings that no longer run or sweep makes larger."""
+    *constants, seats = advancing
+    after, _, pages = eqx.filter_eval_shape(pool.advance.__wrapped__, tuple(constants), seats)
+
+    def size(tree):
+        return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(tree))
+
+    held = size((seats.lane, seats.recorded))
+    assert size((after.lane, after.recorded)) == held < seats.lane.step.t.size * 5_000
+    assert size(pages) < 2 * 8 * 32 * 2_000
+    _, more = pool_of(300)
+    assert size(more) == size(seats)

@@ -1,0 +1,175 @@
+"""The programs of a sweep: all code that decides a lane's numbers is in them."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import diffrax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.math.vectors import structured
+from clearjoint.simulation.batch.lane import Plan
+from clearjoint.simulation.method import make_formulation, make_method
+from clearjoint.sweeps.store.program import RUN, programs
+from clearjoint.sweeps.work import Chunks
+from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
+
+
+def of(scene, state, outputs: dict[str, Any] | None = None, *, solver=None, ledger=False, **more):
+    """Programs of a sweep with the given outputs."""
+    outputs = outputs or {}
+    settings = {"landing_tolerance": 1e-12, "rtol": 1e-6, **more}
+    formulation = make_formulation(
+        cj.JointCoordinates(), settings.pop("stabilisation", None), False, ledger
+    )
+    controller, tolerance = settings.pop("controller", None), settings.pop("landing_tolerance")
+    method = make_method(solver, controller, formulation, tolerance, settings.pop("rtol"), 1e-9)
+    recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
+    plan = Plan(
+        method,
+        {n: o for n, o in outputs.items() if isinstance(o, cj.AbstractReduction)},
+        {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
+        any(isinstance(o, cj.Saved) for o in recorded.values()),
+        np.asarray(1000),
+    )
+    channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in recorded.items()}
+    return programs(plan, structured(scene), state, 0.0, channels)
+
+
+class Law(cj.Hertz):
+    """Elastic contact, by code of the tests' own."""
+
+    gain, energy_gain = 1.0, 1.0
+
+    def force(self, gap, entry_speed):
+        return self.gain * super().force(gap, entry_speed if self.has_memory else None)
+
+    def stored_energy(self, gap):
+        return self.energy_gain * super().stored_energy(gap)
+
+
+class Grip(cj.AbstractFriction):
+    """Friction, by code of the tests' own."""
+
+    gain = 1.0
+
+    def ratio(self, slip_speed):
+        return self.gain * slip_speed
+
+
+class Bearing(cj.ClearanceJoint):
+    """A joint that knows its own depth."""
+
+    depth = 1.0
+
+    def deepest(self):
+        return {label: self.depth * depth for label, depth in super().deepest().items()}
+
+
+def pendulum(**axial) -> tuple[cj.Scene, cj.State]:
+    """One body in a bearing with play."""
+    joint = Bearing(
+        "ground",
+        "arm",
+        journal_point=(0.0, 0.5, 0.0),
+        bearing_radius=0.01,
+        clearance=5e-4,
+        journal_length=0.02,
+        law=Law(1e10),
+        friction=Grip(),
+        **axial,
+    )
+    body = cj.Body(1.0, (0.1, 0.1, 0.1))
+    scene = cj.Scene({"arm": body}, {"pin": joint}, gravity=(0.0, -9.81, 0.0))
+    return scene, cj.State({"arm": cj.body_state((0.0, -0.5, 0.0))})
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return of(*pendulum())
+
+
+@pytest.mark.parametrize(
+    ("of_class", "name", "value"),
+    [
+        (Law, "has_memory", True),
+        (Law, "gain", 2.0),
+        (Grip, "gain", 2.0),
+        (Bearing, "depth", 2.0),
+    ],
+)
+def test_code_of_the_scene_makes_another_program(usual, of_class, name, value, monkeypatch):
+    monkeypatch.setattr(of_class, name, value)
+    assert of(*pendulum()) != usual
+
+
+def test_only_what_is_read_counts(usual, monkeypatch):
+    assert of(*pendulum(), ledger=True) != usual
+    monkeypatch.setattr(Law, "energy_gain", 2.0)
+    assert of(*pendulum()) == usual
+
+
+def test_settings_make_another_program(usual):
+    for others in (
+        {"rtol": 1e-7},
+        {"landing_tolerance": 1e-10},
+        {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
+        {"solver": diffrax.Dopri5()},
+    ):
+        assert of(*pendulum(), **others) != usual
+    assert of(*pendulum(axial=cj.FixedAxially())) != of(
+        *pendulum(axial=cj.FixedAxially()), stabilisation=cj.Baumgarte(5.0, 6.0)
+    )
+
+
+def test_a_worker_that_would_run_other_code_refuses():
+    common = SimpleNamespace(programs=((RUN, "this"),))
+    work: Any = SimpleNamespace(common=common)
+    with pytest.raises(RuntimeError, match="other code than the process that made the sweep"):
+        Chunks(work, {0: [0]}, lambda: {RUN: "other"})(0)
+
+
+def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
+    scene, state = pendulum()
+    scene = cj.put(scene, lambda s: s.joints["pin"].clearance, 1e-4)
+    assert of(scene, cj.put(state, lambda s: s.bodies["arm"].position[0], 1e-5)) == usual
+
+
+@pytest.mark.parametrize(
+    ("of_class", "name", "changed", "others"),
+    [
+        (Turnings, "update", lambda self, tally, now: tally, {"turnings"}),
+        (
+            Turnings,
+            "results",
+            lambda self, tally, now: dict.fromkeys(self.units(), 0.0),
+            {"turnings"},
+        ),
+    ],
+)
+def test_code_of_an_output_concerns_its_variables(of_class, name, changed, others, monkeypatch):
+    before = of(*rotor(), OUTPUTS)
+    assert set(before) > {RUN, "swing_angle", "zero_time", "largest", "angle_rms", "turnings_end"}
+    monkeypatch.setattr(of_class, name, changed)
+    after = of(*rotor(), OUTPUTS)
+    changed_names = {key for key in before if before[key] != after[key]}
+    assert {key.partition("_")[0] for key in changed_names} == others
+
+
+def test_another_quantity_concerns_its_variables():
+    def found(quantity):
+        outputs = {
+            "swing": cj.Saved([0.1], {"x": (quantity, "1"), "spin": (spin, "rad/s")}),
+            "zero": cj.Section(quantity, {"spin": (spin, "rad/s")}, 1),
+            "largest": cj.Peak(spin, "1"),
+            "late": cj.Statistics(lambda now: quantity(now), "1"),
+        }
+        return of(*rotor(), outputs)
+
+    one, other = found(angle), found(spin)
+    assert one == found(lambda here: angle(here))
+    assert {name for name in one if one[name] != other[name]} == {
+        *("swing_x", "zero_time", "zero_count", "zero_spin"),
+        *("late_mean", "late_rms", "late_smallest", "late_largest"),
+    }

@@ -1,0 +1,266 @@
+"""Sweeps interrupted, resumed, and handed to worker processes: always the same bits."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+import xarray as xr
+
+import clearjoint as cj
+from clearjoint.model.bodies import Wrench
+from clearjoint.sweeps import sweep as sweeping
+from clearjoint.sweeps.store.store import SweepStore
+from clearjoint.sweeps.work import Work
+from tests.support.rotor import (
+    END,
+    INERTIA,
+    OUTPUTS,
+    SPEED,
+    TorsionSpring,
+    angle,
+    rotor,
+    spin,
+    stiffness_axis,
+    swept,
+)
+
+STIFFNESS = np.linspace(1.0, 100.0, 20)
+CHUNK = 3
+
+
+FEW = {"turnings": OUTPUTS["turnings"]}
+"""A class and a lambda of the tests' own, and little to compile in every worker."""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return swept(STIFFNESS, chunk=CHUNK, path=tmp_path_factory.mktemp("whole") / "sweep.zarr")
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    path = tmp_path_factory.mktemp("few") / "sweep.zarr"
+    return swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "sweep.zarr"
+
+
+def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
+    """Sweep into a store until so many chunks are written."""
+
+    def write(store, *args, write=SweepStore.write, left=[chunks]):  # noqa: B006
+        if not left[0]:
+            raise error
+        left[0] -= 1
+        write(store, *args)
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
+        patch.setattr(SweepStore, "write", write)
+        swept(STIFFNESS, chunk=CHUNK, path=path)
+
+
+def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, whole, monkeypatch):
+    interrupted(path, 4)
+    partial_results = cj.open_sweep(path)
+    done = partial_results.result.values == 0
+    assert done.sum() == 4 * CHUNK
+    assert set(partial_results.result.values[~done]) == {-1}
+    for name in whole.data_vars:
+        np.testing.assert_array_equal(partial_results[name][done], whole[name][done])
+    assert np.isnan(partial_results.final_spin[~done]).all()
+
+    computed = []
+
+    def run(work, lanes, *args, run=Work.run, **options):
+        computed.extend(lanes)
+        return run(work, lanes, *args, **options)
+
+    monkeypatch.setattr(Work, "run", run)
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
+    np.testing.assert_array_equal(computed, np.flatnonzero(~done))
+    computed.clear()
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
+    assert computed == []
+    xr.testing.assert_identical(cj.open_sweep(path), whole)
+
+
+def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
+    """Also where the place is named by another function."""
+    computed = []
+
+    def run(work, lanes, *args, run=Work.run, **options):
+        computed.append(list(lanes))
+        return run(work, lanes, *args, **options)
+
+    monkeypatch.setattr(Work, "run", run)
+    swept(STIFFNESS[2:19], chunk=CHUNK, outputs=FEW, path=path)
+    other = cj.Axis(lambda here: here.forces["spring"].stiffness, STIFFNESS)
+    found = cj.sweep(
+        *rotor(),
+        END,
+        {"stiffness": other},
+        FEW,
+        path=path,
+        chunk=CHUNK,
+        zipped=True,
+        devices=jax.devices()[:1],
+        progress=False,
+    )
+    assert computed == [list(range(17)), [0, 1, 19]]
+    for name in few.data_vars:
+        np.testing.assert_array_equal(found[name], few[name])
+    xr.testing.assert_identical(cj.open_sweep(path), found)
+
+
+GAIN = 1.0
+
+
+class Geared(TorsionSpring):
+    """A spring whose stiffness is that of the scene and a global's."""
+
+    def wrenches(self, motions, t):
+        found = super().wrenches(motions, t)[self.body]
+        return {self.body: Wrench(found.force, found.moment * GAIN)}
+
+
+def geared(path):
+    """Final spins, and those by the closed form."""
+    scene, state = rotor()
+    scene = cj.Scene(
+        scene.bodies,
+        scene.joints,
+        forces={"spring": Geared("rotor", 10.0)},
+        gravity=(0.0, 0.0, 0.0),
+    )
+    stiffness = np.array([5.0, 10.0])
+    axes = {"stiffness": stiffness_axis(stiffness)}
+    found = cj.sweep(scene, state, END, axes, path=path, rtol=1e-9, progress=False)
+    expected = SPEED * np.cos(np.sqrt(GAIN * stiffness / INERTIA) * END)
+    return found.final_spin.sel(body="rotor", component="z").values, expected
+
+
+def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
+    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
+    monkeypatch.setitem(globals(), "GAIN", 2.0)
+    with pytest.raises(ValueError, match="what a step computes: its code, as JAX traces it"):
+        geared(tmp_path / "one.zarr")
+    np.testing.assert_allclose(*geared(tmp_path / "two.zarr"), atol=1e-6)
+    monkeypatch.setitem(globals(), "GAIN", 1.0)
+    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
+
+
+KILLED = """
+import sys, time
+sys.path.insert(0, ".")
+import tests.conftest, jax, numpy as np
+from tests.support import rotor
+from clearjoint.sweeps.store import SweepStore
+write = SweepStore.write
+def slowly(store, chunk, *results):
+    write(store, chunk, *results)
+    print(chunk, flush=True)
+    time.sleep(0.2)
+SweepStore.write = slowly
+few = {{"turnings": rotor.OUTPUTS["turnings"]}}
+rotor.swept(np.linspace(1.0, 100.0, 20), chunk={chunk}, outputs=few, path={path!r})
+"""
+
+
+def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
+    """SIGKILL while the chunks are being written."""
+    program = KILLED.format(chunk=CHUNK, path=str(path))
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]
+    )
+    assert process.stdout is not None
+    for _ in range(3):
+        assert process.stdout.readline()
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    done = (cj.open_sweep(path).result.values == 0).sum()
+    assert 3 * CHUNK <= done < len(STIFFNESS)
+    found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+    xr.testing.assert_identical(found, few)
+
+
+def other_scene(options):
+    """The sweep of a rotor of another mass, which is not swept."""
+    scene, state = rotor()
+    scene = cj.put(scene, lambda s: s.bodies["rotor"].mass, 2.0)
+    cj.sweep(scene, state, END, {"stiffness": stiffness_axis(STIFFNESS)}, OUTPUTS, **options)
+
+
+@pytest.mark.parametrize(
+    ("other", "names"),
+    [
+        (partial(swept, STIFFNESS, rtol=1e-7), r"setting rtol: stored 1e-06, now 1e-07"),
+        (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
+        (
+            partial(swept, STIFFNESS[:5]),
+            "axis stiffness: 15 of 20 stored values are none of the 5 now",
+        ),
+        (
+            lambda **options: other_scene({"zipped": True, "progress": False, **options}),
+            r"bodies\['rotor'\]\.mass: stored 1\.0, now 2\.0",
+        ),
+        (
+            partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),
+            "output largest: stored .*angle.*now .*spin",
+        ),
+        (
+            partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(angle, "m")}),
+            r"variable largest: stored .*units rad.*now .*units m",
+        ),
+    ],
+)
+def test_store_of_other_settings_is_refused_and_told_apart(path, other, names):
+    interrupted(path, 1)
+    with pytest.raises(ValueError, match=names):
+        other(chunk=CHUNK, path=path)
+
+
+def test_executor_of_processes_computes_the_same_bits(few, path):
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawn) as executor:
+        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=executor)
+    xr.testing.assert_identical(found, few)
+
+
+def test_dask_gives_the_chunk_of_a_killed_worker_to_another(few, tmp_path, path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    cluster = distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        local_directory=str(tmp_path / "dask"),
+    )
+    monkeypatch.setattr(sweeping, "Work", dying(tmp_path))
+    with cluster, distributed.Client(cluster) as client:
+        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=client)
+    assert (tmp_path / "died").exists()
+    xr.testing.assert_identical(found, few)
+
+
+def dying(folder: Path) -> type[Work]:
+    """Work whose process is killed in the middle of chunk 4, the first time."""
+
+    class Dying(Work):
+        def _results(self, ended):
+            if ended.lane == 4 * CHUNK + 1 and not (folder / "died").exists():
+                (folder / "died").touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+            return super()._results(ended)
+
+    return Dying

@@ -1,0 +1,371 @@
+"""The store of a sweep: labels, resuming, refusals, and kill -9 at any moment."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from clearjoint.sweeps.layout import Coordinate, Layout, Variable
+from clearjoint.sweeps.store import metadata
+from clearjoint.sweeps.store import store as store_module
+from clearjoint.sweeps.store.metadata import contents_of, create
+from clearjoint.sweeps.store.program import RUN
+from clearjoint.sweeps.store.store import SweepMemory, open_sweep
+from tests.support.fake_sweep import complete, compute, fill, large_layout, layout, opened, results
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+MIDDLE = {1: [5, 6, 7, 8, 9]}
+"""The second chunk and its lanes."""
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "sweep.zarr"
+
+
+@pytest.fixture
+def partial(path):
+    """A store of which the second of three chunks is missing."""
+    store = opened(path, layout())
+    compute(store, (0, 2))
+    return store
+
+
+def identical(one: xr.Dataset, other: xr.Dataset) -> None:
+    """The same bits, types, names and attributes."""
+    xr.testing.assert_identical(one, other)
+    for name in other.variables:
+        assert one[name].dtype == other[name].dtype
+        if one[name].dtype.kind != "U":
+            assert one[name].values.tobytes() == other[name].values.tobytes()
+
+
+def test_labels_follow_from_the_axes():
+    found = complete(layout())
+    assert found["position"].dims == ("clearance", "restitution", "time", "component")
+    assert found["position"].attrs == {"units": "m", "long_name": "of arm"}
+    assert found["clearance"].attrs == {"units": "m"}
+    assert found.attrs == {
+        "rtol": 1e-6,
+        "end_time": 0.5,
+        "solver": "Tsit5",
+        "record_impacts": True,
+    }
+    # Lane 7 of four clearances by three restitutions is the third clearance, second restitution.
+    at = {"clearance": 7e-4, "restitution": 0.5}
+    lane = found.sel(at, method="nearest")
+    assert lane["steps"] == 1007
+    expected = np.random.default_rng(7).random((5, 3))
+    np.testing.assert_array_equal(lane["position"], expected)
+    np.testing.assert_array_equal(lane["position"].sel(component="y"), expected[:, 1])
+
+
+def test_zipped_axes_label_the_lanes():
+    axes = (Coordinate("clearance", [1e-4, 2e-4], "m"), Coordinate("restitution", [0.5, 0.9]))
+    found = complete(layout(axes=axes, zipped=True))
+    assert found["steps"].dims == ("lane",)
+    assert found["restitution"].dims == ("lane",)
+    assert found["clearance"].values.tolist() == [1e-4, 2e-4]
+
+
+@pytest.mark.parametrize("changes", [{}, {"zipped": True, "axes": (Coordinate("c", range(7)),)}])
+def test_store_gives_back_what_memory_does(path, changes):
+    store = opened(path, layout(**changes))
+    assert list(store.missing()) == list(range(store.layout.chunks))
+    for chunk, lanes in reversed(store.missing().items()):
+        store.write(chunk, lanes, results(store.layout, lanes))
+    assert store.missing() == {}
+    identical(store.dataset(), complete(layout(**changes)))
+    identical(open_sweep(path), complete(layout(**changes)))
+
+
+def test_pending_lanes_say_so(partial, path):
+    memory = SweepMemory(layout())
+    compute(memory, (0, 2))
+    assert memory.missing() == partial.missing() == MIDDLE
+    found = open_sweep(path)
+    identical(found, memory.dataset())
+    lanes = found.stack(lane=("clearance", "restitution"))
+    assert lanes["result"].values.tolist() == [1, 0, 0, 1, 0, *[-1] * 5, 0, 0]
+    assert np.isnan(lanes["position"].isel(lane=slice(5, 10))).all()
+    assert (lanes["steps"].isel(lane=slice(5, 10)) == -1).all()
+    assert found["result"].attrs["flag_values"] == [-1, 0, 1]
+    assert found["result"].attrs["flag_meanings"] == "pending successful max_steps_reached"
+
+
+def test_plain_xarray_reads_the_store(partial, path):
+    found = xr.open_zarr(path, chunks=None)
+    assert found["position"].dims == ("lane", "time", "component")
+    assert found["clearance"].dims == ("lane",)
+    assert found["clearance"].attrs["units"] == "m"
+    assert found["component"].values.tolist() == ["x", "y", "z"]
+    assert found["steps"].values.tolist() == [*range(1000, 1005), *[-1] * 5, 1010, 1011]
+    assert found.attrs["solver"] == "Tsit5"
+
+
+def test_half_written_chunk_stays_pending(partial, path, monkeypatch):
+    """Whatever is on disk of a chunk, without its mark it reads as if nothing were."""
+    before = open_sweep(path)
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(store_module, "_flush", killed)
+        with pytest.raises(KeyboardInterrupt):
+            compute(partial)
+    assert not np.isnan(xr.open_zarr(path, chunks=None)["position"][5:10]).any()
+    assert opened(path, layout()).missing() == MIDDLE
+    identical(open_sweep(path), before)
+    compute(partial)
+    identical(open_sweep(path), complete(layout()))
+
+
+def test_writing_a_chunk_again_changes_no_byte(partial, path):
+    def files():
+        return {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+    before = files()
+    opened(path, layout()).write(0, range(5), results(partial.layout, range(5)))
+    assert files() == before
+
+
+def test_writing_a_chunk_touches_no_file_of_another(partial, path):
+    before = {file: file.stat().st_mtime_ns for file in path.rglob("*") if file.is_file()}
+    compute(partial)
+    assert before == {file: file.stat().st_mtime_ns for file in before}
+
+
+OTHER = np.where(np.arange(4) == 2, 7.5e-4, layout().axes[0].values)
+LOST = "lanes: 3 of 12 stored lanes, by all the numbers that they start from, are none of the"
+DIFFERENT = {
+    "setting": ({"settings": {"rtol": 1e-8}}, ["setting rtol: stored 1e-06, now 1e-08"]),
+    "type": (
+        {"settings": {"record_impacts": 1}},
+        ["setting record_impacts: stored True, now 1"],
+    ),
+    "new setting": ({"settings": {"order": 5}}, ["setting order: stored nothing, now 5"]),
+    "values": (
+        {"axes": (Coordinate("clearance", OTHER, "m"), layout().axes[1])},
+        [
+            "axis clearance: 1 of 4 stored values are none of the 4 now, first 0.0007",
+            f"{LOST} 12 now, first number 6",
+        ],
+    ),
+    "count": (
+        {"axes": (Coordinate("clearance", OTHER[[0, 1, 3]], "m"), layout().axes[1])},
+        [
+            "axis clearance: 1 of 4 stored values are none of the 3 now, first 0.0007",
+            f"{LOST} 9 now, first number 6",
+        ],
+    ),
+    "unit": (
+        {"axes": (layout().axes[0]._replace(unit="mm"), layout().axes[1])},
+        ["unit of axis clearance: stored m, now mm"],
+    ),
+    "chunk": ({"chunk": 4}, ["lanes in a chunk: stored 5, now 4"]),
+    "variable": (
+        {"variables": {n: v for n, v in layout().variables.items() if n != "touched"}},
+        ["variable touched: stored bool (lane), long_name , units 1, now nothing"],
+    ),
+    "coordinate": (
+        {"coordinates": (Coordinate("time", np.arange(5.0), "s"), layout().coordinates[1])},
+        ["coordinate time: 4 of 5 values differ, first number 1: stored 0.125, now 1.0"],
+    ),
+    "notes": (
+        {"settings": {"rtol": 1e-8}, "notes": {"law": "Hertz", "new": 1}},
+        ["setting rtol: stored 1e-06, now 1e-08", "law: stored linear, now Hertz"],
+    ),
+}
+
+
+@pytest.mark.parametrize("changes, said", DIFFERENT.values(), ids=DIFFERENT)
+def test_store_of_another_sweep_is_refused(path, changes, said):
+    compute(opened(path, layout(notes={"law": "linear"})), (0, 2))
+    if "settings" in changes:
+        changes = {**changes, "settings": {**layout().settings, **changes["settings"]}}
+    with pytest.raises(ValueError) as refused:
+        opened(path, layout(**{"notes": {"law": "linear"}, **changes}))
+    first, *lines, last = str(refused.value).split("\n")
+    assert str(path) in first
+    assert [line.strip() for line in lines] == said
+    assert "another path" in last and "delete" in last
+
+
+def test_store_of_another_program_is_refused(partial, path):
+    for programs, said in [
+        ({RUN: "rises"}, "what a step computes: its code"),
+        ({RUN: "falls", "touched": "new"}, None),
+    ]:
+        if said:
+            with pytest.raises(ValueError, match=said):
+                opened(path, layout(), programs)
+        else:
+            assert opened(path, layout(), programs).missing() == MIDDLE
+    opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "one"})
+    with pytest.raises(ValueError, match="variable touched: its code"):
+        opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "other"})
+
+
+def test_store_of_the_same_sweep_is_taken(partial, path):
+    """Also with settings that JSON lacks, other notes, and axes in another order."""
+    endless = layout(settings={"max_step": np.inf, "count": np.int64(3)})
+    opened(path.with_name("endless"), endless)
+    assert opened(path.with_name("endless"), endless).layout is endless
+    noted = opened(path, layout(notes={"law": "of mine"}))
+    assert noted.missing() == MIDDLE
+    assert noted.dataset().attrs["law"] == "of mine"
+    turned = opened(path, layout(axes=layout().axes[::-1]))
+    assert turned.missing() == {1: [9, 2, 6, 10, 3]}
+    xr.testing.assert_equal(
+        turned.dataset().transpose("clearance", ...), noted.dataset().transpose("clearance", ...)
+    )
+
+
+def test_what_is_no_store_is_refused(tmp_path):
+    (tmp_path / "letter.txt").write_text("Dear")
+    for path in (tmp_path, tmp_path / "letter.txt"):
+        with pytest.raises(ValueError, match="must name the store of a sweep"):
+            opened(path, layout())
+    with pytest.raises(ValueError, match="must name the store of a sweep"):
+        open_sweep(tmp_path / "absent")
+
+
+WRONG_LAYOUTS = {
+    "chunk": {"chunk": 0},
+    "result": {"variables": {"x": Variable()}},
+    "variables: x": {"variables": {**layout().variables, "x": Variable(("time",), (6,))}},
+    "variables: y": {"variables": {**layout().variables, "y": Variable(dtype="<U3")}},
+    "time": {"axes": (Coordinate("time", [1.0]),)},
+    "axes": {"axes": ()},
+    "zipped": {"axes": (Coordinate("a", [1.0]), Coordinate("b", [1.0, 2.0])), "zipped": True},
+    "row": {"axes": (Coordinate("a", 1.0),)},
+    "settings: law": {"settings": {"law": [1, 2]}},
+}
+
+
+@pytest.mark.parametrize("part, changes", WRONG_LAYOUTS.items(), ids=WRONG_LAYOUTS)
+def test_layout_that_does_not_fit_is_refused(part, changes):
+    with pytest.raises(ValueError, match=part):
+        layout(**changes)
+
+
+@pytest.mark.parametrize(
+    "name, values, said",
+    [
+        ("steps", np.zeros(5), "arrays: steps.*int64"),
+        ("position", np.zeros((5, 3, 5)), "arrays: position"),
+        ("result", np.full(5, -1, "int8"), "arrays: result"),
+        ("more", np.zeros(5), "arrays"),
+    ],
+)
+def test_results_that_were_not_announced_are_refused(partial, name, values, said):
+    with pytest.raises(ValueError, match=said):
+        partial.write(1, MIDDLE[1], {**results(partial.layout, MIDDLE[1]), name: values})
+    assert partial.missing() == MIDDLE
+
+
+FILL = """
+import sys
+from pathlib import Path
+sys.path.insert(0, ".")
+from tests.support.fake_sweep import fill
+print("ready", flush=True)
+fill(*map(Path, sys.argv[1:]))
+"""
+CREATE_AND_DIE = """
+import os, signal, sys, zarr
+sys.path.insert(0, ".")
+from pathlib import Path
+from tests.support.fake_sweep import layout, opened
+zarr.consolidate_metadata = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+opened(Path(sys.argv[1]), layout())
+"""
+
+
+def python(code: str, *arguments: Path) -> subprocess.Popen:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
+
+
+def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
+    """Chunks that read as done, each of them found to hold exactly its results."""
+    if not path.exists():
+        return set()
+    missing = opened(path, large).missing()
+    found = open_sweep(path)
+    done = found["result"].values >= 0
+    assert set(np.flatnonzero(~done) // large.chunk) == set(missing)
+    for name in expected.data_vars:
+        values = expected[name].values
+        assert found[name].values[done].tobytes() == values[done].tobytes()
+    return set(range(large.chunks)) - set(missing)
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_path):
+    calls, large = tmp_path / "calls", large_layout()
+    expected = complete(large)
+    rng = np.random.default_rng()
+    kept: set[int] = set()
+    kills = 6
+    for _ in range(kills):
+        with python(FILL, path, calls) as process:
+            assert process.stdout.readline() == "ready\n"
+            time.sleep(rng.uniform(0.02, 0.25))
+            process.kill()
+        done = done_chunks(path, large, expected)
+        assert kept <= done
+        kept = done
+    fill(path, calls)
+    identical(open_sweep(path), expected)
+    begun = Counter(map(int, calls.read_text().split()))
+    assert set(begun) == set(range(large.chunks))
+    assert begun.total() <= large.chunks + kills
+
+
+def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
+    with python(CREATE_AND_DIE, path) as process:
+        assert process.wait() == -signal.SIGKILL
+    assert not path.exists()
+    assert list(opened(path, layout()).missing()) == [0, 1, 2]
+
+
+def test_what_killed_processes_have_left_goes_and_what_is_being_made_stays(path):
+    with python(CREATE_AND_DIE, path) as process:
+        process.wait()
+    (left,) = path.parent.iterdir()
+    store = opened(path, layout())
+    assert sorted(path.parent.iterdir()) == [left, path]
+    long_ago = time.time() - 2 * metadata.ABANDONED_AFTER
+    os.utime(left, (long_ago, long_ago))
+    assert opened(path, layout()).missing() == store.missing()
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_store_that_cannot_be_made_leaves_nothing(path, monkeypatch):
+    def interrupted(making, contents):
+        making.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(metadata, "_write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        opened(path, layout())
+    assert list(path.parent.iterdir()) == []
+
+
+def test_of_two_that_create_a_store_the_first_wins(partial, path):
+    """The second finds it there when it has made its own."""
+    create(path, contents_of(path))
+    assert partial.missing() == MIDDLE
+    assert list(path.parent.iterdir()) == [path]
