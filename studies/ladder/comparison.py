@@ -23,7 +23,7 @@ from studies.ladder.models import (
     lowered,
 )
 
-REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
+REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
 FILE = "double_pendulum_c0.0005_e0.9.csv.gz"
 HORIZON, EARLY = 0.15, 0.05
 """Until which double precision can follow the reference, and some impacts before, s."""

@@ -308,7 +308,7 @@ def test_wrenches_go_to_the_bodies_they_act_on():
     zero = Vector(0.0, 0.0, 0.0)
     found = folded(
         {
-            name: cj.bodies.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
+            name: cj.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
             for name, x in wrenches.items()
         },
         bodies,

@@ -31,7 +31,7 @@ class Identity(NamedTuple):
 def run_digests(lanes: Lanes, tasks: Task) -> np.ndarray:
     """(n,) of each lane's scene, initial state, end and first step; where no scene can have the
     values, of what is said of them."""
-    pairs = zip(jax.tree.leaves(lanes.scene), _leaves(lanes.scenes), strict=True)
+    pairs = zip(_leaves(lanes.scene), _leaves(lanes.scenes), strict=True)
     count = len(tasks.end_time)
     scenes = [
         np.broadcast_to(base, (count, *np.shape(base))) if own is None else own
@@ -69,6 +69,7 @@ def places(stored: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def _leaves(tree: Any) -> list[Any]:
+    """The leaves; where the tree has nothing, ``None``."""
     return jax.tree.leaves(tree, is_leaf=lambda node: node is None)
 
 
