@@ -307,10 +307,7 @@ def test_wrenches_go_to_the_bodies_they_act_on():
     }
     zero = Vector(0.0, 0.0, 0.0)
     found = folded(
-        {
-            name: cj.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
-            for name, x in wrenches.items()
-        },
+        {name: cj.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero) for name, x in wrenches.items()},
         bodies,
     )
     np.testing.assert_array_equal(found[group].force.x, [1200.0, 2010.0, 3021.0, 4430.0])
