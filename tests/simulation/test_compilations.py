@@ -8,6 +8,10 @@ import clearjoint as cj
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
+PROGRAMS_OF_A_RUN = 2
+"""The start, and the segments."""
+PROGRAMS_OF_A_SWEEP = 4
+"""The start, the slices, what comes of them, and new lanes in the places of old ones."""
 
 
 @pytest.fixture
@@ -72,6 +76,48 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
     assert compiled() == before
     assert set(seen[0].energies) == set(first.energies) | {"supplied"}
     np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
+
+
+def test_an_option_compiles_the_two_programs_of_a_run_and_going_back_none(damped, compiled):
+    """The start and the segments, since other things are integrated or kept in them."""
+    scene, state = damped
+    plain = {"save_at": [0.1, 0.2]}
+    options = ({"ledger": True}, {"record_steps": True}, {"stabilisation": cj.Projection()})
+    cj.simulate(scene, state, END, **plain)
+    for option in options:
+        before = compiled()
+        cj.simulate(scene, state, END, **plain, **option)
+        assert compiled() - before <= PROGRAMS_OF_A_RUN
+    before = compiled()
+    for option in ({}, *options):
+        cj.simulate(scene, state, END, **plain, **option)
+    assert compiled() == before
+
+
+def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_once(
+    damped, compiled
+):
+    scene, state = damped
+
+    def stiffness(s):
+        return s.forces["spring"].stiffness
+
+    def damping(s):
+        return s.forces["spring"].damping
+
+    def swept(**axes):
+        return cj.sweep(scene, state, END, axes)
+
+    swept(stiffness=cj.Axis(stiffness, [40.0, 50.0]))
+    before = compiled()
+    swept(stiffness=cj.Axis(stiffness, [30.0, 45.0, 60.0]))
+    assert compiled() == before
+    both = {"damping": cj.Axis(damping, [0.1, 0.5])}
+    swept(stiffness=cj.Axis(stiffness, [40.0, 50.0]), **both)
+    assert compiled() - before <= PROGRAMS_OF_A_SWEEP
+    before = compiled()
+    swept(stiffness=cj.Axis(stiffness, [41.0, 52.0, 60.0]), **both)
+    assert compiled() == before
 
 
 def test_nothing_saved_is_nothing_observed(damped):
