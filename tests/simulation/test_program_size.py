@@ -10,6 +10,7 @@ import clearjoint as cj
 from clearjoint.math.vectors import structured
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
+from clearjoint.simulation import program_size
 from clearjoint.simulation.program_size import LARGE, shapes_of
 from clearjoint.simulation.segments import begin
 from clearjoint.simulation.variational import start_with_tangents
@@ -44,18 +45,17 @@ def _begun_with_derivatives(scene, state):
     jax.eval_shape(lambda *span: start_with_tangents(method, family, *span).t, *SPAN)
 
 
-def test_a_long_chain_is_announced_before_it_is_compiled():
-    with pytest.warns(UserWarning, match=r"operations for each stage .* 8 GB"):
-        _begun(*_chain(12))
-
-
-def test_derivatives_count():
-    chain = _chain(7)
+def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch):
+    """By a limit that a chain of two passes with derivatives, and one of three without."""
+    monkeypatch.setattr(program_size, "LARGE", 300)
+    shorter, longer = _chain(2), _chain(3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        _begun(*chain)
+        _begun(*shorter)
     with pytest.warns(UserWarning, match="compiling takes minutes"):
-        _begun_with_derivatives(*chain)
+        _begun_with_derivatives(*shorter)
+    with pytest.warns(UserWarning, match=r"operations for each stage .* 8 GB"):
+        _begun(*longer)
 
 
 def test_shapes_are_those_of_the_function():

@@ -13,6 +13,7 @@ DOORS = ("__init__", "__main__", "extend")
 """Modules through which users come in: they import from everywhere, and nobody imports them."""
 
 
+@cache
 def module_paths() -> dict[str, Path]:
     """Every module of the package by its dotted name; packages by their `__init__`."""
     return {
@@ -21,6 +22,7 @@ def module_paths() -> dict[str, Path]:
     }
 
 
+@cache
 def imports(module: str) -> list[str]:
     """Dotted names of all modules that a module imports, wherever in its text."""
     paths = module_paths()
@@ -42,6 +44,7 @@ def room_of(module: str) -> str:
     return module.split(".")[0]
 
 
+@cache
 def neighbours() -> dict[str, set[str]]:
     """The rooms that each room imports from."""
     found: dict[str, set[str]] = {room_of(m): set() for m in module_paths() if m not in DOORS}
