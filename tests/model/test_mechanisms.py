@@ -47,7 +47,6 @@ def test_iftomm_simple_pendulum():
         rtol=1e-12,
         atol=1e-12,
         stabilisation=cj.Projection(),
-        solver=diffrax.Dopri8(),
     )
     expected = [(-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099)]
     np.testing.assert_allclose(solution.states.bodies["mass"].position[:, :2], expected, atol=1e-8)
