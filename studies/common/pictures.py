@@ -10,6 +10,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from clearjoint.plot import style
 
@@ -38,14 +39,15 @@ def _cells(line: str) -> list[str]:
 
 def bars(names: list[str], values: dict[str, list[float]], title: str, log: bool) -> Figure:
     """A group of bars for each name, one for each series."""
-    drawn = Figure(figsize=(8.0, 1.2 + 0.45 * len(names)), layout="constrained")
+    layout = ConstrainedLayoutEngine(w_pad=0.12)
+    drawn = Figure(figsize=(8.0, 1.2 + 0.45 * len(names)), layout=layout)
     axes = drawn.subplots()
     height = 0.8 / len(values)
     for k, (label, series) in enumerate(values.items()):
         places = [row + (k - 0.5 * (len(values) - 1)) * height for row in range(len(names))]
         bar = axes.barh(places, series, 0.9 * height, color=COLOURS[k], label=label)
         axes.bar_label(bar, [f"{value:g}" for value in series], padding=3, fontsize=8)
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), [name.replace("`", "") for name in names])
     axes.invert_yaxis()
     if log:
         axes.set_xscale("log")
