@@ -15,6 +15,7 @@ from .dynamics.coordinates import AbstractCoordinates as AbstractCoordinates
 from .dynamics.coordinates import AbstractMechanics as AbstractMechanics
 from .dynamics.formulation import Formulation as Formulation
 from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
+from .dynamics.system import System as System
 from .fields.checks import optional_quantity as optional_quantity
 from .fields.checks import quantity as quantity
 from .fields.checks import require as require

@@ -27,12 +27,12 @@ from clearjoint import (
 )
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.contact_events import has_memory
-from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.stabilisation import Unstabilised
-from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import unpack
 from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin
 from clearjoint.simulation.step_state import Method
 from clearjoint.simulation.stepping import attempt
@@ -74,7 +74,7 @@ def operations(of, memory=None, **formulation):
 
     def rates(scene, state, memory):
         absolute = Formulation(AbsoluteCoordinates(), **formulation)
-        return state_rates(unpack(scene), absolute, unpack(state.bodies), memory, 0.0)
+        return System(unpack(scene), absolute).rates(unpack(state.bodies), memory, 0.0)
 
     return primitives(jax.make_jaxpr(rates)(of, STATE, memory or {}).jaxpr)
 
@@ -86,7 +86,7 @@ def test_free_body_solves_no_constraints(monkeypatch):
     assert free["div"] == 5
     assert free["max"] == free["select_n"] == free["sqrt"] == free["tanh"] == 0
     bodies, formulation = unpack(STATE.bodies), Formulation(AbsoluteCoordinates())
-    assert evaluate(unpack(FREE), formulation, bodies, {}, 0.0).multipliers == {}
+    assert System(unpack(FREE), formulation).dynamics(bodies, {}, 0.0).multipliers == {}
     with pytest.raises(TypeError):
         operations(scene(BALL))
 
@@ -149,7 +149,8 @@ def test_ledger_of_a_free_body_is_empty():
 def test_power_of_the_ledger_is_only_what_the_scene_can_have():
     def booked(of, memory):
         formulation = Formulation(AbsoluteCoordinates(), ledger=True)
-        return set(state_rates(unpack(of), formulation, unpack(STATE.bodies), memory, 0.0)[1])
+        system = System(unpack(of), formulation)
+        return set(system.rates(unpack(STATE.bodies), memory, 0.0)[1])
 
     assert booked(scene(BALL), {}) == {"stabilisation"}
     assert booked(scene(DRIVER), {}) == {"stabilisation", "supplied"}
@@ -157,16 +158,21 @@ def test_power_of_the_ledger_is_only_what_the_scene_can_have():
     assert booked(scene(ROUGH), {}) == {"normal damping", "friction"}
 
 
-def method():
+def scheme():
     controller = diffrax.PIDController(rtol=1e-6, atol=1e-9)
-    return Method(diffrax.Tsit5(), controller, Formulation(), Landing(1e-12))
+    return Scheme(Method(diffrax.Tsit5(), controller, Landing(1e-12)), Formulation())
+
+
+def tried(of, step):
+    """A step of a run."""
+    return attempt(scheme().method, scheme().system(unpack(of)), step, 1.0).step
 
 
 def started(of):
     """The run before its first step, in shapes only."""
     numbers = [np.float64(t) for t in (0.0, 1.0, 1e-6)]
     return jax.eval_shape(
-        lambda of, state: begin(method(), of, state, *numbers, None, None).step, of, STATE
+        lambda of, state: begin(scheme(), of, state, *numbers, None, None).step, of, STATE
     )
 
 
@@ -187,7 +193,7 @@ def test_step_without_memory_finds_no_second_rates():
 
     def conditionals(of):
         step = started(of)
-        jaxpr = jax.make_jaxpr(lambda of, step: attempt(method(), unpack(of), step, 1.0).step)
+        jaxpr = jax.make_jaxpr(tried)
         return primitives(jaxpr(of, step))["cond"]
 
     assert conditionals(scene(FORCED)) == conditionals(FREE)
@@ -212,7 +218,7 @@ def test_jumps_and_breakpoints_are_looked_for_only_where_there_may_be_some():
 
     def attempted(of):
         step = started(of)
-        jaxpr = jax.make_jaxpr(lambda of, step: attempt(method(), unpack(of), step, 1.0).step)
+        jaxpr = jax.make_jaxpr(tried)
         return primitives(jaxpr(of, step))
 
     def pushed(kind):

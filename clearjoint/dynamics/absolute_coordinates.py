@@ -13,6 +13,7 @@ from .coordinates import (
     Speeds,
     Wrenches,
     anchors,
+    body_with_speeds,
     free_motion,
     settled_body,
 )
@@ -70,6 +71,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
         """Euler parameters of unit norm."""
         del scene
         return {name: settled_body(body) for name, body in variables.items()}
+
+    def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
+        """Velocities and spins of the others."""
+        del scene
+        return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 
 
 class AbsoluteMechanics(AbstractMechanics):

@@ -19,7 +19,7 @@ from .coordinates import AbstractCoordinates
 from .formulation import Formulation
 from .journals import centred, outside, with_ideal
 from .journals import seated as seated_joints
-from .projection import project_positions, project_velocities
+from .system import System
 
 ITERATIONS = 100
 TOLERANCE = 1e-12
@@ -112,11 +112,11 @@ def _satisfying(scene: Scene, state: State, t: Any) -> State:
         report = constraint_report(scene, State(bodies), t)
         if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
             break
-        bodies = _corrected(project_positions, scene, formulation, bodies, t)
+        bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
     for _ in range(2):
-        bodies = _corrected(project_velocities, scene, formulation, bodies, t)
+        bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.memory, state.work)
@@ -209,12 +209,11 @@ def _require_satisfied(
 
 @eqx.filter_jit
 def _corrected(
-    projection: Callable[[Scene, Formulation, Any, Scalar], Any],
+    projection: Callable[[System, Any, Scalar], Any],
     scene: Scene,
     formulation: Formulation,
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    scene = unpack(scene)
-    variables = formulation.coordinates.encode(scene, unpack(bodies))
-    return pack(formulation.coordinates.decode(scene, projection(scene, formulation, variables, t)))
+    system = System(unpack(scene), formulation)
+    return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

@@ -19,7 +19,6 @@ from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
 from ..model.scene import Scene
 from .contact_forces import Closed, Memory
 from .coordinates import Motions
-from .formulation import Formulation
 
 NEWTON_STEPS = 4
 SLOWEST = 1e-12
@@ -152,19 +151,3 @@ def updated_memory(
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0)
 
     return _for_each_memory(scene, update)
-
-
-def second_rates(
-    scene: Scene, formulation: Formulation, variables: Any, variable_rates: Any
-) -> Any:
-    """Second time derivatives of the contacts' depths along given rates of the variables, m/s^2."""
-
-    def rates(variables: Any) -> Any:
-        motions = formulation.coordinates.motions(scene, variables)
-        return jax.tree.map(
-            lambda reach: reach.rate,
-            reaches(scene, motions),
-            is_leaf=lambda node: isinstance(node, Reach),
-        )
-
-    return jax.jvp(rates, (variables,), (variable_rates,))[1]

@@ -103,6 +103,10 @@ class AbstractCoordinates(eqx.Module):
         """The same motion in numbers that don't drift in many steps, for the end of each: Euler
         parameters of unit norm, angles within two turns. Exactly as they are if they are that."""
 
+    @abc.abstractmethod
+    def with_speeds(self, scene: Scene, variables: Any, others: Any) -> Any:
+        """The variables with the speeds of others; positions stay."""
+
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
     """Point of the body and point of the ground for each body that has an `Anchor`."""
@@ -117,6 +121,11 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 def settled_body(body: BodyState) -> BodyState:
     """The state with Euler parameters of unit norm."""
     return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
+
+
+def body_with_speeds(body: BodyState, other: BodyState) -> BodyState:
+    """The position of one state and the velocities of another."""
+    return BodyState(body.position, body.orientation, other.velocity, other.spin)
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:

@@ -13,7 +13,7 @@ from ..math.vectors import Scalar, add
 from ..model.bodies import GROUND, NO_WRENCH
 from ..model.joints.base import Row
 from ..model.scene import Scene
-from .contact_forces import Closed, ContactForce, Memory, contact_forces
+from .contact_forces import ContactForce
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -55,7 +55,7 @@ class Dynamics:
         return self.mechanics.variable_rates(self.rates)
 
 
-def _applied_wrenches(
+def applied_wrenches(
     scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
 ) -> Wrenches:
     """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
@@ -101,53 +101,20 @@ def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
     return [row for family in rows.values() for row in family.values()]
 
 
-def evaluate(
-    scene: Scene,
-    formulation: Formulation,
-    variables: Any,
-    memory: Memory,
-    t: Scalar,
-    closed: Closed | None = None,
-) -> Dynamics:
-    """Solve the equations of motion at one instant. Only `closed` contacts push, if they are given;
-    otherwise those that penetrate."""
-    mechanics = formulation.coordinates.mechanics(scene, variables)
-    forces = contact_forces(scene, mechanics.motions, memory, closed)
-    return _solved(scene, formulation, mechanics, forces, t)
-
-
-def evaluate_under(
-    scene: Scene,
-    formulation: Formulation,
-    variables: Any,
-    forces: dict[str, dict[str, ContactForce]],
-    t: Scalar,
-) -> Dynamics:
-    """Solve the equations of motion at one instant under given contact forces."""
-    mechanics = formulation.coordinates.mechanics(scene, variables)
-    return _solved(scene, formulation, mechanics, forces, t)
-
-
-def evaluate_smooth(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Dynamics:
-    """Solve the equations of motion at one instant as if no contact were closed."""
-    return evaluate_under(scene, formulation, variables, {}, t)
-
-
-def _solved(
-    scene: Scene,
+def solved(
     formulation: Formulation,
     mechanics: AbstractMechanics,
     forces: dict[str, dict[str, ContactForce]],
-    t: Scalar,
+    rows: dict[str, dict[str, Row]],
+    rates: Speeds,
 ) -> Dynamics:
-    """The equations of motion under the given contact forces."""
-    rates = mechanics.free_rates(_applied_wrenches(scene, mechanics.motions, forces, t))
-    rows = constraint_rows(scene, formulation.coordinates, mechanics.motions, t)
+    """The equations of motion solved: `rates` of the speeds without constraints, and what the
+    `rows` change of them."""
     multipliers: dict[str, dict[str, Scalar]] = {}
     if rows:
-        change, solved = _constraint_response(formulation, mechanics, flattened(rows), rates)
+        change, found = _constraint_response(formulation, mechanics, flattened(rows), rates)
         rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        remaining = iter(solved)
+        remaining = iter(found)
         multipliers = {
             name: {label: next(remaining) for label in family} for name, family in rows.items()
         }

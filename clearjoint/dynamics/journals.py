@@ -18,9 +18,9 @@ from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.scene import Scene
 from .absolute_coordinates import AbsoluteCoordinates
-from .equations_of_motion import evaluate_smooth
 from .formulation import Formulation
 from .stabilisation import Unstabilised
+from .system import System
 
 OUTSIDE = 1e-6
 """Penetration beyond which `assemble` puts a journal into the middle of its bearing, m."""
@@ -179,16 +179,16 @@ def _depths(scene: Scene, bodies: dict[str, BodyState]) -> Any:
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, Any]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""
-    scene, formulation = unpack(scene), Formulation(AbsoluteCoordinates(), Unstabilised(), True)
+    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+    system = System(unpack(scene), formulation)
     resting = {
         name: BodyState(body.position, body.orientation, ZERO, ZERO)
         for name, body in unpack(bodies).items()
     }
-    variables = formulation.coordinates.encode(scene, resting)
-    found = evaluate_smooth(scene, formulation, variables, t)
+    found = system.dynamics_under(system.encode(resting), {}, t)
     loads = {}
     for name, rows in found.rows.items():
-        bodies_of = scene.joints[name].body_names()
+        bodies_of = system.scene.joints[name].body_names()
         load = ZERO
         for label, row in rows.items():
             load = load - row.jacobian[bodies_of[-1]].force * found.multipliers[name][label]

@@ -5,6 +5,7 @@ friction, no slip; no ledger, no power. That is decided here, in Python, while t
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any
 
 from ..fields.checks import quantity, require_positive
@@ -31,6 +32,15 @@ class AbstractStabilisation(AbstractConverting):
     @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """The second derivative that a constraint of given value and rate shall have."""
+
+    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
+        """The variables at the end of a step, or inside it: as they are.
+
+        A stabilisation that works there too returns others, such as `project` makes of them, which
+        puts positions and velocities onto the constraints.
+        """
+        del project
+        return variables
 
 
 class Unstabilised(AbstractStabilisation):
@@ -67,3 +77,7 @@ class Projection(AbstractStabilisation):
         """Zero."""
         del value, rate
         return 0.0
+
+    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
+        """The variables projected."""
+        return project(variables)

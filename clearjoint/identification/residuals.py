@@ -27,10 +27,10 @@ from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parame
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..results import RESULTS
 from ..simulation.batch.reductions import Quantity
+from ..simulation.method import Scheme
 from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled
 from ..simulation.settings import Integration
 from ..simulation.spans import check_span, checked_times
-from ..simulation.step_state import Method
 
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach, in standard deviations: an optimiser that comes
@@ -43,7 +43,7 @@ class Experiment(eqx.Module):
     `family` holds coordinates that nobody looks at. `times`: (T,) s, padded.
     """
 
-    method: Method
+    scheme: Scheme
     family: ParametrisedScene
     outputs: dict[str, Quantity]
     times: jax.Array
@@ -55,7 +55,7 @@ class Experiment(eqx.Module):
     def run(self, coordinates: Any, end_time: Any) -> Sampled:
         """The run at coordinates (p,), as far as a time, s."""
         return sampled_compiled(
-            self.method,
+            self.scheme,
             self.family.at(coordinates),
             self.outputs,
             self.times,
@@ -80,13 +80,13 @@ def experiment(
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
     integration = Integration() if integration is None else integration
-    method = integration.method(scene, state, start_time)
+    scheme = integration.scheme(scene, state, start_time)
     end_time = float(np.max(times))
     check_span(start_time, end_time)
     times = checked_times(start_time, end_time, times, "times")
     family = parametrised(scene, state, parameters, np.zeros(len(parameters)))
     return Experiment(
-        method,
+        scheme,
         family,
         dict(outputs),
         jnp.asarray(padded(times, end_time)),

@@ -5,15 +5,12 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-import equinox as eqx
-
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.contact_events import Reaches, reaches
 from ..dynamics.contact_forces import ContactForce, Memory, contact_forces
 from ..dynamics.coordinates import Motions
-from ..dynamics.equations_of_motion import Dynamics, evaluate
-from ..dynamics.formulation import Formulation
-from ..dynamics.grouping.condensing import whole
+from ..dynamics.equations_of_motion import Dynamics
+from ..dynamics.system import System
 from ..math.groups import by_name
 from ..math.vectors import Scalar
 from ..model.scene import Scene
@@ -29,8 +26,7 @@ class Instant:
 
     def __init__(
         self,
-        scene: Scene,
-        formulation: Formulation,
+        system: System,
         time: Scalar,
         variables: Any,
         memory: Memory,
@@ -38,14 +34,13 @@ class Instant:
         middle: "Callable[[], Instant] | None" = None,
     ):
         self.time, self.work = time, work
-        self._scene, self._memory = scene, memory
-        self._formulation, self._variables = formulation, variables
+        self._system, self._memory, self._variables = system, memory, variables
         self._middle = middle
 
     @cached_property
     def scene(self) -> Scene:
         """The scene with each element by itself."""
-        return whole(self._scene)
+        return self._system.ungrouped()
 
     @cached_property
     def memory(self) -> Memory:
@@ -66,31 +61,30 @@ class Instant:
 
     @cached_property
     def _motions(self) -> Motions:
-        return self._formulation.coordinates.motions(self._scene, self._variables)
+        return self._system.motions(self._variables)
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, ContactForce]]:
         """Geometry and forces of all contacts, by joint and contact."""
-        return by_name(contact_forces(self._scene, self._motions, self._memory))
+        return by_name(contact_forces(self._system.scene, self._motions, self._memory))
 
     @cached_property
     def reaches(self) -> Reaches:
         """How deep each contact is from where its force begins, and how fast."""
-        return by_name(reaches(self._scene, self._motions))
+        return by_name(reaches(self._system.scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
-        found = evaluate(self._scene, self._formulation, self._variables, self._memory, self.time)
+        found = self._system.dynamics(self._variables, self._memory, self.time)
         return replace(found, contact_forces=by_name(found.contact_forces))
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
         """The same in absolute coordinates, where every ideal joint has its multipliers."""
-        coordinates, absolute = self._formulation.coordinates, AbsoluteCoordinates()
-        if isinstance(coordinates, AbsoluteCoordinates):
+        formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
+        if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics
-        formulation = eqx.tree_at(lambda f: f.coordinates, self._formulation, absolute)
-        bodies = by_name(coordinates.decode(self._scene, self._variables))
-        variables = absolute.encode(self.scene, bodies)
-        return evaluate(self.scene, formulation, variables, self.memory, self.time)
+        absolute = System(self.scene, replace(formulation, coordinates=coordinates))
+        variables = absolute.encode(by_name(self._system.decode(self._variables)))
+        return absolute.dynamics(variables, self.memory, self.time)

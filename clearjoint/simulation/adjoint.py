@@ -15,8 +15,8 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 
+from ..dynamics.system import System
 from ..math.vectors import Scalar
-from ..model.scene import Scene
 from .step_state import Attempt, Method, Step
 from .stepping import attempt
 
@@ -34,7 +34,7 @@ class AbstractLoops(eqx.Module):
     """What a run repeats."""
 
     @abc.abstractmethod
-    def attempt(self, method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
+    def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
         """Try one step."""
 
     @abc.abstractmethod
@@ -53,9 +53,9 @@ class AbstractLoops(eqx.Module):
 class PlainLoops(AbstractLoops):
     """JAX's loops, which forward differentiation can follow."""
 
-    def attempt(self, method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
+    def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
         """Try one step."""
-        return attempt(method, scene, step, t_end)
+        return attempt(method, system, step, t_end)
 
     def repeat(self, goes: Callable, go: Callable, start: Any) -> Any:
         """`jax.lax.while_loop`."""
@@ -78,9 +78,9 @@ class CheckpointedLoops(AbstractLoops):
 
     checkpoints: int = eqx.field(static=True)
 
-    def attempt(self, method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
+    def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
         """Try one step; a trial that overflowed has no derivatives."""
-        return _attempt_without_overflow(method, scene, step, t_end)
+        return _attempt_without_overflow(method, system, step, t_end)
 
     def repeat(self, goes: Callable, go: Callable, start: Any) -> Any:
         """equinox's loop with checkpoints."""
@@ -107,8 +107,8 @@ def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> AbstractLoo
 
 
 @eqx.filter_custom_jvp
-def _attempt_without_overflow(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Attempt:
-    return _attempt(method, scene, step, t_end)
+def _attempt_without_overflow(method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
+    return _attempt(method, system, step, t_end)
 
 
 @_attempt_without_overflow.def_jvp

@@ -5,18 +5,14 @@ from typing import Any
 import diffrax
 import jax.numpy as jnp
 
-from ..dynamics.energy import mechanical_energy
-from ..dynamics.formulation import Formulation
-from ..dynamics.projection import project_positions, project_velocities
-from ..dynamics.stabilisation import Projection
+from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar
-from ..model.scene import Scene
 from .step_state import Attempt, Method, Variables, choose
 from .unrolled_runge_kutta import UnrolledExplicit, place_in_step
 
 
-def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
+def look_inside(method: Method, system: System, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
     """Variables and memory at an instant of an accepted step, by the solver's dense output.
 
     The memory is that of the step's start: what the step's end changes holds from there on.
@@ -24,9 +20,7 @@ def look_inside(method: Method, scene: Scene, tried: Attempt, t: Scalar) -> tupl
     end = tried.step.t
     dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
     y = choose(t >= end, tried.step.y, dense.evaluate(dense_time(tried, t)))
-    if isinstance(method.formulation.stabilisation, Projection):
-        y = Variables(projected(scene, method.formulation, y, t).motion, y.work)
-    return y, choose(t >= end, tried.step.memory, tried.memory_start)
+    return on_constraints(system, y, t), choose(t >= end, tried.step.memory, tried.memory_start)
 
 
 def dense_time(tried: Attempt, t: Scalar) -> Scalar:
@@ -38,21 +32,27 @@ def dense_time(tried: Attempt, t: Scalar) -> Scalar:
     return tried.t_start + h * place_in_step(x, tried.graded)
 
 
-def projected(scene: Scene, formulation: Formulation, y: Variables, t: Scalar) -> Variables:
-    """The variables on the constraints; what the projection takes is booked in the ledger."""
-    motion = project_velocities(
-        scene, formulation, project_positions(scene, formulation, y.motion, t), t
-    )
-    work = y.work
-    if formulation.ledger and "stabilisation" in work:
-        taken = _energy(scene, formulation, y.motion, t) - _energy(scene, formulation, motion, t)
+def corrected(system: System, y: Variables, t: Scalar) -> Variables:
+    """The variables as the stabilisation wants them at the end of a step; what a projection takes
+    is booked in the ledger."""
+    return system.formulation.stabilisation.corrected(y, lambda y: _projected(system, y, t))
+
+
+def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
+    """The variables as they are saved inside a step: corrected too, but nothing is booked."""
+    return Variables(corrected(system, y, t).motion, y.work)
+
+
+def _projected(system: System, y: Variables, t: Scalar) -> Variables:
+    motion, work = system.project(y.motion, t), y.work
+    if system.formulation.ledger and "stabilisation" in work:
+        taken = _energy(system, y.motion, t) - _energy(system, motion, t)
         work = {**work, "stabilisation": work["stabilisation"] + taken}
     return Variables(motion, work)
 
 
-def _energy(scene: Scene, formulation: Formulation, variables: Any, t: Scalar) -> Scalar:
-    motions = formulation.coordinates.motions(scene, variables)
-    return sum(mechanical_energy(scene, motions, t).values())
+def _energy(system: System, motion: Any, t: Scalar) -> Scalar:
+    return sum(system.energies(motion, t).values())
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:

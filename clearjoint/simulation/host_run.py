@@ -8,15 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from ..math.vectors import Structured, pack, unpack
+from ..math.vectors import Structured, pack
 from ..model.bodies import State
 from ..results import RESULTS
 from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
+from .method import Scheme
 from .segments import Progress, Row, Saved, named, rewound, segment
 from .solution import Solution, Trajectory
-from .step_state import Method, Step
+from .step_state import Step
 
 ATTEMPTS_A_SEGMENT = 50_000
 SAVES_A_SEGMENT = 512
@@ -26,8 +27,8 @@ segment_compiled = eqx.filter_jit(segment)
 class AbstractRun:
     """What both ways share: the parts of a solution."""
 
-    def __init__(self, form: Structured, method: Method, end: Any, redundant: tuple[str, ...]):
-        self._form, self._method, self._end = form, method, end
+    def __init__(self, form: Structured, scheme: Scheme, end: Any, redundant: tuple[str, ...]):
+        self._form, self._scheme, self._end = form, scheme, end
         self._redundant = redundant
 
     def _solution(
@@ -35,8 +36,7 @@ class AbstractRun:
     ) -> Solution:
         unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
         result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        method, scene = self._method.grouped(unpack(self._form))
-        bodies = method.formulation.coordinates.decode(scene, step.y.motion)
+        bodies = self._scheme.unpacked(self._form).decode(step.y.motion)
         return Solution(
             step.t,
             pack(named(State(bodies, step.memory, step.y.work))),
@@ -47,7 +47,7 @@ class AbstractRun:
             count,
             steps,
             impacts,
-            self._method.formulation,
+            self._scheme.formulation,
             self._redundant,
         )
 
@@ -61,7 +61,7 @@ class OnePiece(AbstractRun):
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
         limit = jnp.asarray(max_steps)
-        arguments = (self._method, self._form, now, times, self._end, limit)
+        arguments = (self._scheme, self._form, now, times, self._end, limit)
         now, saved = loops.closed(segment(*arguments, loops))
         if saved is None:
             return self._solution(now.step, None, None, None, None)
@@ -98,7 +98,7 @@ class HostLoop(AbstractRun):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
-                    self._method, self._form, now, waiting.chunk(), self._end, jnp.asarray(limit)
+                    self._scheme, self._form, now, waiting.chunk(), self._end, jnp.asarray(limit)
                 )
                 waiting.take(saved)
                 if now.record is not None:

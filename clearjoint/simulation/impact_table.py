@@ -8,11 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics.contact_events import second_rates
-from ..dynamics.contact_forces import contact_forces
 from ..dynamics.formulation import Formulation
-from ..dynamics.grouping.coordinates import grouped
-from ..dynamics.state_rates import state_rates
+from ..dynamics.system import System
 from ..math.groups import by_name, gathered
 from ..math.vectors import Structured, unpack
 from ..model.bodies import State
@@ -88,16 +85,15 @@ def contact_histories(
     """The contacts at recorded states (in scalar form, times in front)."""
     alone: Scene = unpack(form)
     laws = alone.laws()
-    formulation, scene = grouped(formulation, alone)
+    system = System.of(alone, formulation)
 
     def at(t: Any, state: State) -> dict[str, dict[str, Sample]]:
-        variables = formulation.coordinates.encode(scene, state.bodies)
-        memory = gathered(state.memory, scene.joints)
-        rates, _ = state_rates(scene, formulation, variables, memory, t)
+        variables = system.encode(state.bodies)
+        memory = gathered(state.memory, system.scene.joints)
+        rates, _ = system.rates(variables, memory, t)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
-        seconds = by_name(second_rates(scene, formulation, variables, rates))
-        motions = formulation.coordinates.motions(scene, variables)
-        found = by_name(contact_forces(scene, motions, memory))
+        seconds = by_name(system.second_rates(variables, rates))
+        found = by_name(system.contact_forces(variables, memory))
         return {
             name: {
                 label: Sample(

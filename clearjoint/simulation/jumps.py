@@ -12,15 +12,13 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from ..dynamics.contact_events import Reach, Reaches, reaches
+from ..dynamics.contact_events import Reach, Reaches
 from ..dynamics.contact_forces import ContactForce, Memory, contact_force
-from ..dynamics.energy import ledger_powers
-from ..dynamics.equations_of_motion import evaluate_under
-from ..dynamics.formulation import Formulation
+from ..dynamics.system import System
 from ..math.groups import some
 from ..math.vectors import Scalar
 from ..model.scene import Scene
-from .step_state import Method, Variables
+from .step_state import Variables
 
 INSIDE = 1e-300
 """m: a depth at which a contact exists and nothing is compressed."""
@@ -34,8 +32,7 @@ def contacts_jump(scene: Scene) -> bool:
 
 
 def across_contacts(
-    method: Method,
-    scene: Scene,
+    system: System,
     before: Reaches,
     y: Variables,
     memory: Memory,
@@ -48,27 +45,23 @@ def across_contacts(
     """
 
     def pushed(y: Variables) -> Variables:
-        times = _times(scene, before, _reaches(method, scene, y))
-        forces = _surface_forces(method.formulation, scene, y, memory)
+        times = _times(system.scene, before, system.reaches(y.motion))
+        forces = _surface_forces(system, y, memory)
 
         def rates(times: Times) -> Variables:
             scaled = {
                 name: {label: _scaled(forces[name][label], time) for label, time in family.items()}
                 for name, family in times.items()
             }
-            dynamics = evaluate_under(scene, method.formulation, y.motion, scaled, t)
-            powers = ledger_powers(scene, dynamics, t) if method.formulation.ledger else {}
+            dynamics = system.dynamics_under(y.motion, scaled, t)
+            powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
         none = jax.tree.map(jnp.zeros_like, times)
         return _moved(y, jax.jvp(rates, (none,), (times,))[1])
 
-    changes = _any_changed(scene, before, _reaches(method, scene, y))
+    changes = _any_changed(system.scene, before, system.reaches(y.motion))
     return jax.lax.cond(lands & changes, pushed, lambda y: y, y)
-
-
-def _reaches(method: Method, scene: Scene, y: Variables) -> Reaches:
-    return reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
 
 
 def _jumping(scene: Scene) -> dict[str, list[str]]:
@@ -107,12 +100,12 @@ def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
 
 
 def _surface_forces(
-    formulation: Formulation, scene: Scene, y: Variables, memory: Memory
+    system: System, y: Variables, memory: Memory
 ) -> dict[str, dict[str, ContactForce]]:
     """The forces of closed contacts at the wall."""
-    motions, joints = formulation.coordinates.motions(scene, y.motion), scene.contact_joints()
+    motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: dict[str, dict[str, ContactForce]] = {}
-    for name, labels in _jumping(scene).items():
+    for name, labels in _jumping(system.scene).items():
         laws, contacts = joints[name].laws(), joints[name].contacts(motions)
         forces[name] = {}
         for label in labels:

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.energy import mechanical_energy
-from ..dynamics.equations_of_motion import Dynamics, evaluate
+from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.formulation import Formulation
 from ..dynamics.multipliers import row_rate
+from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
@@ -168,10 +169,10 @@ def observe_compiled(
 ) -> tuple[Any, ...]:
     """What there is to observe at times (N,) s, with N in front, in absolute coordinates."""
     scene = unpack(structure)
+    system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> tuple[Any, ...]:
-        variables = absolute.coordinates.encode(scene, unpack(state.bodies))
-        dynamics = evaluate(scene, absolute, variables, state.memory, t)
+        dynamics = system.dynamics(system.encode(unpack(state.bodies)), state.memory, t)
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)

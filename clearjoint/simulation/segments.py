@@ -10,12 +10,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ..dynamics.system import System
 from ..math.groups import by_name, gathered
 from ..math.vectors import Scalar, Structured, unpack
 from ..model.bodies import State
-from ..model.scene import Scene
 from .adjoint import PLAIN, AbstractLoops
 from .dense_output import look_inside
+from .method import Scheme
 from .step_state import Attempt, Method, Step, Variables
 from .stepping import not_tried, running, start
 
@@ -95,7 +96,7 @@ class Saved(eqx.Module):
 
 
 def begin(
-    method: Method,
+    scheme: Scheme,
     form: Structured,
     state: State,
     t0: Any,
@@ -105,16 +106,16 @@ def begin(
     record_rows: int | None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
-    method, scene = method.grouped(unpack(form))
-    bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
-    y = Variables(bodies, state.work if method.formulation.ledger else {})
-    memory = gathered(state.memory, scene.joints)
-    step = start(method, scene, t0, t_end, first_step, y, memory)
+    method, system = scheme.method, scheme.unpacked(form)
+    motion = system.encode(unpack(state.bodies))
+    y = Variables(motion, state.work if system.formulation.ledger else {})
+    memory = gathered(state.memory, system.scene.joints)
+    step = start(method, system, t0, t_end, first_step, y, memory)
     last = record = None
     if saves:
-        last = not_tried(method, scene, step, t_end)
+        last = not_tried(method, system, step, t_end)
     if record_rows is not None:
-        row = _row(method, scene, step)
+        row = _row(system, step)
         record = Rows.like(row, record_rows).with_row(row, 1)
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
@@ -123,7 +124,7 @@ def begin(
 
 
 def segment(
-    method: Method,
+    scheme: Scheme,
     form: Structured,
     progress: Progress,
     save_times: Any | None,
@@ -133,14 +134,14 @@ def segment(
 ) -> tuple[Progress, Saved | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
-    method, scene = method.grouped(unpack(form))
+    method, system = scheme.method, scheme.unpacked(form)
     if save_times is None:
-        return _run_and_record(method, scene, progress, t_end, t_end, attempts, loops), None
+        return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
 
     def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
-        now = _run_and_record(method, scene, now, time, t_end, attempts, loops)
+        now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
-        state = _state(method, scene, *look_inside(method, scene, now.last, time))
+        state = _state(system, *look_inside(method, system, now.last, time))
         return now, Saved(named(state), time <= now.step.t)
 
     return loops.each(save_next, progress, save_times)
@@ -154,7 +155,7 @@ def rewound(progress: Progress) -> Progress:
 
 def _run_and_record(
     method: Method,
-    scene: Scene,
+    system: System,
     progress: Progress,
     stop: Any,
     t_end: Any,
@@ -163,14 +164,14 @@ def _run_and_record(
 ) -> Progress:
     """Steps until one passes `stop`, emptying the record's block whenever it is full."""
     if progress.record is None:
-        return _run(method, scene, progress, stop, t_end, attempts, loops)
+        return _run(method, system, progress, stop, t_end, attempts, loops)
 
     def goes(now: Progress) -> Scalar:
         assert now.record is not None
         return _running(now, stop, t_end, attempts) & now.record.has_room()
 
     def go(now: Progress) -> Progress:
-        now = _run(method, scene, now, stop, t_end, attempts, loops)
+        now = _run(method, system, now, stop, t_end, attempts, loops)
         assert now.record is not None
         record = jax.lax.cond(
             now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
@@ -186,7 +187,7 @@ def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
 
 def _run(
     method: Method,
-    scene: Scene,
+    system: System,
     progress: Progress,
     stop: Any,
     t_end: Any,
@@ -200,23 +201,23 @@ def _run(
         return more if now.record is None else more & ~now.record.block_is_full()
 
     def go(now: Progress) -> Progress:
-        tried = loops.attempt(method, scene, now.step, t_end)
+        tried = loops.attempt(method, system, now.step, t_end)
         last, record = now.last, now.record
         if last is not None:
             last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
         if record is not None:
-            record = record.with_row(_row(method, scene, tried.step), tried.kept)
+            record = record.with_row(_row(system, tried.step), tried.kept)
         return Progress(tried.step, last, record)
 
     return loops.repeat(goes, go, progress)
 
 
-def _row(method: Method, scene: Scene, step: Step) -> Row:
-    return Row(step.t, _state(method, scene, step.y, step.memory))
+def _row(system: System, step: Step) -> Row:
+    return Row(step.t, _state(system, step.y, step.memory))
 
 
-def _state(method: Method, scene: Scene, y: Variables, memory: Any) -> State:
-    return State(method.formulation.coordinates.decode(scene, y.motion), memory, y.work)
+def _state(system: System, y: Variables, memory: Any) -> State:
+    return State(system.decode(y.motion), memory, y.work)
 
 
 def named(state: State) -> State:

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics.stabilisation import Projection
+from ..dynamics.system import System
 from ..fields.checks import require, require_names
 from ..math.vectors import Scalar
 from ..model.bodies import State
@@ -27,12 +27,14 @@ from ..quantities.base import check_quantity
 from ..quantities.instant import Instant
 from ..results import RESULTS
 from .batch.reductions import Quantity
-from .dense_output import look_inside, projected
+from .dense_output import corrected, look_inside
+from .method import Scheme
 from .settings import Integration
 from .solution import SimulationError
 from .spans import check_span, checked_times
 from .step_state import Attempt, Method, Step, Variables
 from .stepping import attempt, not_tried, running
+from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
 
 FEW_TIMES, GROWTH = 64, 8
@@ -58,7 +60,7 @@ class Sampled(eqx.Module):
 
 
 def followed(
-    method: Method,
+    scheme: Scheme,
     family: AbstractFamily,
     outputs: Mapping[str, Quantity],
     times: Any,
@@ -69,12 +71,13 @@ def followed(
 ) -> tuple[Sampled, Step, Step]:
     """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
     the first and the last step. Traceable."""
-    scene = family.scene(family.values)
-    first = start_with_tangents(method, family, t0, t_end, first_step)
-    last = not_tried(method, scene, first, t_end, family)
+    method, systems = scheme.method, SystemFamily(family, scheme.formulation)
+    system = systems.system()
+    first = start_with_tangents(method, systems, t0, t_end, first_step)
+    last = not_tried(method, system, first, t_end, systems)
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
-        tried = attempt(method, scene, now[0], t_end, family)
+        tried = attempt(method, system, now[0], t_end, systems)
         return tried.step, jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, now[1])
 
     def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
@@ -84,8 +87,8 @@ def followed(
         )
         found = jax.lax.cond(
             is_new,
-            lambda: _looked_at(method, family, outputs, last, time),
-            lambda: _nothing(family, outputs),
+            lambda: _looked_at(method, systems, outputs, last, time),
+            lambda: _nothing(systems, outputs),
         )
         return now, (*found, time <= step.t)
 
@@ -100,7 +103,7 @@ def followed(
 
 
 def _nothing(
-    family: AbstractFamily, outputs: Mapping[str, Quantity]
+    family: SystemFamily, outputs: Mapping[str, Quantity]
 ) -> tuple[dict[str, Scalar], dict[str, Any]]:
     """What stands in the place of quantities at a time that has been looked at."""
     along = jnp.zeros(len(family.values))
@@ -109,19 +112,17 @@ def _nothing(
 
 def _looked_at(
     method: Method,
-    family: AbstractFamily,
+    family: SystemFamily,
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
 ) -> tuple[dict[str, Scalar], dict[str, Any]]:
     """Quantities at an instant of an accepted step, and their derivatives."""
-    scene, formulation = family.scene(family.values), method.formulation
-    dense = look_inside(method, scene, tried, time)
+    dense = look_inside(method, family.system(), tried, time)
 
-    def observed(scene: Scene, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
-        if isinstance(formulation.stabilisation, Projection):
-            y = projected(scene, formulation, y, time)
-        now = Instant(scene, formulation, time, y.motion, memory, y.work)
+    def observed(system: System, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
+        y = corrected(system, y, time)
+        now = Instant(system, time, y.motion, memory, y.work)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
 
     values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))
@@ -193,7 +194,7 @@ def sensitivities(
     check_outputs(outputs, scene)
     check_parameters(parameters)
     integration = Integration() if integration is None else integration
-    method = integration.method(scene, state, start_time)
+    scheme = integration.scheme(scene, state, start_time)
     check_span(start_time, end_time)
     asked = checked_times(start_time, end_time, times, "times")
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
@@ -201,7 +202,7 @@ def sensitivities(
     span = (jnp.asarray(t, float) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
     found = jax.device_get(
         sampled_compiled(
-            method,
+            scheme,
             family,
             dict(outputs),
             jnp.asarray(padded(asked, end_time)),

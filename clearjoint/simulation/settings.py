@@ -11,9 +11,8 @@ from ..fields.checks import require, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
 from .dense_output import require_dense
-from .method import make_formulation, make_method
+from .method import Scheme, make_formulation, make_scheme
 from .run_checks import check_precision, check_structure, check_values
-from .step_state import Method
 from .time_decisions import require_declared
 
 LANDING_TOLERANCE = 1e-13
@@ -43,8 +42,8 @@ class Integration:
     landing_tolerance: float = LANDING_TOLERANCE
     max_steps: int = 1_000_000
 
-    def method(self, scene: Scene, state: State, start_time: float = 0.0) -> Method:
-        """The method for a scene.
+    def scheme(self, scene: Scene, state: State, start_time: float = 0.0) -> Scheme:
+        """How the scene's motion is computed.
 
         **Raises:** `ValueError` for a scene, state or setting that no run can use, and for an
         element that changes with time at instants it doesn't declare as `breakpoints`.
@@ -63,8 +62,8 @@ class Integration:
         coordinates = JointCoordinates() if self.coordinates is None else self.coordinates
         redundant = check_structure(scene, state, start_time, coordinates)
         formulation = make_formulation(coordinates, self.stabilisation, bool(redundant))
-        method = make_method(
+        scheme = make_scheme(
             self.solver, None, formulation, self.landing_tolerance, self.rtol, self.atol
         )
-        require_dense(method.solver)
-        return method
+        require_dense(scheme.method.solver)
+        return scheme

@@ -19,7 +19,7 @@ from ..results import RESULTS
 from .adjoint import loops_for
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
-from .method import make_formulation, make_method
+from .method import make_formulation, make_scheme
 from .run_checks import check_precision, check_structure, check_values
 from .segments import begin
 from .solution import SimulationError, Solution
@@ -122,13 +122,13 @@ def simulate(
     if redundant is None:
         redundant = bool(names)
     formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
-    method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
+    scheme = make_scheme(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
         first_step = 1e-6 * (end_time - start_time)
     record = (record_steps or record_impacts) and not traced
     form = structured(scene)
     now = begin_compiled(
-        method,
+        scheme,
         form,
         state,
         *(_array(value) for value in (start_time, end_time, first_step)),
@@ -136,9 +136,9 @@ def simulate(
         RECORD_ROWS if record else None,
     )
     if traced:
-        run = OnePiece(form, method, _array(end_time), names)
+        run = OnePiece(form, scheme, _array(end_time), names)
         return run.solution(now, _array(save_at), max_steps, loops_for(adjoint))
-    host = HostLoop(form, method, _array(end_time), names)
+    host = HostLoop(form, scheme, _array(end_time), names)
     collector = ImpactCollector(form, formulation) if record_impacts else None
     solution = host.solution(now, save_at, max_steps, collector, record_steps, progress)
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]

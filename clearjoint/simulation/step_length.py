@@ -7,16 +7,16 @@ import jax.numpy as jnp
 
 from ..dynamics.breakpoints import next_breakpoint
 from ..dynamics.contact_events import Reaches, begins
+from ..dynamics.system import System
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import BodyState
-from ..model.scene import Scene
 from .step_state import Method, Step, Variables
 
 
-def end_of_step(method: Method, scene: Scene, step: Step, t_end: Scalar) -> Scalar:
+def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
     """Where the step ends: where it is proposed to, or at the next breakpoint or event."""
     t1 = jnp.minimum(step.t_next, t_end)
-    breakpoint = next_breakpoint(scene, step.t)
+    breakpoint = next_breakpoint(system.scene, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
     if method.landing is None or not step.reaches:

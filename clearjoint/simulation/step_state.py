@@ -9,27 +9,17 @@ import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reaches
 from ..dynamics.contact_forces import Memory
-from ..dynamics.formulation import Formulation
-from ..dynamics.grouping.coordinates import grouped
 from ..math.vectors import Scalar
-from ..model.scene import Scene
 from ..results import RESULTS
 from .landing import Landing
 
 
 class Method(eqx.Module):
-    """How to integrate: solver, controller, formulation and landing."""
+    """How to integrate: solver, step-size controller and landing."""
 
     solver: diffrax.AbstractSolver
     controller: diffrax.AbstractStepSizeController
-    formulation: Formulation
     landing: Landing | None
-
-    def grouped(self, scene: Scene) -> "tuple[Method, Scene]":
-        """The scene (in scalar form) with its alike elements put together, and the method for it;
-        both as they are if there are none."""
-        formulation, scene = grouped(self.formulation, scene)
-        return Method(self.solver, self.controller, formulation, self.landing), scene
 
 
 class Variables(eqx.Module):

@@ -22,23 +22,19 @@ from ..dynamics.contact_events import (
     begins_at_once,
     has_memory,
     initial_memory,
-    reaches,
-    second_rates,
     too_deep,
     updated_memory,
 )
 from ..dynamics.contact_forces import Memory
-from ..dynamics.projection import off_prescribed
-from ..dynamics.state_rates import state_rates
+from ..dynamics.system import System
 from ..math.vectors import Scalar
-from ..model.scene import Scene
-from ..parametrisation.parametrised_scene import AbstractFamily
 from ..results import RESULTS
 from .jumps import across_contacts, contacts_jump
 from .program_size import shapes_of
 from .step_length import end_of_step, magnitudes, resumed, resumed_in_time
 from .step_state import Attempt, Method, Step, Tangents, TangentsInside, Variables, choose
 from .switches import across_breakpoints, joints_have_breakpoints
+from .systems import SystemFamily
 from .trial_step import Trial, graded_step, may_jump, term_of, tried
 from .unrolled_runge_kutta import UnrolledExplicit
 
@@ -52,7 +48,7 @@ by a thousandth of this at usual tolerances."""
 
 def start(
     method: Method,
-    scene: Scene,
+    system: System,
     t0: Scalar,
     t_end: Scalar,
     first_step: Scalar | None,
@@ -62,10 +58,10 @@ def start(
 ) -> Step:
     """What there is before the first step; `memory` is found unless it is given. `derivatives` tell
     that the step will carry them."""
-    found = reaches(scene, method.formulation.coordinates.motions(scene, y.motion))
-    memory = memory or initial_memory(scene, found)
-    y = Variables(y.motion, _ledger(method, scene, t0, y, memory, derivatives))
-    term, args = term_of(method), (scene, memory)
+    found = system.reaches(y.motion)
+    memory = memory or initial_memory(system.scene, found)
+    y = Variables(y.motion, _ledger(system, t0, y, memory, derivatives))
+    term, args = term_of(method), (system, memory)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, _error_order(method, term)
     )
@@ -80,7 +76,7 @@ def start(
             y,
             memory,
             found,
-            _second_rates(method, scene, y, solver_state, found),
+            _second_rates(method, system, y, solver_state, found),
             t_next - t0,
             begins_at_once(found),
             t_next - t0,
@@ -99,12 +95,10 @@ def _error_order(method: Method, term: diffrax.ODETerm) -> Any:
 
 
 def _ledger(
-    method: Method, scene: Scene, t: Scalar, y: Variables, memory: Memory, derivatives: bool
+    system: System, t: Scalar, y: Variables, memory: Memory, derivatives: bool
 ) -> dict[str, Scalar]:
     """The ledger's integrals at the start: those given, and zero for the others the scene has."""
-    _, powers = shapes_of(
-        lambda: state_rates(scene, method.formulation, y.motion, memory, t), derivatives
-    )
+    _, powers = shapes_of(lambda: system.rates(y.motion, memory, t), derivatives)
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
@@ -122,29 +116,29 @@ class Verdict(eqx.Module):
 
 
 def attempt(
-    method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
+    method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
     """Try one step, and accept it or propose a shorter one.
 
     If the step has tangents, `family` is that of the scene, and says along what they are.
     """
-    trial = tried(method, scene, step, end_of_step(method, scene, step, t_end), family)
+    trial = tried(method, system, step, end_of_step(method, system, step, t_end), family)
     t1, y1 = trial.t1, trial.taken.y
-    after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
-    verdict = _decided(method, scene, step, trial, after)
+    after = system.reaches(y1.motion)
+    verdict = _decided(method, system, step, trial, after)
     keep = verdict.keep
-    result = _result(method, scene, step, trial, verdict, after, t_end)
+    result = _result(system, step, trial, verdict, after, t_end)
     seconds = choose(
-        keep, _second_rates(method, scene, y1, trial.taken.solver_state, after), step.second_rates
+        keep, _second_rates(method, system, y1, trial.taken.solver_state, after), step.second_rates
     )
-    memory = _memory_after(method, scene, step, y1, after, t1, keep, seconds)
-    y1, y1_along = _across_jumps(method, scene, family, step, trial, keep)
-    if joints_have_breakpoints(scene):
-        after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
+    memory = _memory_after(method, system, step, y1, after, t1, keep, seconds)
+    y1, y1_along = _across_jumps(method, system, family, step, trial, keep)
+    if joints_have_breakpoints(system.scene):
+        after = system.reaches(y1.motion)
     tangents = inside = None
     if family is not None:
         assert step.tangents is not None and trial.tangents is not None
-        ahead = _tangents_after(method, family, step, trial, y1_along, seconds)
+        ahead = _tangents_after(family, step, trial, y1_along, seconds)
         tangents = choose(keep, ahead, step.tangents)
         inside = TangentsInside(step.tangents.memory, trial.tangents.information)
     advanced = Step(
@@ -159,7 +153,7 @@ def attempt(
         verdict.entering,
         choose(keep, trial.taken.solver_state, step.solver_state),
         verdict.controller_state,
-        jnp.where(keep, verdict.jumped | may_jump(method, scene), step.jumped),
+        jnp.where(keep, verdict.jumped | may_jump(method, system.scene), step.jumped),
         result,
         step.attempts + 1,
         step.accepted + keep,
@@ -176,10 +170,10 @@ def attempt(
     )
 
 
-def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reaches) -> Verdict:
+def _decided(method: Method, system: System, step: Step, trial: Trial, after: Reaches) -> Verdict:
     """What the controller says, unless the step must land on an event that it passes."""
     t1 = trial.t1
-    keep, t_next, jumped, controller_state, controller_result = _judged(method, scene, step, trial)
+    keep, t_next, jumped, controller_state, controller_result = _judged(method, system, step, trial)
     intended = t_next - jnp.where(keep, t1, step.t)
     enters, entering = step.enters, step.entering
     if method.landing is not None and after:
@@ -189,7 +183,7 @@ def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reac
         keep = keep & ~passes
         intended, enters, entering = resumed(step, after, t1, keep, lands, intended)
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + intended)
-    elif breakpoints(scene):
+    elif breakpoints(system.scene):
         intended = resumed_in_time(step, t1, keep, intended)
         t_next = jnp.where(keep, t1, step.t) + intended
     return Verdict(
@@ -197,7 +191,7 @@ def _decided(method: Method, scene: Scene, step: Step, trial: Trial, after: Reac
     )
 
 
-def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any, ...]:
+def _judged(method: Method, system: System, step: Step, trial: Trial) -> tuple[Any, ...]:
     """What the controller says: whether to keep the step, the end of the next, whether it jumped,
     its state and its result."""
     before, after, error = magnitudes(step.y), magnitudes(trial.taken.y), trial.taken.error
@@ -208,15 +202,15 @@ def _judged(method: Method, scene: Scene, step: Step, trial: Trial) -> tuple[Any
         error = error, jax.tree.map(lambda e: e / TANGENT_TOLERANCE, trial.tangents.error)
     order = _error_order(method, term_of(method))
     keep, _, t_next, jumped, state, result = method.controller.wrap(1).adapt_step_size(
-        step.t, trial.t1, before, after, (scene, step.memory), error, order, step.controller_state
+        step.t, trial.t1, before, after, (system, step.memory), error, order, step.controller_state
     )
     return keep, t_next, jumped, state, result
 
 
 def _across_jumps(
     method: Method,
-    scene: Scene,
-    family: AbstractFamily | None,
+    system: System,
+    family: SystemFamily | None,
     step: Step,
     trial: Trial,
     keep: Scalar,
@@ -224,29 +218,29 @@ def _across_jumps(
     """The variables at the end of a step, and their tangents if there are any, with what jumps of
     the forces there leave in them."""
     y1, along = trial.taken.y, None if trial.tangents is None else trial.tangents.y
-    contacts = method.landing is not None and contacts_jump(scene)
-    if not contacts and not breakpoints(scene):
+    contacts = method.landing is not None and contacts_jump(system.scene)
+    switches = bool(breakpoints(system.scene))
+    if not contacts and not switches:
         return y1, along
     t1 = trial.t1
 
-    def across(scene: Scene, y: Variables, memory: Memory) -> tuple[Variables, None]:
+    def across(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
         if contacts:
-            time = seen(scene, step.t, t1)
-            y = across_contacts(method, scene, step.reaches, y, memory, time, keep)
-        if breakpoints(scene):
-            y = across_breakpoints(method, scene, step.t, y, memory, t1, keep)
+            time = seen(system.scene, step.t, t1)
+            y = across_contacts(system, step.reaches, y, memory, time, keep)
+        if switches:
+            y = across_breakpoints(system, step.t, y, memory, t1, keep)
         return y, None
 
     if family is None:
-        return across(scene, y1, step.memory)[0], None
+        return across(system, y1, step.memory)[0], None
     assert step.tangents is not None
     y1, _, along = family.pushed(across, (y1, step.memory), (along, step.tangents.memory))
     return y1, along
 
 
 def _tangents_after(
-    method: Method,
-    family: AbstractFamily,
+    family: SystemFamily,
     step: Step,
     trial: Trial,
     y_along: Any,
@@ -260,9 +254,9 @@ def _tangents_after(
     taken, along = trial.tangents, step.tangents
     assert taken is not None and along is not None
 
-    def memory_after(scene: Scene, y1: Variables, memory: Memory) -> tuple[Memory, None]:
-        after = reaches(scene, method.formulation.coordinates.motions(scene, y1.motion))
-        return updated_memory(scene, memory, step.reaches, after, seconds), None
+    def memory_after(system: System, y1: Variables, memory: Memory) -> tuple[Memory, None]:
+        after = system.reaches(y1.motion)
+        return updated_memory(system.scene, memory, step.reaches, after, seconds), None
 
     memory, _, memory_tangents = family.pushed(
         memory_after, (trial.taken.y, step.memory), (taken.y, along.memory)
@@ -272,7 +266,7 @@ def _tangents_after(
 
 def _memory_after(
     method: Method,
-    scene: Scene,
+    system: System,
     step: Step,
     y1: Variables,
     after: Reaches,
@@ -281,23 +275,23 @@ def _memory_after(
     seconds: Any,
 ) -> Memory:
     """The memory if the step is accepted."""
-    if not has_memory(scene):
+    if not has_memory(system.scene):
         return step.memory
     if not isinstance(method.solver, UnrolledExplicit):
         seconds = jax.lax.cond(
             keep & begins(step.reaches, after),
-            lambda: _end_second_rates(method, scene, step, y1, t1),
+            lambda: _end_second_rates(method, system, step, y1, t1),
             lambda: seconds,
         )
-    return updated_memory(scene, step.memory, step.reaches, after, seconds)
+    return updated_memory(system.scene, step.memory, step.reaches, after, seconds)
 
 
 def _second_rates(
-    method: Method, scene: Scene, y: Variables, solver_state: Any, found: Reaches
+    method: Method, system: System, y: Variables, solver_state: Any, found: Reaches
 ) -> Any:
     """Second derivatives of the gaps where the solver has the rates of the variables; else zero."""
     if found and isinstance(method.solver, UnrolledExplicit):
-        return second_rates(scene, method.formulation, y.motion, solver_state.motion)
+        return system.second_rates(y.motion, solver_state.motion)
     return jax.tree.map(
         lambda reach: jnp.zeros_like(reach.rate),
         found,
@@ -305,15 +299,14 @@ def _second_rates(
     )
 
 
-def _end_second_rates(method: Method, scene: Scene, step: Step, y1: Variables, t1: Scalar) -> Any:
+def _end_second_rates(method: Method, system: System, step: Step, y1: Variables, t1: Scalar) -> Any:
     """Second derivatives of the gaps at the end of a step."""
-    rates = term_of(method).vf(t1, y1, (scene, step.memory))
-    return second_rates(scene, method.formulation, y1.motion, rates.motion)
+    rates = term_of(method).vf(t1, y1, (system, step.memory))
+    return system.second_rates(y1.motion, rates.motion)
 
 
 def _result(
-    method: Method,
-    scene: Scene,
+    system: System,
     step: Step,
     trial: Trial,
     verdict: Verdict,
@@ -330,9 +323,8 @@ def _result(
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if after:
-        result = RESULTS.where(keep & too_deep(scene, after), RESULTS.left_bearing, result)
-    time = seen(scene, step.t, trial.t1)
-    off = off_prescribed(scene, method.formulation, trial.taken.y.motion, time)
+        result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
+    off = system.off_prescribed(trial.taken.y.motion, seen(system.scene, step.t, trial.t1))
     if off is not None:
         result = RESULTS.where(keep & (off > FOLLOWED), RESULTS.not_followed, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
@@ -340,10 +332,10 @@ def _result(
 
 
 def not_tried(
-    method: Method, scene: Scene, step: Step, t_end: Scalar, family: AbstractFamily | None = None
+    method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
     """A step before the first attempt, in the form of one."""
-    shapes = jax.eval_shape(lambda: attempt(method, scene, step, t_end, family))
+    shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     return eqx.tree_at(lambda a: a.step, zeros, step)
 

@@ -14,14 +14,12 @@ import jax.numpy as jnp
 
 from ..dynamics.breakpoints import breakpoints, seen, since_breakpoints
 from ..dynamics.contact_forces import Memory
-from ..dynamics.energy import mechanical_energy
-from ..dynamics.projection import project_velocities
-from ..dynamics.state_rates import state_rates
+from ..dynamics.system import System
 from ..math.vectors import Scalar
 from ..model.bodies import NO_WRENCH, Wrench
 from ..model.joints.base import AbstractForce, Motions
 from ..model.scene import Scene
-from .step_state import Method, Variables
+from .step_state import Variables
 
 
 class SwitchedForce(AbstractForce):
@@ -57,8 +55,7 @@ class SwitchedForce(AbstractForce):
 
 
 def across_breakpoints(
-    method: Method,
-    scene: Scene,
+    system: System,
     start: Scalar,
     y: Variables,
     memory: Memory,
@@ -69,14 +66,15 @@ def across_breakpoints(
 
     `memory` is that at its start.
     """
+    scene = system.scene
     since = since_breakpoints(scene, start, t)
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
     before, after = seen(scene, start, t), seen(scene, t, t)
 
     def rates(shares: dict[str, Scalar], y: Variables, time: Scalar) -> Variables:
-        switched = _switched(scene, before, after, shares)
-        found = state_rates(switched, method.formulation, y.motion, memory, time)
+        switched = _switched(system, before, after, shares)
+        found = switched.rates(y.motion, memory, time)
         return jax.tree.map(jnp.asarray, Variables(*found))
 
     none = {name: jnp.zeros(()) for name in forces}
@@ -85,7 +83,7 @@ def across_breakpoints(
         if joints:
             time = _mean(joints)
             y = _moved(y, rates(none, y, before), -time)
-            y = _kicked(method, _switched(scene, before, after, none), y, after - time)
+            y = _kicked(_switched(system, before, after, none), y, after - time)
             y = _moved(y, rates(none, y, after), time)
         if forces:
             times = {name: time for name, (_, time) in forces.items()}
@@ -98,13 +96,13 @@ def across_breakpoints(
     return jax.lax.cond(kept & lands, crossed, lambda y: y, y)
 
 
-def _switched(scene: Scene, before: Scalar, after: Scalar, shares: dict[str, Scalar]) -> Scene:
-    """The scene with given shares of what its forces with breakpoints change by."""
+def _switched(system: System, before: Scalar, after: Scalar, shares: dict[str, Scalar]) -> System:
+    """The system with given shares of what its forces with breakpoints change by."""
     forces = {
         name: SwitchedForce(force, before, after, shares[name]) if name in shares else force
-        for name, force in scene.forces.items()
+        for name, force in system.scene.forces.items()
     }
-    return eqx.tree_at(lambda s: s.forces, scene, forces)
+    return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
 
 
 def _mean(since: dict[str, tuple[Scalar, Scalar]]) -> Scalar:
@@ -118,20 +116,15 @@ def _moved(y: Variables, rates: Variables, time: Scalar) -> Variables:
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 
-def _kicked(method: Method, scene: Scene, y: Variables, t: Scalar) -> Variables:
+def _kicked(system: System, y: Variables, t: Scalar) -> Variables:
     """The variables with velocities as the constraints want them from t on; what their impulse
     brings in is booked as supplied."""
-    motion = project_velocities(scene, method.formulation, y.motion, t)
+    motion = system.project_velocities(y.motion, t)
     work = y.work
     if "supplied" in work:
-        brought = _kinetic(method, scene, motion, t) - _kinetic(method, scene, y.motion, t)
-        work = {**work, "supplied": work["supplied"] + brought}
+        after, before = (system.energies(at, t)["kinetic"] for at in (motion, y.motion))
+        work = {**work, "supplied": work["supplied"] + (after - before)}
     return Variables(motion, work)
-
-
-def _kinetic(method: Method, scene: Scene, motion: Any, t: Scalar) -> Scalar:
-    motions = method.formulation.coordinates.motions(scene, motion)
-    return mechanical_energy(scene, motions, t)["kinetic"]
 
 
 def joints_have_breakpoints(scene: Scene) -> bool:

@@ -10,22 +10,21 @@ import jax.numpy as jnp
 from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import closed, has_memory
 from ..dynamics.contact_forces import Memory
-from ..dynamics.stabilisation import Projection
-from ..dynamics.state_rates import state_rates
+from ..dynamics.system import System
 from ..math.groups import total
 from ..math.vectors import Scalar
 from ..model.scene import Scene
-from ..parametrisation.parametrised_scene import AbstractFamily
-from .dense_output import projected
+from .dense_output import corrected
 from .jumps import contacts_jump
 from .step_state import Method, Step, Variables, choose
+from .systems import SystemFamily
 from .unrolled_runge_kutta import UnrolledExplicit
 
 REJECTED_ERROR = 1e30
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """The rates of the variables, as diffrax takes them; the arguments are scene and memory.
+    """The rates of the variables, as diffrax takes them; the arguments are system and memory.
 
     Of a `step` that lands, those of its open and closed contacts.
     """
@@ -33,9 +32,9 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     modes = closed(step.reaches) if step is not None and lands else None
 
     def field(t: Scalar, y: Variables, args: Any) -> Variables:
-        scene, memory = args
-        t = seen(scene, t if step is None else step.t, t)
-        rates = Variables(*state_rates(scene, method.formulation, y.motion, memory, t, modes))
+        system, memory = args
+        t = seen(system.scene, t if step is None else step.t, t)
+        rates = Variables(*system.rates(y.motion, memory, t, modes))
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
     return diffrax.ODETerm(field)
@@ -68,34 +67,33 @@ def graded_step(method: Method, step: Step) -> Scalar | None:
 
 
 def tried(
-    method: Method, scene: Scene, step: Step, t1: Scalar, family: AbstractFamily | None
+    method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """The solver's step, projected if steps are, and settled. What is not finite stays where it
     was."""
-    made_jump = step.jumped if may_jump(method, scene) else False
+    made_jump = step.jumped if may_jump(method, system.scene) else False
     graded = graded_step(method, step)
     options = {} if graded is None else {"graded": graded}
 
-    def taken(scene: Scene, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
+    def taken(system: System, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
         y1, error, information, solver_state, result = method.solver.step(
             term_of(method, step),
             step.t,
             t1,
             y,
-            (scene, memory),
+            (system, memory),
             solver_state,
             made_jump,
             **options,
         )
-        if isinstance(method.formulation.stabilisation, Projection):
-            y1 = projected(scene, method.formulation, y1, seen(scene, step.t, t1))
-        y1, solver_state = _settled(method, scene, y1, solver_state)
+        y1 = corrected(system, y1, seen(system.scene, step.t, t1))
+        y1, solver_state = _settled(system, y1, solver_state)
         assert isinstance(error, Variables)
         return Taken(y1, error, information, solver_state), result
 
     start = step.y, step.memory, step.solver_state
     if family is None:
-        found, result = taken(scene, *start)
+        found, result = taken(system, *start)
         finite, tangents = _all_finite((found.y, found.error)), None
     else:
         assert step.tangents is not None
@@ -106,22 +104,17 @@ def tried(
     return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
 
 
-def _settled(
-    method: Method, scene: Scene, y: Variables, solver_state: Any
-) -> tuple[Variables, Any]:
+def _settled(system: System, y: Variables, solver_state: Any) -> tuple[Variables, Any]:
     """The variables in numbers that don't drift in many steps, and what the solver keeps of their
     rates to match."""
-
-    def settled(motion: Any) -> Any:
-        return method.formulation.coordinates.settled(scene, motion)
 
     def matched(node: Any) -> Any:
         if not isinstance(node, Variables):
             return node
-        return Variables(jax.jvp(settled, (y.motion,), (node.motion,))[1], node.work)
+        return Variables(jax.jvp(system.settled, (y.motion,), (node.motion,))[1], node.work)
 
     kept = jax.tree.map(matched, solver_state, is_leaf=lambda node: isinstance(node, Variables))
-    return Variables(settled(y.motion), y.work), kept
+    return Variables(system.settled(y.motion), y.work), kept
 
 
 def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:

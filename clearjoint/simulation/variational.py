@@ -12,34 +12,34 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_forces import Memory
+from ..dynamics.system import System
 from ..math.vectors import Scalar
-from ..model.scene import Scene
-from ..parametrisation.parametrised_scene import AbstractFamily
 from .dense_output import dense_time
 from .step_state import Attempt, Method, Step, Tangents, Variables, choose
 from .stepping import start
+from .systems import SystemFamily
 from .trial_step import term_of
 
 
 def start_with_tangents(
-    method: Method, family: AbstractFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
+    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """`start` for a family of scenes, with the derivatives of the initial state."""
+    """`start` for a family of systems, with the derivatives of the initial state."""
 
-    def begun(scene: Scene, values: Any) -> tuple[tuple[Variables, Memory], None]:
+    def begun(system: System, values: Any) -> tuple[tuple[Variables, Memory], None]:
         state = family.start(values)
-        motion = method.formulation.coordinates.encode(scene, state.bodies)
+        motion = system.encode(state.bodies)
         return (Variables(motion, {}), jax.tree.map(jnp.asarray, state.memory)), None
 
     count = len(family.values)
     (y, memory), _, (y_along, memory_along) = family.pushed(
         begun, (family.values,), (jnp.eye(count),)
     )
-    scene = family.scene(family.values)
-    step = start(method, scene, t0, t_end, first_step, y, memory, derivatives=True)
+    system = family.system()
+    step = start(method, system, t0, t_end, first_step, y, memory, derivatives=True)
 
-    def rates(scene: Scene, y: Variables, memory: Memory) -> tuple[Any, None]:
-        return method.solver.init(term_of(method), t0, t_end, y, (scene, memory)), None
+    def rates(system: System, y: Variables, memory: Memory) -> tuple[Any, None]:
+        return method.solver.init(term_of(method), t0, t_end, y, (system, memory)), None
 
     nothing = jnp.zeros(count)
     y_along = Variables(y_along.motion, dict.fromkeys(step.y.work, nothing))

@@ -28,10 +28,9 @@ from ..simulation.batch.device_pool import Common, Task
 from ..simulation.batch.lane import Plan
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.dense_output import require_dense
-from ..simulation.method import make_formulation, make_method
+from ..simulation.method import Scheme, make_formulation, make_scheme
 from ..simulation.run_checks import check_precision, check_values
 from ..simulation.spans import checked_times
-from ..simulation.step_state import Method
 from .axes import Axis, Lanes, lanes_of, touched
 from .executors import run_chunks
 from .layout import RESULT, Coordinate, Layout, check_array_names
@@ -144,8 +143,8 @@ def sweep(
     coordinates = JointCoordinates() if coordinates is None else coordinates
     lanes, redundant = checked_starts(lanes, start_time, coordinates)
     formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
-    method = make_method(solver, controller, formulation, landing_tolerance, rtol, atol)
-    common = _common(lanes, method, outputs, start_time, max_steps)
+    scheme = make_scheme(solver, controller, formulation, landing_tolerance, rtol, atol)
+    common = _common(lanes, scheme, outputs, start_time, max_steps)
     tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
     if path is None:
         trace, store = None, SweepMemory(layout)
@@ -163,16 +162,16 @@ def sweep(
 
 
 def _common(
-    lanes: Lanes, method: Method, outputs: Mapping[str, Output], start_time: float, max_steps: int
+    lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
     """What the lanes share: how they are run, and what is kept of them."""
     saved = next((name for name, o in outputs.items() if isinstance(o, Saved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
     if recorded:
-        require_dense(method.solver)
+        require_dense(scheme.method.solver)
     plan = Plan(
-        method,
+        scheme,
         {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)},
         {name: section.condition for name, section in sections.items()},
         bool(saved),

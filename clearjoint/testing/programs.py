@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
-from ..dynamics.state_rates import state_rates
+from ..dynamics.system import System
 from ..math.groups import gathered
 from ..math.vectors import Scalar, Structured, structured, unpack
 from ..model.bodies import State
@@ -30,10 +30,12 @@ from ..simulation.batch.device_pool import Common, Seat, advance, begin
 from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
 from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
+from ..simulation.method import Scheme
 from ..simulation.sensitivities import Sampled, sampled_compiled
 from ..simulation.settings import Integration
 from ..simulation.step_state import Method, Step, Variables
 from ..simulation.stepping import attempt, start
+from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
 from ..sweeps.work import Work, extent
 
@@ -45,14 +47,14 @@ FIRST_STEP, END = 1e-6, 1e9
 
 @dataclass(frozen=True)
 class Stepper:
-    """A method at work on a scene: what happens at a step, as functions of the step.
+    """A method at work on a system: what happens at a step, as functions of the step.
 
     With a `family`, derivatives go along. All functions can be traced, and mapped over steps.
     """
 
     method: Method
-    scene: Scene
-    family: AbstractFamily | None = None
+    system: System
+    family: SystemFamily | None = None
 
     def integrated(self, step: Step) -> Any:
         """The numbers that are integrated; derivatives among them if there are any."""
@@ -67,12 +69,11 @@ class Stepper:
     def rates(self, step: Step) -> Any:
         """The right-hand side: rates of what is integrated."""
 
-        def rates(scene: Scene, y: Variables, memory: Any) -> tuple[Variables, None]:
-            found = state_rates(scene, self.method.formulation, y.motion, memory, step.t)
-            return Variables(*found), None
+        def rates(system: System, y: Variables, memory: Any) -> tuple[Variables, None]:
+            return Variables(*system.rates(y.motion, memory, step.t)), None
 
         if self.family is None:
-            return rates(self.scene, step.y, step.memory)[0]
+            return rates(self.system, step.y, step.memory)[0]
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.memory
         value, _, derivatives = self.family.pushed(rates, (step.y, step.memory), along)
@@ -100,7 +101,7 @@ class Stepper:
 
     def attempt(self, step: Step) -> Step:
         """A step as a run tries it, landing, memory and acceptance included."""
-        return attempt(self.method, self.scene, step, jnp.asarray(jnp.inf), self.family).step
+        return attempt(self.method, self.system, step, jnp.asarray(jnp.inf), self.family).step
 
     def _solved(self, step: Step, length: float) -> tuple[Any, Any, Any]:
         t0, solver = step.t, self.method.solver
@@ -114,7 +115,7 @@ class Stepper:
 
         def rates(t: Any, y: Variables, args: Any) -> Variables:
             del args
-            found = state_rates(self.scene, self.method.formulation, y.motion, step.memory, t)
+            found = self.system.rates(y.motion, step.memory, t)
             return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), Variables(*found))
 
         return diffrax.ODETerm(rates)
@@ -123,7 +124,7 @@ class Stepper:
 class RunProgram(eqx.Module):
     """A run before its first `step`."""
 
-    method: Method
+    scheme: Scheme
     form: Structured
     step: Step
     family: AbstractFamily | None
@@ -149,28 +150,29 @@ class RunProgram(eqx.Module):
 
         **Raises:** `ValueError` for a scene, state or setting that no run can use.
         """
-        method = integration.method(scene, state, time)
+        scheme = integration.scheme(scene, state, time)
         if ledger:
-            formulation = replace(method.formulation, ledger=True)
-            method = eqx.tree_at(lambda m: m.formulation, method, formulation)
+            scheme = replace(scheme, formulation=replace(scheme.formulation, ledger=True))
         form = structured(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
-            grouped, inside = method.grouped(unpack(form))
-            motion = grouped.formulation.coordinates.encode(inside, unpack(state.bodies))
-            memory = gathered(state.memory, inside.joints)
-            step = start(grouped, inside, *span, Variables(motion, {}), memory)
-            return RunProgram(method, form, step, None)
+            system = scheme.unpacked(form)
+            motion = system.encode(unpack(state.bodies))
+            memory = gathered(state.memory, system.scene.joints)
+            step = start(scheme.method, system, *span, Variables(motion, {}), memory)
+            return RunProgram(scheme, form, step, None)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
-        return RunProgram(method, form, start_with_tangents(method, family, *span), family)
+        systems = SystemFamily(family, scheme.formulation)
+        return RunProgram(scheme, form, start_with_tangents(scheme.method, systems, *span), family)
 
     def stepper(self) -> Stepper:
         """What happens at a step. Inside a traced function, the scene's numbers are those given to
         it."""
         if self.family is not None:
-            return Stepper(self.method, self.family.scene(self.family.values), self.family)
-        return Stepper(*self.method.grouped(unpack(self.form)))
+            systems = SystemFamily(self.family, self.scheme.formulation)
+            return Stepper(self.scheme.method, systems.system(), systems)
+        return Stepper(self.scheme.method, self.scheme.unpacked(self.form))
 
 
 @dataclass(frozen=True)
@@ -202,7 +204,8 @@ class SweepProgram:
 
     def stepper(self, seat: Seat) -> Stepper:
         """What happens at a step of a seat's lane, which is ``seat.lane.step``. Traceable."""
-        return Stepper(*self._common.plan.method.grouped(self._common.scene(seat.task)))
+        scheme = self._common.plan.scheme
+        return Stepper(scheme.method, scheme.system(self._common.scene(seat.task)))
 
     def turn(self, seat: Seat) -> Callable[[Lane], Lane]:
         """What a turn makes of a seat's lane, which is ``seat.lane``: a step, reductions, what is
@@ -260,7 +263,7 @@ def compiled_sensitivities(
     """
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
-    method, end = integration.method(scene, state), jnp.asarray(end_time)
+    scheme, end = integration.scheme(scene, state), jnp.asarray(end_time)
     limit = jnp.asarray(integration.max_steps, int)
     span = (end[None], jnp.zeros(()), end, 1e-6 * end, limit)
-    return lambda: sampled_compiled(method, family, dict(outputs), *span)
+    return lambda: sampled_compiled(scheme, family, dict(outputs), *span)

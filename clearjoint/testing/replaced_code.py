@@ -6,17 +6,16 @@ from types import MappingProxyType
 from typing import Any
 from unittest.mock import patch
 
-from ..dynamics import contact_forces, state_rates
+from ..dynamics import contact_forces, system
 from ..dynamics.joint_coordinates import branches
 from ..dynamics.joint_coordinates import spatial_inertia as inertia
+from ..dynamics.system import System
 from ..model.contact.friction import RegularisedCoulomb
 from ..model.joints import axial, clearance
 from ..model.joints import motion_subspaces as freedoms
 from ..parametrisation.parametrised_scene import AbstractFamily
 from ..simulation import stepping
-from ..simulation import trial_step as trial
 from ..simulation.landing import Landing
-from . import programs
 
 FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(
     {
@@ -32,11 +31,11 @@ FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(
             (Landing, "due"),
             (Landing, "retry"),
             (stepping, "updated_memory"),
-            (stepping, "second_rates"),
+            (System, "second_rates"),
         ),
         "friction": ((RegularisedCoulomb, "force"), (clearance, "slip_velocity")),
         "end play": ((axial.EndPlay, "shoulder_gap"),),
-        "energy ledger": ((state_rates, "ledger_powers"),),
+        "energy ledger": ((system, "ledger_powers"),),
         "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
     }
 )
@@ -64,11 +63,9 @@ def _missing(name: str) -> Callable[..., Any]:
 def equations_of_motion(rates: Callable[..., Any]) -> Iterator[None]:
     """Inside, steps are traced with other equations of motion.
 
-    **Arguments:** `rates`: a function of the scene (in scalar form), formulation, variables, memory
-    (entry speeds, m/s, by joint and contact), time, s, and, perhaps, which contacts are closed, by
-    joint and contact; it returns the variables' rates and the powers of the ledger.
+    **Arguments:** `rates`: a function of the `System` (whose `scene` is in scalar form), variables,
+    memory (entry speeds, m/s, by joint and contact), time, s, and, perhaps, which contacts are
+    closed, by joint and contact; it returns the variables' rates and the powers of the ledger.
     """
-    with ExitStack() as patches:
-        for module in (trial, stepping, programs):
-            patches.enter_context(patch.object(module, "state_rates", rates))
+    with patch.object(System, "rates", rates):
         yield

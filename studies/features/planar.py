@@ -24,7 +24,6 @@ from clearjoint.extend import (
     AbstractStiffness,
     Contact,
     EulerParameters,
-    Formulation,
     Gap,
     JointState,
     Matrix,
@@ -33,6 +32,7 @@ from clearjoint.extend import (
     Relative,
     Row,
     Scalar,
+    System,
     Twist,
     Vector,
     contact_normal_force,
@@ -197,8 +197,7 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
 
 
 def slider_crank_rates(
-    scene: cj.Scene,
-    formulation: Formulation,
+    system: System,
     variables: Any,
     memory: Any,
     t: Scalar,
@@ -209,6 +208,7 @@ def slider_crank_rates(
     Angles of crank and rod (relative), and the slider's distance; both bases are pressed alike, at
     the force of base V.
     """
+    scene = system.scene
     crank, rod, slider = (variables[name] for name in ("crank", "rod", "slider"))
     (turn,), (bend,), (slide,) = crank.speeds, rod.speeds, slider.speeds
     swing, along = turn + bend, crank.position + rod.position
@@ -242,7 +242,7 @@ def slider_crank_rates(
         motor: Any = scene.joints["motor"]
         error = crank.position - motor.angle(t)
         wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
-        turn_rate = formulation.stabilisation.target(wrapped, turn - motor.speed)
+        turn_rate = system.formulation.stabilisation.target(wrapped, turn - motor.speed)
     else:
         body, mixed = scene.bodies["crank"], coupling * cos_bend
         own = body.inertia.z + body.mass * (0.5 * r) ** 2 + mass * r * r

@@ -13,17 +13,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_events import reaches, second_rates
-from clearjoint.dynamics.energy import ledger_powers, mechanical_energy
-from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.grouping import condensing as grouping
 from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
-from clearjoint.dynamics.grouping.coordinates import Views, folded, grouped
+from clearjoint.dynamics.grouping.coordinates import Views, folded
+from clearjoint.dynamics.system import System
 from clearjoint.math.groups import Several, by_name, each, gathered
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.simulation import host_run as running
-from clearjoint.simulation.method import make_method
+from clearjoint.simulation.method import make_scheme
 from clearjoint.simulation.segments import begin, segment
 from clearjoint.simulation.step_state import Variables
 from clearjoint.simulation.stepping import attempt, start
@@ -80,22 +78,20 @@ def told(coordinates, scene, state, together):
     """What the equations of motion say, by the elements' own names."""
 
     formulation, scene = Formulation(coordinates, ledger=True), unpack(structured(scene))
-    if together:
-        formulation, scene = grouped(formulation, scene)
-        assert groups(scene)
-    variables = formulation.coordinates.encode(scene, unpack(state.bodies))
-    variables = jax.tree.map(jnp.asarray, variables)
-    memory, t = gathered(state.memory, scene.joints), jnp.zeros(())
-    dynamics = evaluate(scene, formulation, variables, memory, t)
+    system = System.of(scene, formulation) if together else System(scene, formulation)
+    assert together == bool(groups(system.scene))
+    variables = jax.tree.map(jnp.asarray, system.encode(unpack(state.bodies)))
+    memory, t = gathered(state.memory, system.scene.joints), jnp.zeros(())
+    dynamics = system.dynamics(variables, memory, t)
     rates = jax.tree.map(jnp.asarray, dynamics.variable_rates)
     return {
-        "bodies": by_name(formulation.coordinates.decode(scene, variables)),
+        "bodies": by_name(system.decode(variables)),
         "accelerations": dynamics.accelerations,
         "forces": by_name(dynamics.contact_forces),
-        "reaches": by_name(reaches(scene, dynamics.motions)),
-        "second rates": by_name(second_rates(scene, formulation, variables, rates)),
-        "energy": mechanical_energy(scene, dynamics.motions, t),
-        "powers": ledger_powers(scene, dynamics, t),
+        "reaches": by_name(system.reaches(variables)),
+        "second rates": by_name(system.second_rates(variables, rates)),
+        "energy": system.energies(variables, t),
+        "powers": system.powers(dynamics, t),
     }
 
 
@@ -145,19 +141,19 @@ def attempts(smallest, growth):
     scene = eqx.tree_at(lambda s: [joint.clearance for joint in s.joints.values()], scene, wider)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grouping, "SMALLEST", smallest)
-        method = make_method(diffrax.Heun(), None, Formulation(ledger=True), 1e-12, 1e-2, None)
-        method, scene = method.grouped(unpack(structured(scene)))
+        scheme = make_scheme(diffrax.Heun(), None, Formulation(ledger=True), 1e-12, 1e-2, None)
+        method, system = scheme.method, scheme.unpacked(structured(scene))
         state = shaken(state)
-        bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
-        memory = gathered(state.memory, scene.joints)
+        bodies = system.encode(unpack(state.bodies))
+        memory = gathered(state.memory, system.scene.joints)
         t0, t_end, first = (jnp.asarray(t) for t in (0.0, 1.0, 1e-10))
-        steps = [start(method, scene, t0, t_end, first, Variables(bodies, {}), memory)]
-        steps.append(attempt(method, scene, steps[-1], t_end).step)
+        steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), memory)]
+        steps.append(attempt(method, system, steps[-1], t_end).step)
     found = [
         (
             (step.t, step.t_next, step.intended, step.y.work),
             [by_name(part) for part in (step.memory, step.reaches, step.second_rates)],
-            by_name(method.formulation.coordinates.decode(scene, step.y.motion)),
+            by_name(system.decode(step.y.motion)),
         )
         for step in steps
     ]

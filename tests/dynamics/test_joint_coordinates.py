@@ -11,9 +11,8 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
-from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.projection import is_constrained, project_positions, project_velocities
+from clearjoint.dynamics.system import System
 from clearjoint.fields.checks import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
@@ -158,8 +157,8 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
         form = unpack(scene)
         bodies = JOINT.decode(form, variables)
         again = JOINT.encode(form, bodies)
-        of_joints = evaluate(form, Formulation(JOINT), variables, {}, 0.0)
-        absolute = evaluate(form, Formulation(ABSOLUTE), bodies, {}, 0.0)
+        of_joints = System(form, Formulation(JOINT)).dynamics(variables, {}, 0.0)
+        absolute = System(form, Formulation(ABSOLUTE)).dynamics(bodies, {}, 0.0)
 
         def motions(variables):
             return arrays({name: JOINT.motions(form, variables)[name] for name in form.bodies})
@@ -203,7 +202,7 @@ def test_mechanisms_accelerate_as_in_absolute_coordinates(mechanism, redundant, 
             scene = unpack(form)
             variables = coordinates.encode(scene, unpack(state.bodies))
             formulation = Formulation(coordinates, redundant=redundant)
-            found = evaluate(scene, formulation, variables, memory, 0.0)
+            found = System(scene, formulation).dynamics(variables, memory, 0.0)
             return arrays(found.accelerations), sum(map(len, found.rows.values()))
 
         return eqx.filter_jit(at)(form, state)
@@ -283,12 +282,12 @@ def test_a_tree_solves_no_constraints(monkeypatch):
     scene, state = cj.double_pendulum()
     scene, bodies = unpack(structured(scene)), unpack(state.bodies)
     variables, memory = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
-    formulation = Formulation(JOINT, cj.Projection())
-    assert evaluate(scene, formulation, variables, memory, 0.0).multipliers == {}
-    assert not is_constrained(scene, formulation, variables, 0.0)
-    assert is_constrained(scene, Formulation(ABSOLUTE), ABSOLUTE.encode(scene, bodies), 0.0)
-    for project in (project_positions, project_velocities):
-        assert project(scene, formulation, variables, 0.0) is variables
+    system = System(scene, Formulation(JOINT, cj.Projection()))
+    assert system.dynamics(variables, memory, 0.0).multipliers == {}
+    assert not system.is_constrained(variables, 0.0)
+    absolute = System(scene, Formulation(ABSOLUTE))
+    assert absolute.is_constrained(absolute.encode(bodies), 0.0)
+    assert system.project(variables, 0.0) is variables
 
 
 def test_state_that_violates_an_eliminated_joint_is_refused():

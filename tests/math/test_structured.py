@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Matrix, Vector, pack, structured, unpack
 
 
@@ -66,7 +66,7 @@ def test_structure_changes_no_rate(clearance):
         scene = unpack(form)
         variables = coordinates.encode(scene, unpack(bodies))
         memory = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
-        found, _ = state_rates(scene, formulation, variables, memory, 0.0)
+        found, _ = System(scene, formulation).rates(variables, memory, 0.0)
         return jax.tree.map(jnp.asarray, found)
 
     plain, pruned = (jax.tree.leaves(rates(form)) for form in (scene, structured(scene)))

@@ -27,8 +27,8 @@ from clearjoint import (
 )
 from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
 from clearjoint.dynamics.contact_forces import contact_forces
-from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import EulerParameters, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState
 from clearjoint.testing import moving
@@ -95,7 +95,7 @@ MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
 
 def dynamics(**options):
     scene = random_scene(**options)
-    return evaluate(scene, Formulation(COORDINATES), random_states(), MEMORY, 0.0)
+    return System(scene, Formulation(COORDINATES)).dynamics(random_states(), MEMORY, 0.0)
 
 
 def turned(body, rows):
@@ -296,7 +296,8 @@ def rates_of(scene, body, clearance):
     """Accelerations and contacts of one journal, as functions that can be differentiated."""
     scene = eqx.tree_at(lambda s: s.joints["pin"].clearance, unpack(scene), clearance)
     memory = {"pin": {"V": 0.0, "W": 0.0}}
-    found = evaluate(scene, Formulation(COORDINATES), {"journal": unpack(body)}, memory, 0.0)
+    system = System(scene, Formulation(COORDINATES))
+    found = system.dynamics({"journal": unpack(body)}, memory, 0.0)
     return found.accelerations, found.contact_forces
 
 

@@ -26,8 +26,8 @@ from clearjoint import (
     rows_from_residual,
 )
 from clearjoint.dynamics import multipliers
-from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.system import System
 from clearjoint.math.rotations import transverse_axes
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND_MOTION, Motion
@@ -335,7 +335,7 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
     def found(largest_unrolled):
         monkeypatch.setattr(multipliers, "LARGEST_UNROLLED", largest_unrolled)
         formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
-        return evaluate(scene, formulation, variables, {}, 0.0)
+        return System(scene, formulation).dynamics(variables, {}, 0.0)
 
     unrolled, dense = found(99), found(0)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)

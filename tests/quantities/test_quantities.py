@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint import quantities as q
 from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import structured, unpack
 from clearjoint.model.mechanisms import CRANK_LENGTH, ROD_LENGTH
 from clearjoint.quantities.instant import Instant
@@ -26,7 +27,7 @@ def instant(scene, state):
     """The scene at a state, in joint coordinates, at time zero."""
     scene = unpack(structured(scene))
     variables = JOINT.coordinates.encode(scene, unpack(state.bodies))
-    return Instant(scene, JOINT, 0.0, variables, state.memory, {})
+    return Instant(System(scene, JOINT), 0.0, variables, state.memory, {})
 
 
 def turned(angle):
@@ -151,7 +152,7 @@ def test_joint_angle_is_zero_for_parallel_frames(axis):
     scene = jax.tree.map(jnp.asarray, scene)  # so that nothing is structural
     state = cj.State({name: cj.body_state((0, 0, 0)) for name in scene.bodies})
     variables = ABSOLUTE.coordinates.encode(unpack(scene), unpack(state.bodies))
-    now = Instant(unpack(scene), ABSOLUTE, 0.0, variables, {}, {})
+    now = Instant(System(unpack(scene), ABSOLUTE), 0.0, variables, {}, {})
     for name in scene.joints:
         assert q.JointAngle(name)(now) == pytest.approx(0.0, abs=1e-12)
 
@@ -242,7 +243,7 @@ def test_derivatives_are_those_of_differences():
 
     def values(point):
         scene, variables = point
-        now = Instant(unpack(scene), JOINT, 0.0, variables, {}, {})
+        now = Instant(System(unpack(scene), JOINT), 0.0, variables, {}, {})
         return {name: jnp.asarray(quantity(now)) for name, quantity in EVERY.items()}
 
     def shifted(step):

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_events import reaches
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
 from clearjoint.model.mechanisms import STEEL
 from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
-from clearjoint.simulation.method import make_method
+from clearjoint.simulation.method import make_scheme
 from clearjoint.simulation.segments import begin, segment
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
@@ -138,20 +137,21 @@ def test_grad_without_adjoint_names_the_remedy():
 
 @pytest.fixture(scope="module")
 def overflowing():
-    """A method, a packed scene, and a run whose first trial step overflows."""
+    """A scheme, a packed scene, and a run whose first trial step overflows."""
     scene, state = rod(-1.1 * CLEARANCE)
-    method = make_method(diffrax.Bosh3(), None, Formulation(), None, 1e-6, None)
+    scheme = make_scheme(diffrax.Bosh3(), None, Formulation(), None, 1e-6, None)
     form, times = structured(scene), [jnp.asarray(t) for t in (0.0, 1e99, 1e90)]
-    return method, form, begin(method, form, state, *times, False, None)
+    return scheme, form, begin(scheme, form, state, *times, False, None)
 
 
 def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
     """It is rejected, so that the state after it is the state before; JAX alone makes NaN of it."""
-    method, form, now = overflowing
+    scheme, form, now = overflowing
+    method, system = scheme.method, scheme.unpacked(form)
 
     def after(y):
         before = eqx.tree_at(lambda s: s.y, now.step, y)
-        tried = CheckpointedLoops(1).attempt(method, unpack(form), before, jnp.asarray(1e99))
+        tried = CheckpointedLoops(1).attempt(method, system, before, jnp.asarray(1e99))
         return sum(jax.tree.leaves(tried.step.y.motion)), (tried.kept, tried.information["y1"])
 
     slopes, (kept, reached) = jax.jit(jax.grad(after, has_aux=True))(now.step.y)
@@ -160,8 +160,8 @@ def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
 
 
 def test_without_adjoint_nothing_of_it_is_in_the_program(overflowing):
-    method, form, now = overflowing
-    arguments = (method, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
+    scheme, form, now = overflowing
+    arguments = (scheme, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
     reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, CheckpointedLoops(1))[0])
     assert "custom_vjp_call" not in plain and "custom_vjp_call" in reverse
@@ -219,16 +219,16 @@ def kernel():
 
     def rates(numbers, height):
         tree, bodies, memory = jax.tree.unflatten(shape, numbers)
-        scene, formulation = unpack(tree), Formulation()
+        system = System(unpack(tree), Formulation())
         lifted = {
             name: eqx.tree_at(
                 lambda b: b.position, body, body.position + height * jnp.asarray([0.0, 1.0, 0.0])
             )
             for name, body in bodies.items()
         }
-        y = formulation.coordinates.encode(scene, unpack(lifted))
-        found = reaches(scene, formulation.coordinates.motions(scene, y))
-        results = (state_rates(scene, formulation, y, memory, 0.0), found)
+        y = system.encode(unpack(lifted))
+        found = system.reaches(y)
+        results = (system.rates(y, memory, 0.0), found)
         return [jnp.asarray(x, dtype=float) for x in jax.tree.leaves(results)]
 
     random = np.random.default_rng(4)

@@ -236,7 +236,7 @@ def test_what_decides_by_time_is_found(function, decides):
 
 def test_derivatives_need_landing():
     with pytest.raises(ValueError, match="landing_tolerance"):
-        cj.Integration(landing_tolerance=None).method(*dropped(Buffer(*LAWS["both"])))
+        cj.Integration(landing_tolerance=None).scheme(*dropped(Buffer(*LAWS["both"])))
 
 
 def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():

@@ -13,6 +13,7 @@ from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation import program_size
 from clearjoint.simulation.program_size import LARGE, shapes_of
 from clearjoint.simulation.segments import begin
+from clearjoint.simulation.systems import SystemFamily
 from clearjoint.simulation.variational import start_with_tangents
 
 SPAN = (0.0, 1.0, 1e-6)
@@ -33,16 +34,17 @@ def _chain(rods):
 
 def _begun(scene, state):
     """Trace the begin of a run, which precedes all compiling."""
-    method, form = cj.Integration().method(scene, state), structured(scene)
-    jax.eval_shape(lambda *span: begin(method, form, state, *span, False, None).step.t, *SPAN)
+    scheme, form = cj.Integration().scheme(scene, state), structured(scene)
+    jax.eval_shape(lambda *span: begin(scheme, form, state, *span, False, None).step.t, *SPAN)
 
 
 def _begun_with_derivatives(scene, state):
     parameters = {"mass": cj.Parameter(lambda s: s.bodies["rod 0"].mass)}
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
-    method = cj.Integration().method(scene, state)
-    jax.eval_shape(lambda *span: start_with_tangents(method, family, *span).t, *SPAN)
+    scheme = cj.Integration().scheme(scene, state)
+    systems = SystemFamily(family, scheme.formulation)
+    jax.eval_shape(lambda *span: start_with_tangents(scheme.method, systems, *span).t, *SPAN)
 
 
 def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch):

@@ -86,10 +86,10 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
         "contact": Q.ContactForce(JOINT),
         **OUTPUTS,
     }
-    method = cj.Integration().method(scene, state)
+    scheme = cj.Integration().scheme(scene, state)
 
     def program(times, *span):
-        return followed(method, family, outputs, times, *span, 1000)[0].derivatives
+        return followed(scheme, family, outputs, times, *span, 1000)[0].derivatives
 
     sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
     found = primitives(sampling, beside=("while",))

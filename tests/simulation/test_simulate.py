@@ -11,6 +11,7 @@ import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.simulation.host_run import segment_compiled
 from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin, segment
 from clearjoint.simulation.solvers import default_controller, ready_solver
 from clearjoint.simulation.step_state import Method
@@ -38,10 +39,11 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     scene, state = pendulum
     landing = Landing(jnp.asarray(1e-12))
     controller = default_controller(jnp.asarray(1e-6), jnp.asarray(1e-9))
-    method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, Formulation(), landing)
+    method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
+    scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
-    run = eqx.filter_jit(begin)(method, scene, state, *times, saving is not None, None)
-    lowered = eqx.filter_jit(segment).lower(method, scene, run, saving, times[1], jnp.asarray(9))
+    run = eqx.filter_jit(begin)(scheme, scene, state, *times, saving is not None, None)
+    lowered = eqx.filter_jit(segment).lower(scheme, scene, run, saving, times[1], jnp.asarray(9))
     compiled = lowered.compile()
     text = compiled.compiled.as_text()
     assert text.count("xla_cpu_small_call") >= 1

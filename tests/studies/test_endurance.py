@@ -7,12 +7,11 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.state_rates import state_rates
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
 from clearjoint.simulation.host_run import _Waiting
-from clearjoint.simulation.method import make_method
+from clearjoint.simulation.method import make_scheme
 from clearjoint.simulation.segments import Saved
 from clearjoint.simulation.step_state import Variables
 from clearjoint.simulation.stepping import attempt, start
@@ -53,14 +52,15 @@ def test_rates_kept_for_the_next_step_match_the_settled_state():
     scene, state = endurance.top()
     body = state.bodies["rod"]
     off = BodyState(body.position, 1.01 * np.asarray(body.orientation), body.velocity, body.spin)
-    method = make_method(None, None, Formulation(), 1e-12, 1e-6, None)
-    motion = method.formulation.coordinates.encode(unpack(scene), unpack({"rod": off}))
+    scheme = make_scheme(None, None, Formulation(), 1e-12, 1e-6, None)
+    method, system = scheme.method, scheme.system(unpack(scene))
+    motion = system.encode(unpack({"rod": off}))
     t0, t_end, length = (jnp.asarray(number) for number in (0.0, 1.0, 1e-6))
-    first = start(method, unpack(scene), t0, t_end, length, Variables(motion, {}), {})
-    step = jax.jit(lambda step: attempt(method, unpack(scene), step, t_end).step)(first)
+    first = start(method, system, t0, t_end, length, Variables(motion, {}), {})
+    step = jax.jit(lambda step: attempt(method, system, step, t_end).step)(first)
     assert int(step.accepted) == 1
     assert np.linalg.norm(pack(step.y.motion["rod"].orientation)) == pytest.approx(1.0, abs=1e-4)
-    rates, _ = state_rates(unpack(scene), Formulation(), step.y.motion, {}, step.t)
+    rates, _ = system.rates(step.y.motion, {}, step.t)
     np.testing.assert_allclose(
         pack(step.solver_state.motion["rod"].orientation),
         pack(rates["rod"].orientation),

@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.state_rates import state_rates
+from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import pack, structured, unpack
 from clearjoint.testing import without
 from studies.features.__main__ import main
@@ -48,8 +48,8 @@ def test_slider_crank_by_hand_has_the_general_rates(changed):
 
     @jax.jit
     def both(variables):
-        arguments = scene, FORMULATION, variables, memory, jnp.asarray(0.01)
-        return state_rates(*arguments)[0], slider_crank_rates(*arguments)[0]
+        arguments = System(scene, FORMULATION), variables, memory, jnp.asarray(0.01)
+        return System.rates(*arguments)[0], slider_crank_rates(*arguments)[0]
 
     generator, pressed = np.random.default_rng(0), 0
     for _ in range(8):
@@ -70,7 +70,7 @@ def test_body_held_in_a_plane_accelerates_as_one_that_is_free():
     memory = {"shoulder": {base: jnp.asarray(0.1) for base in "VW"}}
 
     def accelerations(scene, variables):
-        rates, _ = state_rates(scene, FORMULATION, variables, memory, 0.0)
+        rates, _ = System(scene, FORMULATION).rates(variables, memory, 0.0)
         rates = jax.tree.map(jnp.asarray, rates)
 
         def velocities(variables):

@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.math.vectors import structured
 from clearjoint.simulation.batch.lane import Plan
-from clearjoint.simulation.method import make_formulation, make_method
+from clearjoint.simulation.method import make_formulation, make_scheme
 from clearjoint.sweeps.store.program import RUN, programs
 from clearjoint.sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
@@ -24,10 +24,10 @@ def of(scene, state, outputs: dict[str, Any] | None = None, *, solver=None, ledg
         cj.JointCoordinates(), settings.pop("stabilisation", None), False, ledger
     )
     controller, tolerance = settings.pop("controller", None), settings.pop("landing_tolerance")
-    method = make_method(solver, controller, formulation, tolerance, settings.pop("rtol"), 1e-9)
+    scheme = make_scheme(solver, controller, formulation, tolerance, settings.pop("rtol"), 1e-9)
     recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
     plan = Plan(
-        method,
+        scheme,
         {n: o for n, o in outputs.items() if isinstance(o, cj.AbstractReduction)},
         {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),

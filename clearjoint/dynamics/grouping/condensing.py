@@ -11,6 +11,7 @@ same group for all of them, or the same. The state of a group remains together f
 names are taken apart at its ends. Everything happens while tracing, from names and structure.
 """
 
+import copy
 import dataclasses
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
@@ -127,14 +128,13 @@ def _roles(joint: AbstractContactJoint, names: tuple[str, str]) -> tuple[str, ..
 def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractContactJoint:
     """The joint between bodies of other names, the ground's excepted. Checks of its class do not
     run: its numbers are in scalar form."""
-    renamed = dict(zip(joint.pair(), _roles(joint, names), strict=True))
-    copy = object.__new__(type(joint))
+    new_names = dict(zip(joint.pair(), _roles(joint, names), strict=True))
+    renamed = copy.copy(joint)
     for field in dataclasses.fields(joint):
-        value = getattr(joint, field.name)
-        if field.metadata.get("static", False) and isinstance(value, str):
-            value = renamed.get(value, value)
-        object.__setattr__(copy, field.name, value)
-    return copy
+        name = getattr(joint, field.name)
+        if field.metadata.get("static", False) and isinstance(name, str):
+            object.__setattr__(renamed, field.name, new_names.get(name, name))
+    return renamed
 
 
 def _has_rows(joint: AbstractContactJoint) -> bool:

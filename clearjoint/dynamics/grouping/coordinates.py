@@ -67,6 +67,11 @@ class GroupedCoordinates(AbstractCoordinates):
         groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
         return self.rest.settled(_rest(scene), variables[0]), groups
 
+    def with_speeds(self, scene: Scene, variables: Variables, others: Variables) -> Variables:
+        """Of both parts."""
+        groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
+        return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
+
 
 class GroupedMechanics(AbstractMechanics):
     """The rest and the groups side by side; the speeds of the rest come first."""
@@ -227,11 +232,11 @@ def _groups(scene: Scene) -> Scene:
     return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, (bodies, {}))
 
 
-def grouped(formulation: Formulation, scene: Scene) -> tuple[Formulation, Scene]:
+def grouped(scene: Scene, formulation: Formulation) -> tuple[Scene, Formulation]:
     """The scene (in scalar form) condensed, and its formulation; both as they are if no elements
     are alike."""
     together = condensed(scene)
     if not groups(together):
-        return formulation, scene
+        return scene, formulation
     coordinates = GroupedCoordinates(formulation.coordinates)
-    return eqx.tree_at(lambda f: f.coordinates, formulation, coordinates), together
+    return together, eqx.tree_at(lambda f: f.coordinates, formulation, coordinates)

@@ -11,7 +11,7 @@ from ...math.rotations import composed, conjugate, euler_parameter_rates, normal
 from ...math.vectors import EulerParameters, Matrix, Vector, add
 from ...model.bodies import BodyState, Motion
 from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Relative, Twist
-from ..coordinates import Speeds, free_motion, settled_body
+from ..coordinates import Speeds, body_with_speeds, free_motion, settled_body
 from .links import Link, free_link, jointed_link
 
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
@@ -57,6 +57,10 @@ class AbstractBranch(abc.ABC):
     @abc.abstractmethod
     def settled(self, state: Any) -> Any:
         """The same variables in numbers that don't drift in many steps."""
+
+    @abc.abstractmethod
+    def with_speeds(self, state: Any, other: Any) -> Any:
+        """The variables with the speeds of others."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
@@ -127,6 +131,10 @@ class FreeBranch(AbstractBranch):
         """Euler parameters of unit norm."""
         return settled_body(state)
 
+    def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
+        """Velocity and spin of the other."""
+        return body_with_speeds(state, other)
+
     def falls(self) -> bool:
         """They are."""
         return True
@@ -188,6 +196,10 @@ class JointedBranch(AbstractBranch):
     def settled(self, state: JointState) -> JointState:
         """As the freedom says."""
         return JointState(self.freedom.settled(state.position), state.speeds)
+
+    def with_speeds(self, state: JointState, other: JointState) -> JointState:
+        """The speeds of the other."""
+        return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
         """They are not."""

@@ -90,6 +90,13 @@ class JointCoordinates(AbstractCoordinates):
         """Those of each body."""
         return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
 
+    def with_speeds(self, scene: Scene, variables: Variables, others: Variables) -> Variables:
+        """Of each body."""
+        return {
+            branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
+            for branch in _branches(scene)
+        }
+
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
     return [branch for tree in forest(scene) for branch in tree]

@@ -16,8 +16,8 @@ from ...parametrisation.parametrised_scene import AbstractFamily, parametrised
 from ...quantities.joints import Penetration
 from ...results import RESULTS
 from ...simulation.batch.reductions import Quantity
+from ...simulation.method import Scheme
 from ...simulation.settings import Integration
-from ...simulation.step_state import Method
 from ..levenberg_marquardt import SINGULAR, Iteration
 from ..residuals import Evaluated
 from .record import Piece, Record
@@ -54,7 +54,7 @@ class Shooting:
     ):
         check_parameters(parameters)
         integration = Integration() if integration is None else integration
-        self.method: Method = integration.method(scene, state, start_time)
+        self.scheme: Scheme = integration.scheme(scene, state, start_time)
         self.base = parametrised(scene, state, parameters, np.zeros(len(parameters)))
         self.scales = [parameter.scale for parameter in parameters.values()]
         self.outputs: dict[str, Quantity] = {
@@ -92,7 +92,7 @@ class Shooting:
         start, end = self._record.cuts[:2]
         self._nominal, self.pieces = [], [self._record.piece(start, end)]
         variables, memory = jax.device_get(self._shot(0, row)).reached
-        mechanics = self.method.formulation.coordinates.mechanics(self.base.scene(row), variables)
+        mechanics = self.scheme.formulation.coordinates.mechanics(self.base.scene(row), variables)
         self._speeds = len(mechanics.projected({}))
         self._free = 2 * self._speeds + len(jax.tree.leaves(memory))
         return np.concatenate([row, np.zeros(self._free * (len(self.ends) - 1))])
@@ -136,7 +136,7 @@ class Shooting:
             family = FreeStart(
                 jnp.asarray(values),
                 self.base,
-                self.method.formulation.coordinates,
+                self.scheme.formulation.coordinates,
                 variables,
                 memory,
             )
@@ -144,7 +144,7 @@ class Shooting:
         numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, 1e-6 * span))
         limit = jnp.asarray(self.max_steps)
         outputs = self.outputs | self.watched
-        return shot(self.method, family, outputs, piece.times, *numbers, limit)
+        return shot(self.scheme, family, outputs, piece.times, *numbers, limit)
 
     def evaluate(self, at: np.ndarray, size: float) -> AllEvaluated:
         """Run all windows; gaps of `size` m count as one standard deviation."""

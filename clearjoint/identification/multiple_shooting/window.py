@@ -15,8 +15,9 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parametrised_scene import AbstractFamily, ParametrisedScene
 from ...simulation.batch.reductions import Quantity
+from ...simulation.method import Scheme
 from ...simulation.sensitivities import Sampled, followed
-from ...simulation.step_state import Method, Step
+from ...simulation.step_state import Step
 
 
 class FreeStart(AbstractFamily):
@@ -67,7 +68,7 @@ class Shot(eqx.Module):
 
 @eqx.filter_jit
 def shot(
-    method: Method,
+    scheme: Scheme,
     family: AbstractFamily,
     outputs: Mapping[str, Quantity],
     times: Any,
@@ -77,7 +78,7 @@ def shot(
     max_steps: Any,
 ) -> Shot:
     """Run a window from its start to its end."""
-    found, first, last = followed(method, family, outputs, times, t0, t_end, first_step, max_steps)
+    found, first, last = followed(scheme, family, outputs, times, t0, t_end, first_step, max_steps)
     ends = [_row(family, step) for step in (first, last)]
     return Shot(found, *ends[0], *ends[1], (last.y.motion, last.memory))
 

@@ -100,7 +100,7 @@ class SideBySide:
     @cached_property
     def _common(self) -> Common:
         runs = self.runs
-        plan = Plan(runs.method, {}, {}, True, runs.max_steps)
+        plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         form = structured(runs.family.base[0], self._varied)
         return Common(plan, form, runs.start_time, {}, {LOG: runs.outputs}, LOG)
 

@@ -182,14 +182,14 @@ def harvest(
 def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
     """Time and quantities of the rows of a log."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
-    method, scene = common.plan.method.grouped(scene)
+    system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
     def at(row: Any) -> dict[str, Any]:
         parts = zip(jnp.split(row, ends), example, strict=True)
         columns = [part.reshape(leaf.shape) for part, leaf in parts]
         here: Row = jax.tree.unflatten(structure, columns)
-        now = here.instant(scene, method.formulation)
+        now = here.instant(system)
         values = {key: quantity(now) for key, quantity in common.channels[name].items()}
         return {"time": here.t, **values}
 

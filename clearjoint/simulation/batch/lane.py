@@ -13,16 +13,18 @@ import jax.numpy as jnp
 
 from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.assembly import ACCEPTED_VIOLATION, REPRESENTED
-from ...dynamics.equations_of_motion import constraint_rows, flattened
+from ...dynamics.equations_of_motion import flattened
+from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
-from ...dynamics.stabilisation import Projection
+from ...dynamics.system import System
 from ...math.groups import gathered
 from ...math.vectors import EulerParameters, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.instant import Instant
 from ...results import RESULTS
-from ..dense_output import projected
+from ..dense_output import on_constraints
+from ..method import Scheme
 from ..segments import named
 from ..step_state import Attempt, Method, Step, Variables
 from ..stepping import attempt, running, start
@@ -40,11 +42,16 @@ class Plan(eqx.Module):
     - `max_steps`: largest number of steps tried in a lane.
     """
 
-    method: Method
+    scheme: Scheme
     reductions: dict[str, AbstractReduction]
     sections: dict[str, Crossing]
     saves: bool = eqx.field(static=True)
     max_steps: Any
+
+    @property
+    def method(self) -> Method:
+        """How the lanes are integrated."""
+        return self.scheme.method
 
     def looks_inside(self) -> bool:
         """Whether anything is recorded between the ends of steps."""
@@ -93,17 +100,16 @@ class Outcome(eqx.Module):
 def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, orders: Orders) -> Lane:
     """The lane before its first step."""
     fits = _is_assembled(plan, scene, state, start_time)
-    plan, scene = _grouped(plan, scene)
-    method = plan.method
-    bodies = method.formulation.coordinates.encode(scene, unpack(state.bodies))
-    y = Variables(bodies, state.work if method.formulation.ledger else {})
-    memory = gathered(state.memory, scene.joints)
-    step = start(method, scene, start_time, orders.end_time, orders.first_step, y, memory)
+    system = plan.scheme.system(scene)
+    motion = system.encode(unpack(state.bodies))
+    y = Variables(motion, state.work if system.formulation.ledger else {})
+    memory = gathered(state.memory, system.scene.joints)
+    step = start(plan.method, system, start_time, orders.end_time, orders.first_step, y, memory)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
-    now = _instant(plan, scene, Row(step.t, step.y, step.memory))
-    bracket = _empty_bracket(plan, scene, step, orders) if plan.looks_inside() else None
+    now = Row(step.t, step.y, step.memory).instant(system)
+    bracket = _empty_bracket(plan, system, step, orders) if plan.looks_inside() else None
     row = Row(step.t, step.y, step.memory)
     lane = Lane(
         step,
@@ -118,8 +124,8 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
 
 def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     """Take one step, unless the lane is at its end or waits for the host."""
-    plan, scene = _grouped(plan, scene)
-    tried = attempt(plan.method, scene, lane.step, orders.end_time)
+    system = plan.scheme.system(scene)
+    tried = attempt(plan.method, system, lane.step, orders.end_time)
     goes = _goes(plan, lane, orders)
     kept = goes & tried.kept
     step = _choose(goes, tried.step, lane.step)
@@ -127,24 +133,23 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     if plan.looks_inside():
         bracket = _choose(kept, Bracket.of(tried), lane.bracket)
         lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
-    formulation = plan.method.formulation
 
     def middle() -> Instant:
-        return Bracket.of(tried).middle(plan.method).instant(scene, formulation)
+        return Bracket.of(tried).middle(plan.method).instant(system)
 
-    now = Row(step.t, step.y, step.memory).instant(scene, formulation, middle)
+    now = Row(step.t, step.y, step.memory).instant(system, middle)
     lane = _with_tallies(plan, lane, now, kept)
-    lane = _with_crossings(plan, scene, lane, now, kept, orders)
-    return _with_save(plan, scene, lane, orders)
+    lane = _with_crossings(plan, system, lane, now, kept, orders)
+    return _with_save(plan, system, lane, orders)
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """What is known of a lane now; final if it has ended."""
-    plan, scene = _grouped(plan, scene)
+    system = plan.scheme.system(scene)
     step = lane.step
-    now = _instant(plan, scene, Row(step.t, step.y, step.memory))
+    now = Row(step.t, step.y, step.memory).instant(system)
     unfinished = (step.t < end_time) & (step.result == RESULTS.successful)
-    bodies = plan.method.formulation.coordinates.decode(scene, step.y.motion)
+    bodies = system.decode(step.y.motion)
     return Outcome(
         step.t,
         RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result),
@@ -173,12 +178,6 @@ def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
     return goes | (_save_is_due(lane, orders) & ~lane.saved.full())
 
 
-def _grouped(plan: Plan, scene: Scene) -> tuple[Plan, Scene]:
-    """The scene with its alike elements put together, and the plan for it."""
-    method, scene = plan.method.grouped(scene)
-    return eqx.tree_at(lambda p: p.method, plan, method), scene
-
-
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
     goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:
@@ -205,12 +204,12 @@ def _save_is_due(lane: Lane, orders: Orders) -> Scalar:
     return _next_save(lane, orders) <= lane.step.t
 
 
-def _with_save(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
+def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
     if lane.saved is None:
         return lane
     assert lane.bracket is not None
     due = _save_is_due(lane, orders) & ~lane.saved.full()
-    row = _on_constraints(plan, scene, lane.bracket.at(plan.method, _next_save(lane, orders)))
+    row = _on_constraints(system, lane.bracket.at(plan.method, _next_save(lane, orders)))
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
@@ -223,7 +222,7 @@ def _with_tallies(plan: Plan, lane: Lane, now: Instant, kept: Scalar) -> Lane:
 
 
 def _with_crossings(
-    plan: Plan, scene: Scene, lane: Lane, now: Instant, kept: Scalar, orders: Orders
+    plan: Plan, system: System, lane: Lane, now: Instant, kept: Scalar, orders: Orders
 ) -> Lane:
     rings, levels = {}, {}
     for name, section in plan.sections.items():
@@ -231,10 +230,10 @@ def _with_crossings(
         ring, before, after = lane.crossings[name], lane.levels[name], _level(section, now)
 
         def value(row: Row, section: Crossing = section) -> Scalar:
-            return _level(section, _instant(plan, scene, row))
+            return _level(section, row.instant(system))
 
         row = crossing_row(plan.method, lane.bracket, before, after, value)
-        row = _on_constraints(plan, scene, row)
+        row = _on_constraints(system, row)
         rises = kept & (before < 0.0) & (after >= 0.0)
         wanted = rises & (row.t >= section.after) & (orders.wanted[name] > ring.count)
         rings[name] = ring.with_row(row, wanted)
@@ -242,26 +241,18 @@ def _with_crossings(
     return Lane(lane.step, lane.tallies, lane.bracket, lane.saved, rings, levels)
 
 
-def _on_constraints(plan: Plan, scene: Scene, row: Row) -> Row:
-    """The row as `simulate` saves it: projected onto the constraints, if steps are."""
-    formulation = plan.method.formulation
-    if not isinstance(formulation.stabilisation, Projection):
-        return row
-    y = Variables(projected(scene, formulation, row.y, row.t).motion, row.y.work)
-    return Row(row.t, y, row.memory)
+def _on_constraints(system: System, row: Row) -> Row:
+    """The row as `simulate` saves it."""
+    return Row(row.t, on_constraints(system, row.y, row.t), row.memory)
 
 
 def _level(section: Crossing, now: Instant) -> Scalar:
     return jnp.asarray(section.quantity(now), dtype=float)
 
 
-def _instant(plan: Plan, scene: Scene, row: Row) -> Instant:
-    return row.instant(scene, plan.method.formulation)
-
-
-def _empty_bracket(plan: Plan, scene: Scene, step: Step, orders: Orders) -> Bracket:
+def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:
     """A bracket of length zero at the start."""
-    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, scene, step, orders.end_time))
+    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
     row = Row(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
     return Bracket(row, row, stages, step.enters if shapes.graded is not None else None)
@@ -269,14 +260,14 @@ def _empty_bracket(plan: Plan, scene: Scene, step: Step, orders: Orders) -> Brac
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:
     """Whether position and velocity satisfy all ideal joints, and the coordinates can hold them."""
-    bodies, absolute = unpack(state.bodies), AbsoluteCoordinates()
-    motions = absolute.motions(scene, absolute.encode(scene, bodies))
+    bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
+    motions = absolute.motions(absolute.encode(bodies))
     fits: Scalar = jnp.asarray(True)
-    for row in flattened(constraint_rows(scene, absolute, motions, t)):
+    for row in flattened(absolute.rows(motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
-    own = plan.method.formulation.coordinates
-    for name, held in own.decode(scene, own.encode(scene, bodies)).items():
+    own = System(scene, plan.scheme.formulation)
+    for name, held in own.decode(own.encode(bodies)).items():
         fits = fits & (_apart(held.orientation, bodies[name].orientation) < REPRESENTED)
     return fits
 

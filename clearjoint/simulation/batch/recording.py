@@ -13,9 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.contact_forces import Memory
-from ...dynamics.formulation import Formulation
+from ...dynamics.system import System
 from ...math.vectors import Scalar
-from ...model.scene import Scene
 from ...quantities.instant import Instant
 from ..dense_output import require_dense
 from ..step_state import Attempt, Method, Variables
@@ -35,13 +34,12 @@ class Row(eqx.Module):
 
     def instant(
         self,
-        scene: Scene,
-        formulation: Formulation,
+        system: System,
         middle: Callable[[], Instant] | None = None,
     ) -> Instant:
-        """The scene at this row; `middle` gives that in the middle of the step that ends here."""
+        """The system at this row; `middle` gives that in the middle of the step that ends here."""
         motion, work = self.y.motion, self.y.work
-        return Instant(scene, formulation, self.t, motion, self.memory, work, middle)
+        return Instant(system, self.t, motion, self.memory, work, middle)
 
 
 class Bracket(eqx.Module):

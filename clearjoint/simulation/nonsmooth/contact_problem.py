@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
-from ...dynamics.equations_of_motion import constraint_rows, flattened
-from ...dynamics.formulation import Formulation
+from ...dynamics.equations_of_motion import flattened
 from ...dynamics.multipliers import response, row_rate
+from ...dynamics.system import System
 from ...math.linear_solvers import inner
 from ...math.rotations import transverse_axes
 from ...math.smoothing import norm_and_direction
@@ -98,13 +98,12 @@ class ContactProblem:
 
     def __init__(
         self,
-        scene: Scene,
-        formulation: Formulation,
+        system: System,
         mechanics: AbstractMechanics,
         contacts: Sequence[Touch],
         t: Scalar,
     ):
-        rows = flattened(constraint_rows(scene, formulation.coordinates, mechanics.motions, t))
+        rows = flattened(system.rows(mechanics.motions, t))
         held = [mechanics.projected(row.jacobian) for row in rows]
 
         def freed(direction: Speeds) -> Speeds:
@@ -112,7 +111,7 @@ class ContactProblem:
             if not held:
                 return rates
             targets = [-inner(row, rates) for row in held]
-            change, _ = response(mechanics, held, targets, formulation.solver())
+            change, _ = response(mechanics, held, targets, system.formulation.solver())
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
 
         self.contacts = contacts

@@ -22,14 +22,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.coordinates import AbstractMechanics
-from ...dynamics.equations_of_motion import evaluate_smooth
-from ...dynamics.formulation import Formulation
+from ...dynamics.system import System
 from ...math.rotations import normalised
 from ...math.vectors import EulerParameters, Scalar, add, multiply
-from ...model.bodies import BodyState
-from ...model.joints.motion_subspaces import JointState
-from ...model.scene import Scene
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -37,16 +32,10 @@ SOLVED = 1e-6
 
 
 class Rigid(eqx.Module):
-    """What moves: the scene in scalar form, its formulation, and the restitution by joint and
-    contact."""
+    """What moves: a system, and the restitution of its contacts by joint and contact."""
 
-    scene: Scene
-    formulation: Formulation
+    system: System
     restitution: dict[str, dict[str, Scalar]]
-
-    def mechanics(self, variables: Any) -> AbstractMechanics:
-        """The equations of motion."""
-        return self.formulation.coordinates.mechanics(self.scene, variables)
 
 
 class ContactStep(eqx.Module):
@@ -77,17 +66,19 @@ def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
     """One step of length h from time t, s."""
     middle_time = t + 0.5 * h
     middle, free = _smooth_step(rigid, variables, t, h)
-    mechanics = rigid.mechanics(free)
-    contacts = touches(rigid.scene, mechanics.motions)
+    mechanics = rigid.system.mechanics(free)
+    contacts = touches(rigid.system.scene, mechanics.motions)
     if not contacts:
         return Stepped(
-            _arrived(rigid, variables, _mean_speeds(middle, free), free, middle_time, h),
+            _arrived(
+                rigid, variables, _mean_speeds(rigid.system, middle, free), free, middle_time, h
+            ),
             {},
             jnp.zeros(()),
             *(jnp.asarray(True),) * 2,
         )
-    problem = ContactProblem(rigid.scene, rigid.formulation, mechanics, contacts, middle_time)
-    before = problem.velocities(rigid.mechanics(middle).motions)
+    problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
+    before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
     closed = [touch.gap <= 0.0 for touch in contacts]
     aims = [
@@ -99,7 +90,7 @@ def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
     moved = mechanics.kicked(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
     push, pushed_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.mechanics(_mean_speeds(middle, moved)).kicked(push)
+    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, moved)).kicked(push)
     residual = jnp.maximum(residual, pushed_residual)
     return Stepped(
         _arrived(rigid, variables, mean, moved, middle_time, h),
@@ -114,14 +105,18 @@ def _smooth_step(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> tuple[An
     """The variables at the middle of a step with the speeds of its start, and with those that it
     ends with if no contact is closed."""
     half, middle_time = 0.5 * h, t + 0.5 * h
-    middle = _displaced(variables, _smooth_rates(rigid, variables, t), half)
-    predicted = _accelerated(middle, _smooth_rates(rigid, middle, middle_time), half)
-    return middle, _accelerated(middle, _smooth_rates(rigid, predicted, middle_time), h)
+    middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
+    predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
+    return middle, _accelerated(
+        rigid.system, middle, _smooth_rates(rigid, predicted, middle_time), h
+    )
 
 
 def _arrived(rigid: Rigid, start: Any, mean: Any, last: Any, middle_time: Scalar, h: Scalar) -> Any:
     """The positions moved for a step at the mean speeds, with the last speeds."""
-    return _with_speeds(_displaced(start, _smooth_rates(rigid, mean, middle_time), h), last)
+    return rigid.system.with_speeds(
+        _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
+    )
 
 
 def _is_shallow(contacts: list[Touch]) -> Scalar:
@@ -175,50 +170,23 @@ def _contact_steps(
 
 def _smooth_rates(rigid: Rigid, variables: Any, t: Scalar) -> Any:
     """Time derivative of the variables without contact."""
-    return evaluate_smooth(rigid.scene, rigid.formulation, variables, t).variable_rates
+    return rigid.system.dynamics_under(variables, {}, t).variable_rates
 
 
-def _displaced(variables: Any, rates: Any, time: Scalar) -> Any:
+def _displaced(system: System, variables: Any, rates: Any, time: Scalar) -> Any:
     """Positions moved by their rates for a time; Euler parameters have unit norm again."""
-
-    def move(state: Any, rate: Any) -> Any:
-        if isinstance(state, BodyState):
-            position = _plus(state.position, rate.position, time)
-            orientation = _plus(state.orientation, rate.orientation, time)
-            return BodyState(position, orientation, state.velocity, state.spin)
-        return JointState(_plus(state.position, rate.position, time), state.speeds)
-
-    return jax.tree.map(move, variables, rates, is_leaf=_is_state)
+    return system.with_speeds(_plus(variables, rates, time), variables)
 
 
-def _accelerated(variables: Any, rates: Any, time: Scalar) -> Any:
+def _accelerated(system: System, variables: Any, rates: Any, time: Scalar) -> Any:
     """Speeds changed by their rates for a time."""
-
-    def change(state: Any, rate: Any) -> Any:
-        if isinstance(state, BodyState):
-            velocity = _plus(state.velocity, rate.velocity, time)
-            spin = _plus(state.spin, rate.spin, time)
-            return BodyState(state.position, state.orientation, velocity, spin)
-        return JointState(state.position, _plus(state.speeds, rate.speeds, time))
-
-    return jax.tree.map(change, variables, rates, is_leaf=_is_state)
+    return system.with_speeds(variables, _plus(variables, rates, time))
 
 
-def _with_speeds(variables: Any, others: Any) -> Any:
-    """Positions of the first, speeds of the second."""
-
-    def change(state: Any, other: Any) -> Any:
-        if isinstance(state, BodyState):
-            return BodyState(state.position, state.orientation, other.velocity, other.spin)
-        return JointState(state.position, other.speeds)
-
-    return jax.tree.map(change, variables, others, is_leaf=_is_state)
-
-
-def _mean_speeds(first: Any, second: Any) -> Any:
+def _mean_speeds(system: System, first: Any, second: Any) -> Any:
     """The variables, of equal positions, with the mean of their speeds."""
     half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
-    return _with_speeds(first, half)
+    return system.with_speeds(first, half)
 
 
 def _plus(start: Any, rate: Any, time: Scalar) -> Any:
@@ -230,7 +198,3 @@ def _plus(start: Any, rate: Any, time: Scalar) -> Any:
         return add(a, multiply(time, b))
 
     return jax.tree.map(move, start, rate, is_leaf=lambda a: isinstance(a, EulerParameters))
-
-
-def _is_state(tree: Any) -> bool:
-    return isinstance(tree, BodyState | JointState)

@@ -11,6 +11,7 @@ from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
+from ...dynamics.system import System
 from ...fields.checks import concrete, recheck, require, require_positive, require_range
 from ...fields.readable import AbstractReadable
 from ...math.vectors import Scalar, Structured, pack, structured, unpack
@@ -191,10 +192,9 @@ def _run(
     longest: Any,
     restitution: Any,
 ) -> _Run:
-    scene = unpack(form)
-    rigid = Rigid(scene, formulation, _restitutions(scene, restitution))
-    coordinates = formulation.coordinates
-    begin = _begin(rigid, coordinates.encode(scene, unpack(state.bodies)), stops[0])
+    system = System(unpack(form), formulation)
+    rigid = Rigid(system, _restitutions(system.scene, restitution))
+    begin = _begin(rigid, system.encode(unpack(state.bodies)), stops[0])
 
     def to_stop(now: _Now, span: tuple[Any, Any]) -> tuple[_Now, Any]:
         start, stop = span
@@ -209,11 +209,11 @@ def _run(
             return _stepped(rigid, now, start + k * h, h), k + 1.0
 
         now, _ = jax.lax.while_loop(goes, go, (now, jnp.zeros(())))
-        kept = pack(coordinates.decode(scene, now.variables)), now.totals, now.result
+        kept = pack(system.decode(now.variables)), now.totals, now.result
         return now, kept
 
     end, (states, totals, results) = jax.lax.scan(to_stop, begin, (stops[:-1], stops[1:]))
-    return _Run(end, pack(coordinates.decode(scene, end.variables)), states, totals, results)
+    return _Run(end, pack(system.decode(end.variables)), states, totals, results)
 
 
 _run_compiled = eqx.filter_jit(_run)
@@ -234,7 +234,7 @@ def _begin(rigid: Rigid, variables: Any, t: Any) -> _Now:
     variables = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables)
     zero = jnp.zeros(())
     nothing = ContactTotals(jnp.zeros((), int), zero, zero, zero, zero, zero)
-    laws = rigid.scene.laws()
+    laws = rigid.system.scene.laws()
     totals = {name: dict.fromkeys(family, nothing) for name, family in laws.items()}
     touching = {name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()}
     none = jnp.zeros((), int)

@@ -62,7 +62,7 @@ class _Traced:
     @property
     def _bare(self) -> Plan:
         """The plan without outputs."""
-        return Plan(self.plan.method, {}, {}, False, self.plan.max_steps)
+        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
 
     def _scene(self, numbers: Any) -> Scene:
         return unpack(eqx.combine(numbers, self.rest))
@@ -108,12 +108,8 @@ class _Traced:
         return found
 
     def _instant(self, numbers: Any, row: Row, middle: Row) -> Instant:
-        method, scene = self.plan.method.grouped(self._scene(numbers))
-        return row.instant(
-            scene,
-            method.formulation,
-            lambda: middle.instant(scene, method.formulation),
-        )
+        system = self.plan.scheme.system(self._scene(numbers))
+        return row.instant(system, lambda: middle.instant(system))
 
 
 def _orders(end_time: Any, first_step: Any) -> Orders:
