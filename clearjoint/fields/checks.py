@@ -30,9 +30,14 @@ def as_number(value: Any) -> Any:
         ) from error
 
 
-def quantity(unit: str, **options: Any) -> Any:
-    """A field that holds a number or array in the given SI unit ("1" if it has none)."""
-    return eqx.field(converter=as_number, metadata={"unit": unit}, **options)
+def quantity(unit: str, *, table: bool = False, **options: Any) -> Any:
+    """A field that holds a number or array in the given SI unit ("1" if it has none).
+
+    With `table` it stays an array wherever the element computes, of whatever length, as
+    `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
+    """
+    metadata = {"unit": unit, "table": table}
+    return eqx.field(converter=as_number, metadata=metadata, **options)
 
 
 def optional_quantity(unit: str) -> Any:

@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.tree_util import DictKey, GetAttrKey, SequenceKey
 
 Scalar = Any
 """A float, a numpy scalar or a JAX array of shape ()."""
@@ -207,12 +208,35 @@ def structured(tree: Any, varied: Any = None) -> Structured:
     What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
     says that their values vary.
     """
-    leaves = jax.tree.leaves(tree)
-    fixed = [True] * len(leaves) if varied is None else [not v for v in jax.tree.leaves(varied)]
+    leaves, tables = jax.tree.leaves(tree), _in_tables(tree)
+    changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
+    rows = zip(leaves, tables, changing, strict=True)
     return Structured(
-        tree,
-        tuple(_pattern(leaf) if f else None for leaf, f in zip(leaves, fixed, strict=True)),
+        tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
+
+
+def _in_tables(tree: Any) -> list[bool]:
+    """Of each leaf, whether a field that holds it is declared as a table: ``{"table": True}`` in
+    the field's metadata."""
+    paths, _ = jax.tree_util.tree_flatten_with_path(tree)
+    return [_is_in_table(tree, path) for path, _ in paths]
+
+
+def _is_in_table(node: Any, path: jax.tree_util.KeyPath) -> bool:
+    for key in path:
+        if isinstance(key, GetAttrKey):
+            declared = getattr(type(node), "__dataclass_fields__", {}).get(key.name)
+            if declared is not None and declared.metadata.get("table", False):
+                return True
+            node = getattr(node, key.name)
+        elif isinstance(key, DictKey):
+            node = node[key.key]
+        elif isinstance(key, SequenceKey):
+            node = node[key.idx]
+        else:
+            return False
+    return False
 
 
 def _pattern(leaf: Any) -> Pattern:
@@ -222,7 +246,7 @@ def _pattern(leaf: Any) -> Pattern:
     return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
 
 
-def _unpack_leaf(leaf: Any, pattern: Pattern = None) -> Any:
+def _unpack_leaf(leaf: Any, pattern: Pattern) -> Any:
     shape = jnp.shape(leaf)
     if shape == (4,):
         return EulerParameters(*(leaf[k] for k in range(4)))
@@ -238,13 +262,15 @@ def _unpack_leaf(leaf: Any, pattern: Pattern = None) -> Any:
 def unpack(tree: Any) -> Any:
     """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
 
-    The tree may come as `Structured`: its structural components become Python numbers.
+    The tree may come as `Structured`: its structural components become Python numbers. Fields that
+    are declared as tables keep their arrays.
     """
-    if isinstance(tree, Structured):
-        leaves, shape = jax.tree.flatten(tree.tree)
-        pairs = zip(leaves, tree.patterns, strict=True)
-        return jax.tree.unflatten(shape, [_unpack_leaf(*pair) for pair in pairs])
-    return jax.tree.map(_unpack_leaf, tree)
+    packed = tree if isinstance(tree, Structured) else Structured(tree, ())
+    leaves, shape = jax.tree.flatten(packed.tree)
+    patterns = packed.patterns or (None,) * len(leaves)
+    rows = zip(leaves, patterns, _in_tables(packed.tree), strict=True)
+    scalars = [leaf if table else _unpack_leaf(leaf, pattern) for leaf, pattern, table in rows]
+    return jax.tree.unflatten(shape, scalars)
 
 
 def _pack_leaf(leaf: Any) -> Any:
