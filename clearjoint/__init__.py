@@ -12,7 +12,7 @@ from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
-from .fields.checks import quantity as quantity
+from .fields.declarations import quantity as quantity
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many

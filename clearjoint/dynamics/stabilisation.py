@@ -7,8 +7,9 @@ friction, no slip; no ledger, no power. That is decided here, in Python, while t
 import abc
 from typing import Any
 
-from ..fields.checks import quantity, require_positive
+from ..fields.checks import require_positive
 from ..fields.conversion import AbstractConverting
+from ..fields.declarations import quantity
 from ..math.vectors import Scalar
 
 

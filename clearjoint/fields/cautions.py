@@ -9,7 +9,7 @@ from pathlib import Path
 
 import equinox as eqx
 
-_PACKAGES = tuple(str(Path(file).parent) for file in (__file__, eqx.__file__))
+_PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 

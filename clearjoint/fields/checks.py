@@ -1,4 +1,4 @@
-"""Fields with units, and checks of values with one form of message.
+"""Checks of values with one form of message.
 
 Numbers become 64-bit numpy arrays, not JAX arrays: building a scene then starts no JAX backend and
 keeps its digits whatever JAX's precision setting. Values under a JAX transformation pass unchecked;
@@ -28,25 +28,6 @@ def as_number(value: Any) -> Any:
             f"Expected a number or an array of numbers, but got {value!r}: pass a float, a list of "
             "floats or an array."
         ) from error
-
-
-def quantity(unit: str, *, table: bool = False, **options: Any) -> Any:
-    """A field that holds a number or array in the given SI unit ("1" if it has none).
-
-    With `table` it stays an array wherever the element computes, of whatever length, as
-    `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
-    """
-    metadata = {"unit": unit, "table": table}
-    return eqx.field(converter=as_number, metadata=metadata, **options)
-
-
-def optional_quantity(unit: str) -> Any:
-    """A `quantity` that may be ``None``: absent, and then without cost."""
-    return eqx.field(
-        converter=lambda value: None if value is None else as_number(value),
-        metadata={"unit": unit},
-        default=None,
-    )
 
 
 def concrete(value: Any) -> np.ndarray | None:

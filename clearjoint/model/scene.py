@@ -12,11 +12,11 @@ from ..fields.checks import (
     caution_unless,
     concrete,
     named,
-    optional_quantity,
     require,
-    require_shape,
 )
+from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
+from ..fields.types import Triple
 from .bodies import GROUND, Body
 from .contact.laws import AbstractContactLaw
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
@@ -44,21 +44,21 @@ class Scene(AbstractReadable):
     bodies: dict[str, Body]
     joints: dict[str, AbstractConstraint | AbstractContactJoint]
     forces: dict[str, AbstractForce]
-    gravity: Any = optional_quantity("m/s^2")
+    gravity: Triple | None = optional_quantity("m/s^2", shape=(3,))
 
     def __init__(
         self,
         bodies: Mapping[str, Body],
         joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
         forces: Mapping[str, AbstractForce] = MappingProxyType({}),
-        gravity: Any = None,
+        gravity: Triple | None = None,
     ):
         self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
         self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
         self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
         self.gravity = gravity
 
-    def __check_init__(self):
+    def _check_together(self) -> None:
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
@@ -78,7 +78,6 @@ class Scene(AbstractReadable):
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
-            require_shape("gravity", self.gravity, (3,), "pass three components in m/s^2")
             size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
             if size is not None:
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")

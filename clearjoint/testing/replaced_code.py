@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 from unittest.mock import patch
 
-from ..dynamics import equations_of_motion as dynamics
+from ..dynamics import contact_forces, state_rates
 from ..dynamics.joint_coordinates import branches
 from ..dynamics.joint_coordinates import spatial_inertia as inertia
 from ..model.contact.friction import RegularisedCoulomb
@@ -28,15 +28,15 @@ FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(
         "link on a link": ((inertia.Inertia, "without"),),
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
-            (dynamics, "contact_normal_force"),
+            (contact_forces, "contact_normal_force"),
             (Landing, "due"),
             (Landing, "retry"),
             (stepping, "updated_memory"),
             (stepping, "second_rates"),
         ),
         "friction": ((RegularisedCoulomb, "force"), (clearance, "slip_velocity")),
-        "end play": ((axial.EndPlay, "gap"),),
-        "energy ledger": ((dynamics, "ledger_powers"),),
+        "end play": ((axial.EndPlay, "shoulder_gap"),),
+        "energy ledger": ((state_rates, "ledger_powers"),),
         "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
     }
 )

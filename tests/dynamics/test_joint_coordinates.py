@@ -15,7 +15,7 @@ from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.projection import is_constrained, project_positions, project_velocities
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
 from clearjoint.model.bodies import GROUND

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

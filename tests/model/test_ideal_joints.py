@@ -25,7 +25,7 @@ from clearjoint import (
     body_state,
     rows_from_residual,
 )
-from clearjoint.dynamics import coordinates
+from clearjoint.dynamics import multipliers
 from clearjoint.dynamics.equations_of_motion import evaluate
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.math.rotations import transverse_axes
@@ -333,7 +333,7 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
     }
 
     def found(largest_unrolled):
-        monkeypatch.setattr(coordinates, "LARGEST_UNROLLED", largest_unrolled)
+        monkeypatch.setattr(multipliers, "LARGEST_UNROLLED", largest_unrolled)
         formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
         return evaluate(scene, formulation, variables, {}, 0.0)
 

@@ -34,8 +34,8 @@ from clearjoint import (
     State,
     assemble,
     body_state,
+    simulate,
 )
-from clearjoint.simulation import simulate
 
 NAN = float("nan")
 BODY = Body(1.0, (1.0, 1.0, 1.0))

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 from ...fields.conversion import AbstractConverting
+from ...fields.types import Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.gap import Gap
@@ -20,6 +21,9 @@ from ..contact.laws import AbstractContactLaw
 from .motion_subspaces import AbstractFreedom
 
 Motions = Mapping[str, Motion]
+"""Motion of each body by name, the ground included."""
+Attachment = tuple[str, str, Triple]
+"""A point on a body: the element's argument for it, the body's name, and (3,) m in its axes."""
 
 
 @jax.tree_util.register_dataclass
@@ -58,9 +62,8 @@ class AbstractElement(AbstractConverting):
         """
         return ()
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
-        """The points that it has on bodies: argument, body, and (3,) m in the body's axes. None by
-        default; units are checked by them."""
+    def attachments(self) -> tuple[Attachment, ...]:
+        """The points that it has on bodies, by which the scene checks units; none by default."""
         return ()
 
 

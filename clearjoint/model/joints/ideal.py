@@ -4,16 +4,12 @@ from typing import Any
 
 import equinox as eqx
 
-from ...fields.checks import (
-    quantity,
-    require,
-    require_axis,
-    require_euler_parameters,
-    require_point,
-)
+from ...fields.checks import require, require_axis, require_euler_parameters, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Quadruple, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
-from .base import AbstractConstraint, Motions, Row
+from .base import AbstractConstraint, Attachment, Motions, Row
 from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
 
@@ -23,19 +19,17 @@ class AbstractPairJoint(AbstractConstraint):
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
-    point_first: eqx.AbstractVar[Any]
-    point_second: eqx.AbstractVar[Any]
+    point_first: eqx.AbstractVar[Triple]
+    point_second: eqx.AbstractVar[Triple]
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
-        require_point("point_first", self.point_first)
-        require_point("point_second", self.point_second)
 
     def body_names(self) -> tuple[str, ...]:
         """The two bodies."""
         return self.first, self.second
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """Its point on each body."""
         return (
             ("point_first", self.first, self.point_first),
@@ -102,8 +96,8 @@ class SphericalJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations."""
@@ -126,14 +120,10 @@ class RevoluteJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis_first: Any = quantity("1")
-    axis_second: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis_first", self.axis_first)
-        require_axis("axis_second", self.axis_second)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and two tilts."""
@@ -161,12 +151,11 @@ class FixedJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_euler_parameters("orientation", self.orientation)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    orientation: Quadruple = quantity(
+        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
+    )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and three rotations."""
@@ -190,12 +179,9 @@ class InlineJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis", self.axis)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations across the line."""
@@ -211,14 +197,10 @@ class CylindricalJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis_first: Any = quantity("1")
-    axis_second: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis_first", self.axis_first)
-        require_axis("axis_second", self.axis_second)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations and two tilts."""
@@ -240,14 +222,12 @@ class PrismaticJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis: Any = quantity("1")
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_axis("axis", self.axis)
-        require_euler_parameters("orientation", self.orientation)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis: Triple = quantity("1", check=require_axis)
+    orientation: Quadruple = quantity(
+        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
+    )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations across the axis and three rotations."""
