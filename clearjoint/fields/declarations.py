@@ -5,6 +5,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import equinox as eqx
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
 
 from .checks import (
     as_number,
@@ -15,7 +18,7 @@ from .checks import (
     require_shape,
 )
 
-Check = Callable[[str, Any], None]
+Check = Callable[[str, ArrayLike], None]
 """Raises a ``ValueError`` for a field's name and a value that it can't have."""
 _COUNTS = {(): "a single number", (3,): "three components", (4,): "four components"}
 
@@ -33,7 +36,7 @@ class Declaration:
     check: Check | None = None
     remedy: str = ""
 
-    def check_value(self, name: str, value: Any) -> None:
+    def check_value(self, name: str, value: ArrayLike) -> None:
         """Raise a ``ValueError`` if the field can't have the value; warn if few machines have."""
         if self.check is not None:
             self.check(name, value)
@@ -92,7 +95,7 @@ def optional_quantity(unit: str, **options: Any) -> Any:
     return quantity(unit, converter=_as_optional_number, default=None, **options)
 
 
-def _as_optional_number(value: Any) -> Any:
+def _as_optional_number(value: object) -> np.ndarray | jax.Array | None:
     return None if value is None else as_number(value)
 
 

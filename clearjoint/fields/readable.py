@@ -1,7 +1,5 @@
 """The base of what users build: it checks what its fields declare, and prints their numbers."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import numpy as np
@@ -33,11 +31,11 @@ class AbstractReadable(eqx.Module):
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))
 
 
-def _is_result(node: Any) -> bool:
+def _is_result(node: object) -> bool:
     return isinstance(node, RESULTS)
 
 
-def _plain(leaf: Any) -> Any:
+def _plain(leaf: object) -> object:
     """A number or a list of numbers in the place of a short array; all else as it is."""
     known = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not known or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:

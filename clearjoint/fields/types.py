@@ -13,5 +13,7 @@ Single: TypeAlias = Float[Any, ""]
 """One number."""
 Triple: TypeAlias = Float[Any, "3"]
 """The components of a point, a vector or an axis."""
+Square: TypeAlias = Float[Any, "3 3"]
+"""A matrix, by rows."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, the scalar part first."""

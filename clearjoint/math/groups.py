@@ -7,11 +7,11 @@ is kept by names, the motions of bodies, say, goes from the elements' own names 
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from .vectors import Scalar
 
@@ -32,12 +32,12 @@ class Several(str):
         return name
 
 
-def is_structural(leaf: Any) -> bool:
+def is_structural(leaf: object) -> bool:
     """Whether a leaf is a Python number, which the alike elements share. numpy's floats are not."""
     return type(leaf) in (int, float, bool)
 
 
-def stacked(trees: Sequence[Any]) -> Any:
+def stacked(trees: Sequence[PyTree]) -> PyTree:
     """Trees of scalars as one whose leaves have the trees along their axis.
 
     The structure, and the Python numbers, are those of the first tree.
@@ -51,17 +51,17 @@ def stacked(trees: Sequence[Any]) -> Any:
     return jax.tree.unflatten(structure, leaves)
 
 
-def _row(scalars: Sequence[Any]) -> Any:
+def _row(scalars: Sequence[Scalar]) -> Scalar:
     numpy = jnp if any(isinstance(scalar, jax.Array) for scalar in scalars) else np
     return numpy.stack(scalars)
 
 
-def element(tree: Any, index: int) -> Any:
+def element(tree: PyTree, index: int) -> PyTree:
     """One of several elements."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
-def gathered(family: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def gathered(family: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
     """What is kept of elements by their own names, under names that may stand for several.
 
     Names that the family lacks are left out.
@@ -76,7 +76,7 @@ def gathered(family: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def by_name(family: Mapping[str, Any]) -> dict[str, Any]:
+def by_name(family: Mapping[str, PyTree]) -> dict[str, PyTree]:
     """What is kept under names that may stand for several, by the elements' own names."""
     found = {}
     for name, tree in family.items():
@@ -87,7 +87,7 @@ def by_name(family: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def each(function: Callable[..., Any], *arguments: Any) -> Any:
+def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     """The function of each of several elements: by `jax.vmap`, so that it may be any function.
 
     Along arrays of shape (n,) go the elements; scalars and Python numbers are what they share, and
@@ -95,10 +95,10 @@ def each(function: Callable[..., Any], *arguments: Any) -> Any:
     """
     leaves, structure = jax.tree.flatten(arguments)
     along = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
-    shape: Any = None
-    shared: list[Any] = []
+    shape: PyTree = None
+    shared: list[Scalar] = []
 
-    def one(own: list[Any]) -> list[Any]:
+    def one(own: list[Scalar]) -> list[Scalar]:
         nonlocal shape, shared
         remaining = iter(own)
         filled = [

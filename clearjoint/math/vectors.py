@@ -12,6 +12,7 @@ program is compiled for each pattern of zeros and ones, not for each number.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any
 
 import jax
@@ -19,6 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.tree_util import DictKey, GetAttrKey, SequenceKey
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 Scalar = Any
 """A float, a numpy scalar or a JAX array of shape ()."""
@@ -198,11 +201,11 @@ class Structured:
     are structural and the others ``None``.
     """
 
-    tree: Any
+    tree: PyTree
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
 
-def structured(tree: Any, varied: Any = None) -> Structured:
+def structured(tree: PyTree, varied: PyTree = None) -> Structured:
     """The tree with its exact zeros and ones marked as structural.
 
     What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
@@ -216,14 +219,14 @@ def structured(tree: Any, varied: Any = None) -> Structured:
     )
 
 
-def _in_tables(tree: Any) -> list[bool]:
+def _in_tables(tree: PyTree) -> list[bool]:
     """Of each leaf, whether a field that holds it is declared as a table: ``{"table": True}`` in
     the field's metadata."""
     paths, _ = jax.tree_util.tree_flatten_with_path(tree)
     return [_is_in_table(tree, path) for path, _ in paths]
 
 
-def _is_in_table(node: Any, path: jax.tree_util.KeyPath) -> bool:
+def _is_in_table(node: PyTree, path: jax.tree_util.KeyPath) -> bool:
     for key in path:
         if isinstance(key, GetAttrKey):
             declared = getattr(type(node), "__dataclass_fields__", {}).get(key.name)
@@ -239,14 +242,14 @@ def _is_in_table(node: Any, path: jax.tree_util.KeyPath) -> bool:
     return False
 
 
-def _pattern(leaf: Any) -> Pattern:
+def _pattern(leaf: ArrayLike) -> Pattern:
     if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
     numbers = np.asarray(leaf, dtype=float).ravel()
     return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
 
 
-def _unpack_leaf(leaf: Any, pattern: Pattern) -> Any:
+def _unpack_leaf(leaf: jax.Array, pattern: Pattern) -> PyTree:
     shape = jnp.shape(leaf)
     if shape == (4,):
         return EulerParameters(*(leaf[k] for k in range(4)))
@@ -259,7 +262,7 @@ def _unpack_leaf(leaf: Any, pattern: Pattern) -> Any:
     return rows[0] if shape == (3,) else Matrix(*rows)
 
 
-def unpack(tree: Any) -> Any:
+def unpack(tree: PyTree) -> PyTree:
     """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
 
     The tree may come as `Structured`: its structural components become Python numbers. Fields that
@@ -273,7 +276,7 @@ def unpack(tree: Any) -> Any:
     return jax.tree.unflatten(shape, scalars)
 
 
-def _pack_leaf(leaf: Any) -> Any:
+def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
         rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
         return _library(rows).stack(rows, axis=-2)
@@ -284,11 +287,11 @@ def _pack_leaf(leaf: Any) -> Any:
     return leaf
 
 
-def _library(parts: list[Any]) -> Any:
+def _library(parts: list[Scalar]) -> ModuleType:
     """numpy for numpy values, so that the host's own packing compiles nothing; else JAX."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
-def pack(tree: Any) -> Any:
+def pack(tree: PyTree) -> PyTree:
     """The inverse of `unpack`; leading axes shared by all components stay in front."""
     return jax.tree.map(_pack_leaf, tree, is_leaf=lambda node: isinstance(node, _KINDS))

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
@@ -21,7 +20,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import Quadruple, Single, Triple
+from ..fields.types import Quadruple, Single, Square, Triple
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 
 GROUND = "ground"
@@ -33,7 +32,7 @@ THINNEST = 1e-2
 """Smallest side of that box over the largest."""
 
 
-def _require_inertia(argument: str, value: Any) -> None:
+def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check three principal moments or an inertia matrix."""
     require(
         np.shape(value) in ((3,), (3, 3)),
@@ -86,7 +85,7 @@ class Body(AbstractReadable):
     mass: Single = quantity(
         "kg", positive=True, remedy='give the mass in kg, and use "ground" for a fixed body'
     )
-    inertia: Float[Any, "3"] | Float[Any, "3 3"] = quantity("kg m^2", check=_require_inertia)
+    inertia: Triple | Square = quantity("kg m^2", check=_require_inertia)
 
     def _check_together(self) -> None:
         mass, inertia = concrete(self.mass), concrete(self.inertia)

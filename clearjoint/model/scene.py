@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import jax
 import numpy as np
@@ -69,7 +68,7 @@ class Scene(AbstractReadable):
             "rename the body",
         )
         _check_kinds("bodies", self.bodies, Body)
-        _check_kinds("joints", self.joints, (AbstractConstraint, AbstractContactJoint))
+        _check_kinds("joints", self.joints, AbstractConstraint, AbstractContactJoint)
         _check_kinds("forces", self.forces, AbstractForce)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
@@ -121,13 +120,12 @@ class Scene(AbstractReadable):
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
-def _check_kinds(argument: str, elements: dict[str, Any], kinds: Any) -> None:
+def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) -> None:
     for name, element in elements.items():
-        allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         require(
-            isinstance(element, allowed),
+            isinstance(element, kinds),
             f"{argument}[{name!r}]",
             type(element).__name__,
-            "one of " + ", ".join(kind.__name__ for kind in allowed),
+            "one of " + ", ".join(kind.__name__ for kind in kinds),
             "pass an element of that kind",
         )

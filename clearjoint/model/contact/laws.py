@@ -7,10 +7,10 @@ whether it behaves.
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.conversion import AbstractConverting
@@ -68,7 +68,7 @@ class AbstractContactLaw(AbstractConverting):
     has_memory: eqx.AbstractClassVar[bool]
     force_jumps = True
 
-    def __init_subclass__(cls, **options: Any):
+    def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
         if "force" in cls.__dict__ and "force_jumps" not in cls.__dict__:
             cls.force_jumps = True
@@ -129,7 +129,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
         """chi, the hysteresis damping factor times the entry speed over K."""
 
     @classmethod
-    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+    def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
         """A number given as the `stiffness` is a `GivenStiffness`."""
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 

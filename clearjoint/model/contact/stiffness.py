@@ -2,7 +2,6 @@
 
 import abc
 import math
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -88,6 +87,6 @@ class RavnStiffness(AbstractStiffness):
         return 4.0 / (3.0 * compliance) * jnp.sqrt(radii / gap.clearance)
 
 
-def as_stiffness(value: Any) -> AbstractStiffness:
+def as_stiffness(value: object) -> AbstractStiffness:
     """The stiffness given, or a `GivenStiffness` of a number in N/m^n."""
     return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))

@@ -7,10 +7,10 @@ registered. All methods work on the scalar form of `clearjoint.math.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ...fields.conversion import AbstractConverting
 from ...fields.types import Triple
@@ -51,7 +51,7 @@ class AbstractElement(AbstractConverting):
     def body_names(self) -> tuple[str, ...]:
         """Names of the bodies it acts on, the ground included."""
 
-    def breakpoints(self) -> Any:
+    def breakpoints(self) -> PyTree:
         """Times in s where the element changes as no smooth function of time does: its force jumps
         or has a kink, or the angle it prescribes has a kink. None by default.
 

@@ -1,10 +1,10 @@
 """The constraint rows that ideal joints are made of."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
@@ -170,7 +170,7 @@ def rows_from_residual(
     return rows
 
 
-def _as_arrays(tree: Any) -> Any:
+def _as_arrays(tree: PyTree) -> PyTree:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), tree)
 
 

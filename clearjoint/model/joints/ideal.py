@@ -1,6 +1,6 @@
 """Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
 
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 
@@ -12,6 +12,8 @@ from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vec
 from .base import AbstractConstraint, Attachment, Motions, Row
 from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
+
+T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractConstraint):
@@ -36,7 +38,7 @@ class AbstractPairJoint(AbstractConstraint):
             ("point_second", self.second, self.point_second),
         )
 
-    def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
+    def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """What belongs to the first and the second body, the parent's before the child's."""
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 

@@ -7,10 +7,10 @@ directions of motion of the usual joints are constant.
 
 import abc
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.rotations import (
     composed,
@@ -67,7 +67,7 @@ class Relative:
 class JointState(eqx.Module):
     """Variables of one joint: its `position` (any PyTree), and one of the `speeds` a freedom."""
 
-    position: Any
+    position: PyTree
     speeds: tuple[Scalar, ...]
 
 
@@ -85,30 +85,30 @@ class AbstractFreedom(eqx.Module):
         """The variables of a relative motion that the joint allows."""
 
     @abc.abstractmethod
-    def orientation(self, position: Any) -> EulerParameters:
+    def orientation(self, position: PyTree) -> EulerParameters:
         """Euler parameters, of any norm, that turn the child's components into the parent's."""
 
     @abc.abstractmethod
-    def columns(self, position: Any) -> tuple[Twist, ...]:
+    def columns(self, position: PyTree) -> tuple[Twist, ...]:
         """The relative twist that each speed gives by itself."""
 
     @abc.abstractmethod
-    def rates(self, state: JointState) -> Any:
+    def rates(self, state: JointState) -> PyTree:
         """Time derivative of the position."""
 
     @abc.abstractmethod
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """The position after a small motion along the columns."""
 
-    def settled(self, position: Any) -> Any:
+    def settled(self, position: PyTree) -> PyTree:
         """The same position in numbers that don't drift in many steps; the default, as it is."""
         return position
 
-    def rotation(self, position: Any) -> Matrix:
+    def rotation(self, position: PyTree) -> Matrix:
         """The matrix that turns the child's components into the parent's."""
         return rotation_matrix(self.orientation(position))
 
-    def displacement(self, position: Any) -> Vector:
+    def displacement(self, position: PyTree) -> Vector:
         """From the parent's point to the child's, child's axes; none unless the joint slides."""
         del position
         return ZERO
@@ -137,21 +137,21 @@ class Weld(AbstractFreedom):
         del relative
         return JointState((), ())
 
-    def orientation(self, position: Any) -> EulerParameters:
+    def orientation(self, position: PyTree) -> EulerParameters:
         """Constant."""
         del position
         return self.reference
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
+    def columns(self, position: PyTree) -> tuple[Twist, ...]:
         """None."""
         del position
         return ()
 
-    def rates(self, state: JointState) -> Any:
+    def rates(self, state: JointState) -> PyTree:
         """None."""
         return state.position
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """Not at all."""
         del changes
         return position
@@ -176,13 +176,13 @@ class Hinge(AbstractFreedom):
         angle = 2.0 * jnp.arctan2(vector.dot(self.axis), turn.e0)
         return JointState(angle, (relative.twist.turn.dot(self.axis),))
 
-    def orientation(self, position: Any) -> EulerParameters:
+    def orientation(self, position: Scalar) -> EulerParameters:
         """Turned about the axis from the reference."""
         vector = self.axis * jnp.sin(0.5 * position)
         turn = EulerParameters(jnp.cos(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, turn)
 
-    def rotation(self, position: Any) -> Matrix:
+    def rotation(self, position: Scalar) -> Matrix:
         """R (b b^T + cos (1 - b b^T) + sin ~b) with constant R, so that two products an entry are
         left, and none where they are zeros and ones."""
         b, cosine, sine = self.axis, jnp.cos(position), jnp.sin(position)
@@ -194,20 +194,20 @@ class Hinge(AbstractFreedom):
         matrix = rotation_matrix(self.reference)
         return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
         """The axis."""
         del position
         return (Twist(self.axis, ZERO),)
 
-    def rates(self, state: JointState) -> Any:
+    def rates(self, state: JointState) -> Scalar:
         """The angle's rate."""
         return state.speeds[0]
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
         """The angle changed."""
         return add(position, changes[0])
 
-    def settled(self, position: Any) -> Any:
+    def settled(self, position: Scalar) -> Scalar:
         """The angle within two turns, as `encode` gives it."""
         return within_two_turns(position)
 
@@ -261,25 +261,25 @@ class Slider(AbstractFreedom):
         distance = relative.displacement.dot(self.axis)
         return JointState(distance, (relative.twist.slide.dot(self.axis),))
 
-    def orientation(self, position: Any) -> EulerParameters:
+    def orientation(self, position: Scalar) -> EulerParameters:
         """Constant."""
         del position
         return self.reference
 
-    def displacement(self, position: Any) -> Vector:
+    def displacement(self, position: Scalar) -> Vector:
         """Along the axis."""
         return self.axis * position
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
         """The axis."""
         del position
         return (Twist(ZERO, self.axis),)
 
-    def rates(self, state: JointState) -> Any:
+    def rates(self, state: JointState) -> Scalar:
         """The speed."""
         return state.speeds[0]
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
         """The distance changed."""
         return add(position, changes[0])
 
