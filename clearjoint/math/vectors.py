@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
+from typing import Any, overload
 
 import jax
 import jax.numpy as jnp
@@ -102,21 +102,21 @@ class Vector:
         return iter((self.x, self.y, self.z))
 
     def dot(self, other: "Vector") -> Scalar:
-        """Scalar product."""
+        """The scalar product of two vectors."""
         return add(
             add(multiply(self.x, other.x), multiply(self.y, other.y)), multiply(self.z, other.z)
         )
 
     def cross(self, other: "Vector") -> "Vector":
-        """Vector product."""
+        """The vector product of two vectors."""
         return Vector(
             subtract(multiply(self.y, other.z), multiply(self.z, other.y)),
             subtract(multiply(self.z, other.x), multiply(self.x, other.z)),
             subtract(multiply(self.x, other.y), multiply(self.y, other.x)),
         )
 
-    def times(self, other: "Vector") -> "Vector":
-        """Componentwise product."""
+    def componentwise_product(self, other: "Vector") -> "Vector":
+        """The vector of the products of like components."""
         return Vector(
             multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
         )
@@ -137,8 +137,20 @@ class Matrix:
     row_y: Vector
     row_z: Vector
 
-    def __matmul__(self, vector: Vector) -> Vector:
-        return Vector(self.row_x.dot(vector), self.row_y.dot(vector), self.row_z.dot(vector))
+    @overload
+    def __matmul__(self, other: Vector) -> Vector: ...
+
+    @overload
+    def __matmul__(self, other: "Matrix") -> "Matrix": ...
+
+    def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
+        rows = (self.row_x, self.row_y, self.row_z)
+        if isinstance(other, Matrix):
+            return Matrix(*(other.transposed_times(row) for row in rows))
+        return Vector(*(row.dot(other) for row in rows))
+
+    def __add__(self, other: "Matrix") -> "Matrix":
+        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def transposed_times(self, vector: Vector) -> Vector:
         """The product of the transposed matrix with a vector."""
@@ -146,24 +158,15 @@ class Matrix:
 
     @property
     def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
-        """The transposed matrix."""
+        """The transposed matrix: its rows are the columns."""
         x, y, z = self.row_x, self.row_y, self.row_z
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
-
-    def plus(self, other: "Matrix") -> "Matrix":
-        """The sum of two matrices."""
-        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """The matrix less the product of a column and a row."""
         return Matrix(
             self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
         )
-
-    def times(self, other: "Matrix") -> "Matrix":
-        """The product of two matrices."""
-        rows = (self.row_x, self.row_y, self.row_z)
-        return Matrix(*(other.transposed_times(row) for row in rows))
 
     def inverse(self) -> "Matrix":
         """The inverse, by the adjugate."""

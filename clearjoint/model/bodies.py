@@ -111,7 +111,7 @@ class Body(AbstractReadable):
         """Inertia times spin, body axes, kg m^2/s. In scalar form."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
-        return spin.times(self.inertia)
+        return spin.componentwise_product(self.inertia)
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:

@@ -63,7 +63,7 @@ class RegularisedCoulomb(AbstractFriction):
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu tanh(v/v_d)."""
+        """mu tanh(v/v_d), which rises from zero to mu."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
@@ -91,7 +91,7 @@ class Ambrosio(AbstractFriction):
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu c_d(v)."""
+        """mu c_d(v), linear between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
         # At v0 the slope is that of rising friction: with v0 = 0 there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)

@@ -149,7 +149,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
         return gap.depth if self.smoothing is None else ramp(gap.depth, self.smoothing)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """K delta^n, N."""
+        """K delta^n, the force without damping, N."""
         return self.stiffness.value(gap) * positive_power(self._depth(gap), self.exponent)
 
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -189,7 +189,7 @@ class Hertz(AbstractHertzianLaw):
     has_memory = False
 
     def damping_factor(self) -> Scalar:
-        """chi = 0."""
+        """chi = 0: nothing is lost."""
         return 0.0
 
 

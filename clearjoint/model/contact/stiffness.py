@@ -41,7 +41,7 @@ class AbstractStiffness(AbstractConverting):
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^n."""
+        """The stiffness K in N/m^n for the radii of a gap."""
 
 
 class GivenStiffness(AbstractStiffness):
@@ -52,7 +52,7 @@ class GivenStiffness(AbstractStiffness):
     )
 
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^n."""
+        """The stiffness K in N/m^n, the same for every gap."""
         return self.stiffness
 
 
@@ -76,7 +76,7 @@ class RavnStiffness(AbstractStiffness):
     )
 
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^1.5."""
+        """The stiffness K in N/m^1.5, by the radii of bearing and journal."""
         assert gap.bearing_radius is not None and gap.clearance is not None
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio

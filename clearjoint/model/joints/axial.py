@@ -96,7 +96,7 @@ class EndPlay(AbstractAxialPolicy):
             )
 
     def shoulder_law(self) -> AbstractContactLaw:
-        """The law given."""
+        """The law that was given, for both shoulders."""
         return self.law
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:

@@ -33,7 +33,7 @@ class Row:
 
     `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
     moment . spin + `time_rate` (so that the reaction on the body is this pair times the
-    multiplier); `bias` is what is left of Phi's second derivative when all accelerations vanish.
+    multiplier); `bias` is Phi's second derivative where all accelerations are zero.
     `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
     as a driver's does, which then supplies the power -multiplier time_rate.
     """
@@ -236,7 +236,7 @@ class AbstractContactJoint(AbstractElement):
         """Names of the first and the second body."""
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.pair()
 
     def deepest(self) -> dict[str, Scalar]:
@@ -245,14 +245,19 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """How far the second body has slid beyond the end of its room, m, negative inside; ``None``
-        where something stops it, and by default. A run warns of it."""
+        """How far the second body has slid out of the first along the axis, m, negative inside.
+
+        A run warns where it is positive. ``None``, the default, for a joint that it can't leave.
+        """
         del motions
         return None
 
     def centred(self) -> AbstractConstraint | None:
-        """The ideal joint that holds the second body in the middle of its room; ``None``, the
-        default, where there is no middle. `assemble` takes it for a body that is outside."""
+        """The ideal joint that holds the second body midway between its contacts.
+
+        `assemble` puts a body there that starts outside. ``None``, the default, where there is no
+        such place.
+        """
         return None
 
     def seated(self, load: np.ndarray) -> AbstractConstraint | None:

@@ -40,7 +40,7 @@ class AbstractDrive(AbstractElement):
         require_euler_parameters("orientation", self.orientation)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
     def turn(self, motions: Motions) -> Row:
@@ -183,6 +183,6 @@ class DriveTorque(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The constant."""
+        """The constant torque, N m."""
         del angle, speed, t
         return self.torque

@@ -34,7 +34,7 @@ class SpringDamper(AbstractForce):
         require_distinct(self.first, self.second)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
     def attachments(self) -> tuple[Attachment, ...]:
@@ -85,7 +85,7 @@ class AppliedLoad(AbstractForce):
     point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
 
     def body_names(self) -> tuple[str, ...]:
-        """The body."""
+        """Name of the body that it acts on."""
         return (self.body,)
 
     def attachments(self) -> tuple[Attachment, ...]:

@@ -28,7 +28,7 @@ class AbstractPairJoint(AbstractConstraint):
         require_distinct(self.first, self.second)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
     def attachments(self) -> tuple[Attachment, ...]:
@@ -102,12 +102,12 @@ class SphericalJoint(AbstractPairJoint):
     point_second: Triple = quantity("m", check=require_point)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Three translations."""
+        """Three translations that are held, in m."""
         del t
         return self._coincidence(motions)
 
     def freedom(self, parent: str) -> Ball:
-        """Turning freely."""
+        """The second body turns freely about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
 
@@ -138,7 +138,7 @@ class RevoluteJoint(AbstractPairJoint):
         return self._turn(motions, self.axis_first, self.axis_second)
 
     def freedom(self, parent: str) -> Hinge:
-        """Turning about the axis."""
+        """The second body turns about the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return Hinge(*points, here, aligning(there, here))
@@ -165,7 +165,7 @@ class FixedJoint(AbstractPairJoint):
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
     def freedom(self, parent: str) -> Weld:
-        """None."""
+        """No motion at all: the bodies are one."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         return Weld(*points, turn)
@@ -238,7 +238,7 @@ class PrismaticJoint(AbstractPairJoint):
         return self._point_on_line(motions, self.axis) | held
 
     def freedom(self, parent: str) -> Slider:
-        """Sliding along the axis."""
+        """The second body slides along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
