@@ -1,4 +1,15 @@
-"""Differentiable simulation of mechanisms whose revolute joints have clearance."""
+"""Differentiable simulation of mechanisms whose revolute joints have clearance.
+
+The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
+1. `simulation/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
+   of its arrays (`unpack` in `math/vectors.py`).
+2. `dynamics/equations_of_motion.py`: `evaluate`, in every stage of a step, asks for the forces of
+3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
+4. `model/joints/clearance.py`: `ClearanceJoint.contacts` subtracts the clearance from the journal's
+   eccentricity (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
+5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
+   stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
+"""
 
 from . import presets as presets
 from . import quantities as quantities
@@ -12,7 +23,7 @@ from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
-from .fields.checks import quantity as quantity
+from .fields.declarations import quantity as quantity
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many

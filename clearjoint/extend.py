@@ -16,8 +16,6 @@ from .dynamics.coordinates import AbstractMechanics as AbstractMechanics
 from .dynamics.formulation import Formulation as Formulation
 from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.system import System as System
-from .fields.checks import optional_quantity as optional_quantity
-from .fields.checks import quantity as quantity
 from .fields.checks import require as require
 from .fields.checks import require_axis as require_axis
 from .fields.checks import require_finite as require_finite
@@ -25,6 +23,8 @@ from .fields.checks import require_point as require_point
 from .fields.checks import require_positive as require_positive
 from .fields.checks import require_range as require_range
 from .fields.checks import require_shape as require_shape
+from .fields.declarations import optional_quantity as optional_quantity
+from .fields.declarations import quantity as quantity
 from .math.rotations import normalised as normalised
 from .math.rotations import rotation_matrix as rotation_matrix
 from .math.rotations import turned as turned

@@ -1,7 +1,5 @@
 """How a run ended."""
 
-from typing import Any
-
 import equinox as eqx
 import numpy as np
 
@@ -48,7 +46,7 @@ class RESULTS(eqx.Enumeration):
     )
 
 
-def result_number(result: Any) -> np.ndarray:
+def result_number(result: RESULTS) -> np.ndarray:
     """The number of a result code, or of several."""
     return np.asarray(result._value)
 

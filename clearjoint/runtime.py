@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import jax
 
@@ -35,9 +35,20 @@ _SHARED = (
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
 )
+Setting = bool | float | str | None
+"""The value of a setting of a process."""
 _said = False
 _idle = 0
 """How many of the devices that JAX shows are there for its programs only, and compute nothing."""
+
+
+class Device(Protocol):
+    """What is asked of a device of JAX."""
+
+    @property
+    def platform(self) -> str:
+        """ "cpu", "gpu" or the like."""
+        ...
 
 
 def default_cache() -> Path:
@@ -110,13 +121,13 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
-def busy_devices() -> list[Any]:
+def busy_devices() -> list[Device]:
     """The devices that share the lanes of sweeps, unless others are named."""
     devices = jax.devices()
     return devices if devices[0].platform != "cpu" else devices[: len(devices) - _idle]
 
 
-def mesh_devices(busy: Sequence[Any]) -> list[Any]:
+def mesh_devices(busy: Sequence[Device]) -> list[Device]:
     """The devices that a program is compiled for: those that compute, and beside one CPU device
     alone an idle one, if JAX shows one."""
     others = [d for d in jax.local_devices(backend=busy[0].platform) if d not in busy]
@@ -124,21 +135,21 @@ def mesh_devices(busy: Sequence[Any]) -> list[Any]:
     return [*busy, *others[: max(needed, 0)]]
 
 
-def program_kind(busy: Sequence[Any]) -> str:
+def program_kind(busy: Sequence[Device]) -> str:
     """What the bits of results depend on beside all settings: the kind of device, and whether a
     program is compiled for one or for several."""
     number = "several" if len(mesh_devices(busy)) >= LEAST_DEVICES else "one"
     return f"{busy[0].platform}, as for {number}"
 
 
-def in_force() -> dict[str, Any]:
+def in_force() -> dict[str, Setting]:
     """The settings of this process that its results and its speed depend on, for `adopt`."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     flags = os.environ.get("XLA_FLAGS", "")
     return {"XLA_FLAGS": flags, **shared, "lonely": _lonely()}
 
 
-def adopt(values: dict[str, Any]) -> None:
+def adopt(values: dict[str, Setting]) -> None:
     """Set what is in force in another process, unless JAX has already started in this one.
 
     **Raises:** `RuntimeError` if JAX has started with floats of other length, or on one CPU device
@@ -146,7 +157,7 @@ def adopt(values: dict[str, Any]) -> None:
     """
     global _idle
     if not _started():
-        os.environ["XLA_FLAGS"] = values["XLA_FLAGS"]
+        os.environ["XLA_FLAGS"] = str(values["XLA_FLAGS"])
         for name in _SHARED:
             jax.config.update(name, values[name])
         if not values["lonely"] and jax.config.jax_num_cpu_devices < LEAST_DEVICES:  # pyright: ignore
@@ -164,7 +175,7 @@ def _lonely() -> bool:
     return busy[0].platform == "cpu" and len(mesh_devices(busy)) < LEAST_DEVICES
 
 
-def _refuse(setting: str, present: Any, needed: Any) -> None:
+def _refuse(setting: str, present: object, needed: object) -> None:
     raise RuntimeError(
         f"JAX has already started in this worker process with `{setting}` {present}, but the sweep "
         f"needs {needed}: take fresh workers, or start these with the variables that "

@@ -24,13 +24,13 @@ FLOORS = (
     ("plot",),
 )
 """A room may import from those on floors below."""
-BASIS = {"jax", "equinox", "numpy"}
+BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
     "diffrax": {"simulation", "presets", "sweeps", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
     "matplotlib": {"plot"},
     "optax": {"identification"},
-    "optimistix": {"identification", "simulation"},
+    "optimistix": {"identification", "model", "simulation"},
     "scipy": {"identification"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"measurements"},

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import optional_quantity, quantity
+from clearjoint.fields.declarations import optional_quantity, quantity
 from clearjoint.model.contact.laws import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.model.joints.base import Row
 from clearjoint.testing import check_constraint, check_friction, check_law, moving

@@ -177,7 +177,7 @@ class InverseMass:
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:
-            angular = wrench.moment.times(self._principal)
+            angular = wrench.moment.componentwise_product(self._principal)
         return Acceleration(wrench.force * self._inverse, angular)
 
 

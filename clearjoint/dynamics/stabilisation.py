@@ -8,8 +8,9 @@ import abc
 from collections.abc import Callable
 from typing import Any
 
-from ..fields.checks import quantity, require_positive
+from ..fields.checks import require_positive
 from ..fields.conversion import AbstractConverting
+from ..fields.declarations import quantity
 from ..math.vectors import Scalar
 
 

@@ -1,4 +1,4 @@
-"""Fields with units, and checks of values with one form of message.
+"""Checks of values with one form of message.
 
 Numbers become 64-bit numpy arrays, not JAX arrays: building a scene then starts no JAX backend and
 keeps its digits whatever JAX's precision setting. Values under a JAX transformation pass unchecked;
@@ -7,17 +7,21 @@ a run re-checks what it can (`clearjoint.simulation.simulate`).
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from .cautions import UnusualValueWarning, caution, quiet
 
+T = TypeVar("T")
 
-def as_number(value: Any) -> Any:
+
+def as_number(value: object) -> np.ndarray | jax.Array:
     """A float64 numpy array, or the JAX array that was given."""
     if isinstance(value, jax.Array):
         return value
@@ -30,39 +34,25 @@ def as_number(value: Any) -> Any:
         ) from error
 
 
-def quantity(unit: str, **options: Any) -> Any:
-    """A field that holds a number or array in the given SI unit ("1" if it has none)."""
-    return eqx.field(converter=as_number, metadata={"unit": unit}, **options)
-
-
-def optional_quantity(unit: str) -> Any:
-    """A `quantity` that may be ``None``: absent, and then without cost."""
-    return eqx.field(
-        converter=lambda value: None if value is None else as_number(value),
-        metadata={"unit": unit},
-        default=None,
-    )
-
-
-def concrete(value: Any) -> np.ndarray | None:
+def concrete(value: object) -> np.ndarray | None:
     """The value as a numpy array, or ``None`` while JAX traces it."""
     return None if isinstance(value, Tracer) else np.asarray(value)
 
 
-def require(condition: bool, argument: str, value: Any, expected: str, remedy: str) -> None:
+def require(condition: bool, argument: str, value: object, expected: str, remedy: str) -> None:
     """Raise a ``ValueError`` that names argument, value, expectation and remedy."""
     if not condition:
         shown = value.tolist() if isinstance(value, np.ndarray) else value
         raise ValueError(f"Argument `{argument}` must be {expected}, but is {shown!r}: {remedy}.")
 
 
-def require_shape(argument: str, value: Any, shape: tuple[int, ...], remedy: str) -> None:
+def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
     """Check the shape of an array and that its values are finite."""
     require(np.shape(value) == shape, argument, value, f"an array of shape {shape}", remedy)
     require_finite(argument, value)
 
 
-def require_finite(argument: str, value: Any) -> None:
+def require_finite(argument: str, value: object) -> None:
     """Check that no value is NaN or infinite."""
     numbers = concrete(value)
     if numbers is not None:
@@ -75,7 +65,7 @@ def require_finite(argument: str, value: Any) -> None:
         )
 
 
-def require_positive(argument: str, value: Any, remedy: str, *, zero: bool = False) -> None:
+def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
     """Check a scalar to be finite and positive, or not negative when ``zero`` is allowed."""
     require_shape(argument, value, (), "pass a single number")
     number = concrete(value)
@@ -86,13 +76,13 @@ def require_positive(argument: str, value: Any, remedy: str, *, zero: bool = Fal
         )
 
 
-def require_count(argument: str, value: Any, remedy: str) -> None:
+def require_count(argument: str, value: object, remedy: str) -> None:
     """Check for a whole number of one at least; 2.0 is none, nor is a truth value."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    require(whole and bool(value > 0), argument, value, "a whole number, positive", remedy)
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value > 0
+    require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
-def require_names(argument: str, given: Any, remedy: str) -> None:
+def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Check for a dictionary whose keys are texts, none of them empty."""
     kind = type(given).__name__
     require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
@@ -101,7 +91,7 @@ def require_names(argument: str, given: Any, remedy: str) -> None:
         require(fine, argument, name, "named by non-empty strings", "name every element")
 
 
-def named(argument: str, given: Any, remedy: str) -> dict[str, Any]:
+def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """A dictionary of one's own, of any mapping whose keys `require_names` accepts.
 
     For classes with an ``__init__`` of their own: JAX, which sorts keys, looks at the arguments of
@@ -111,7 +101,7 @@ def named(argument: str, given: Any, remedy: str) -> dict[str, Any]:
     return dict(given)
 
 
-def require_range(argument: str, value: Any, lower: float, upper: float, remedy: str) -> None:
+def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
     """Check a scalar to lie in a closed interval."""
     require_shape(argument, value, (), "pass a single number")
     number = concrete(value)
@@ -132,7 +122,7 @@ def caution_unless(
         )
 
 
-def caution_below(argument: str, value: Any, unit: str, least: float, remedy: str) -> None:
+def caution_below(argument: str, value: object, unit: str, least: float, remedy: str) -> None:
     """`caution_unless` a number is at least so large."""
     number = concrete(value)
     if number is not None:
@@ -140,7 +130,7 @@ def caution_below(argument: str, value: Any, unit: str, least: float, remedy: st
         caution_unless(bool(number >= least), argument, number.item(), unit, expected, remedy)
 
 
-def caution_above(argument: str, value: Any, unit: str, most: float, remedy: str) -> None:
+def caution_above(argument: str, value: object, unit: str, most: float, remedy: str) -> None:
     """`caution_unless` a number is at most so large."""
     number = concrete(value)
     if number is not None:
@@ -148,12 +138,12 @@ def caution_above(argument: str, value: Any, unit: str, most: float, remedy: str
         caution_unless(bool(number <= most), argument, number.item(), unit, expected, remedy)
 
 
-def require_point(argument: str, value: Any) -> None:
+def require_point(argument: str, value: ArrayLike) -> None:
     """Check a point or vector of three finite coordinates."""
     require_shape(argument, value, (3,), "pass three coordinates in m")
 
 
-def require_axis(argument: str, value: Any) -> None:
+def require_axis(argument: str, value: ArrayLike) -> None:
     """Check a direction: three finite components of which one at least is not zero."""
     require_shape(argument, value, (3,), "pass three components")
     numbers = concrete(value)
@@ -167,7 +157,7 @@ def require_axis(argument: str, value: Any) -> None:
         )
 
 
-def require_euler_parameters(argument: str, value: Any) -> None:
+def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     """Check four Euler parameters of unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     parameters = concrete(value)
@@ -181,7 +171,7 @@ def require_euler_parameters(argument: str, value: Any) -> None:
         )
 
 
-def recheck(tree: Any) -> None:
+def recheck(tree: PyTree) -> None:
     """Run every construction check of the modules in a PyTree again, on its present values.
 
     What was unusual at construction is not warned of again.
@@ -190,13 +180,13 @@ def recheck(tree: Any) -> None:
         _recheck(tree)
 
 
-def _recheck(tree: Any) -> None:
+def _recheck(tree: PyTree) -> None:
     _check_here(tree)
     for child in _children(tree):
         _recheck(child)
 
 
-def recheck_changes(tree: Any, base: Any) -> None:
+def recheck_changes(tree: PyTree, base: PyTree) -> None:
     """`recheck`, of those modules only that hold other numbers than in a tree of like structure.
 
     What holds such a module is checked too, but not across a dictionary: its entries are
@@ -207,7 +197,7 @@ def recheck_changes(tree: Any, base: Any) -> None:
         _recheck_changed(tree, iter([a is not b for a, b in pairs]))
 
 
-def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:
+def _recheck_changed(tree: PyTree, changed: Iterator[bool]) -> bool:
     """Go through the leaves in their order; whether any number here has changed."""
     if tree is None:
         return False
@@ -224,14 +214,14 @@ def _recheck_changed(tree: Any, changed: Iterator[bool]) -> bool:
     return next(changed)
 
 
-def _check_here(tree: Any) -> None:
+def _check_here(tree: PyTree) -> None:
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if "__check_init__" in cls.__dict__:
                 cls.__dict__["__check_init__"](tree)
 
 
-def _children(tree: Any) -> list[Any]:
+def _children(tree: PyTree) -> list[PyTree]:
     if isinstance(tree, eqx.Module):
         return [getattr(tree, field.name) for field in fields(tree)]
     if isinstance(tree, dict):

@@ -4,12 +4,13 @@ import inspect
 from collections.abc import Callable
 from dataclasses import Field
 from types import MappingProxyType
-from typing import Any, ClassVar, get_origin
+from typing import ClassVar, get_origin
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from .checks import as_number
 from .readable import AbstractReadable
@@ -27,26 +28,27 @@ class AbstractConverting(AbstractReadable):
     - else a 64-bit array, or several, of the numbers, tuples and lists that it is given. No number
       is then part of the program: another value compiles nothing anew.
 
-    `clearjoint.quantity("N m")` in its place also tells the unit. A number that the program's form
+    `clearjoint.quantity("N m")` in its place also declares unit, shape and range, and with
+    ``table=True`` that it is a table, which stays an array. A number that the program's form
     depends on, such as how often something is repeated, and a function are declared with
     ``equinox.field(static=True)``.
     """
 
-    def __init_subclass__(cls, **options: Any):
+    def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
         for name, annotation in inspect.get_annotations(cls).items():
             if not _is_no_field(annotation):
                 setattr(cls, name, _declared(cls, name, annotation))
 
     @classmethod
-    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+    def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
         """What turns the value given to a field into the one stored, where the field does not tell
         by itself."""
         del name
         return as_numbers
 
 
-def as_numbers(value: Any) -> Any:
+def as_numbers(value: PyTree) -> PyTree:
     """The value with its Python numbers, and tuples and lists of them, as 64-bit arrays."""
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
         return as_number(value)
@@ -62,7 +64,7 @@ def as_numbers(value: Any) -> Any:
     return library.stack(parts)
 
 
-def _is_no_field(annotation: Any) -> bool:
+def _is_no_field(annotation: object) -> bool:
     if isinstance(annotation, str):
         return "ClassVar" in annotation
     return annotation is ClassVar or get_origin(annotation) in (
@@ -72,7 +74,7 @@ def _is_no_field(annotation: Any) -> bool:
     )
 
 
-def _declared(cls: type[AbstractConverting], name: str, annotation: Any) -> Any:
+def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
     """The field as its class declares it, with a converter unless that says what it is."""
     given = cls.__dict__.get(name)
     field = given if isinstance(given, Field) else _plain_field(cls, name)
@@ -83,5 +85,5 @@ def _declared(cls: type[AbstractConverting], name: str, annotation: Any) -> Any:
     return field
 
 
-def _plain_field(cls: type[AbstractConverting], name: str) -> Any:
+def _plain_field(cls: type[AbstractConverting], name: str) -> Field:
     return eqx.field(default=cls.__dict__[name]) if name in cls.__dict__ else eqx.field()

@@ -1,6 +1,4 @@
-"""Modules that print the numbers they hold."""
-
-from typing import Any
+"""The base of what users build: it checks what its fields declare, and prints their numbers."""
 
 import equinox as eqx
 import jax
@@ -8,23 +6,36 @@ import numpy as np
 from jax.core import Tracer
 
 from ..results import RESULTS
+from .declarations import check_declared
 
 LONGEST = 16
 """Numbers up to which an array is printed whole; of a longer one type and shape."""
 
 
 class AbstractReadable(eqx.Module):
-    """A module whose `repr` shows numbers and short arrays as they were given."""
+    """A module that checks what its fields declare (see `quantity`), and whose `repr` shows numbers
+    and short arrays as they were given.
+
+    What fields must satisfy together a subclass checks in `_check_together`, for which each is
+    known to be right by itself.
+    """
+
+    def __check_init__(self):
+        check_declared(self)
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Raise a ``ValueError`` if the fields don't fit each other."""
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))
 
 
-def _is_result(node: Any) -> bool:
+def _is_result(node: object) -> bool:
     return isinstance(node, RESULTS)
 
 
-def _plain(leaf: Any) -> Any:
+def _plain(leaf: object) -> object:
     """A number or a list of numbers in the place of a short array; all else as it is."""
     known = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not known or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:

@@ -1,17 +1,17 @@
 """Several alike elements in the place of one, and the names that stand for them.
 
 All kernels are arithmetic on scalars (`clearjoint.math.vectors`), so an element whose numbers are
-arrays of shape (n,) stands for n elements of the same structure. It is named by a `Several`; what
-is kept by names, the motions of bodies, say, goes from the elements' own names to such names by
-`gathered`, and back by `by_name`.
+arrays of shape (n,) stands for n elements of the same structure. Its name is a `Several`.
+Dictionaries by name, such as the motions of bodies, are turned by `gathered` into dictionaries by
+such names, and back by `by_name`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from .vectors import Scalar
 
@@ -32,12 +32,12 @@ class Several(str):
         return name
 
 
-def is_structural(leaf: Any) -> bool:
+def is_structural(leaf: object) -> bool:
     """Whether a leaf is a Python number, which the alike elements share. numpy's floats are not."""
     return type(leaf) in (int, float, bool)
 
 
-def stacked(trees: Sequence[Any]) -> Any:
+def stacked(trees: Sequence[PyTree]) -> PyTree:
     """Trees of scalars as one whose leaves have the trees along their axis.
 
     The structure, and the Python numbers, are those of the first tree.
@@ -51,62 +51,62 @@ def stacked(trees: Sequence[Any]) -> Any:
     return jax.tree.unflatten(structure, leaves)
 
 
-def _row(scalars: Sequence[Any]) -> Any:
+def _row(scalars: Sequence[Scalar]) -> Scalar:
     numpy = jnp if any(isinstance(scalar, jax.Array) for scalar in scalars) else np
     return numpy.stack(scalars)
 
 
-def element(tree: Any, index: int) -> Any:
-    """One of several elements."""
+def element(tree: PyTree, index: int) -> PyTree:
+    """One of several elements, by its place in the group."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
-def gathered(family: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """What is kept of elements by their own names, under names that may stand for several.
+def gathered(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
+    """Values of elements, given by each element's own name, by names that may stand for several.
 
-    Names that the family lacks are left out.
+    Names for which there is no value are left out.
     """
-    found = {}
+    by_group = {}
     for name in names:
         if not isinstance(name, Several):
-            found |= {name: family[name]} if name in family else {}
-        elif name.members[0] in family:
-            arrays = [jax.tree.map(jnp.asarray, family[member]) for member in name.members]
-            found[name] = stacked(arrays)
-    return found
+            by_group |= {name: by_member[name]} if name in by_member else {}
+        elif name.members[0] in by_member:
+            arrays = [jax.tree.map(jnp.asarray, by_member[member]) for member in name.members]
+            by_group[name] = stacked(arrays)
+    return by_group
 
 
-def by_name(family: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept under names that may stand for several, by the elements' own names."""
-    found = {}
-    for name, tree in family.items():
+def by_name(by_group: Mapping[str, PyTree]) -> dict[str, PyTree]:
+    """The inverse of `gathered`: values by each element's own name."""
+    by_member = {}
+    for name, tree in by_group.items():
         if isinstance(name, Several):
-            found |= {member: element(tree, k) for k, member in enumerate(name.members)}
+            by_member |= {member: element(tree, k) for k, member in enumerate(name.members)}
         else:
-            found[name] = tree
-    return found
+            by_member[name] = tree
+    return by_member
 
 
-def each(function: Callable[..., Any], *arguments: Any) -> Any:
-    """The function of each of several elements: by `jax.vmap`, so that it may be any function.
+def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
+    """Call any function once for all elements of a group, by `jax.vmap`.
 
-    Along arrays of shape (n,) go the elements; scalars and Python numbers are what they share, and
-    Python numbers in the result remain such.
+    An argument's array of shape (n,) has one entry an element; scalars and Python numbers are
+    shared by all. Python numbers in the result stay Python numbers.
     """
     leaves, structure = jax.tree.flatten(arguments)
     along = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
-    shape: Any = None
-    shared: list[Any] = []
+    shape: PyTree = None
+    shared: list[Scalar] = []
 
-    def one(own: list[Any]) -> list[Any]:
+    def one(own: list[Scalar]) -> list[Scalar]:
         nonlocal shape, shared
         remaining = iter(own)
         filled = [
             next(remaining) if mine else leaf for leaf, mine in zip(leaves, along, strict=True)
         ]
-        found, shape = jax.tree.flatten(function(*jax.tree.unflatten(structure, filled)))
-        shared = [leaf if is_structural(leaf) else None for leaf in found]
-        return [leaf for leaf in found if not is_structural(leaf)]
+        values, shape = jax.tree.flatten(function(*jax.tree.unflatten(structure, filled)))
+        shared = [leaf if is_structural(leaf) else None for leaf in values]
+        return [leaf for leaf in values if not is_structural(leaf)]
 
     rows = iter(jax.vmap(one)([leaf for leaf, mine in zip(leaves, along, strict=True) if mine]))
     return jax.tree.unflatten(shape, [next(rows) if leaf is None else leaf for leaf in shared])
@@ -123,5 +123,5 @@ def least(value: Scalar) -> Scalar:
 
 
 def some(value: Scalar) -> Scalar:
-    """Whether it holds for any of several elements; of one, the value itself."""
+    """Whether a condition holds for any of several elements; of one, the value itself."""
     return value if np.ndim(value) == 0 else jnp.any(value)

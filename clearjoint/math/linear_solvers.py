@@ -104,14 +104,14 @@ class AbstractSolver:
 
 
 class Exact(AbstractSolver):
-    """For regular matrices."""
+    """The direct solution, for regular matrices only."""
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """By L D L^T."""
+        """The solution by L D L^T in scalar arithmetic."""
         return UnrolledFactorisation(matrix).solve(right)
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """By Cholesky factorisation."""
+        """The solution by a Cholesky factorisation of LAPACK."""
         return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
 
 

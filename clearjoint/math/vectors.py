@@ -12,12 +12,16 @@ program is compiled for each pattern of zeros and ones, not for each number.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from types import ModuleType
+from typing import Any, overload
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.tree_util import DictKey, GetAttrKey, SequenceKey
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 Scalar = Any
 """A float, a numpy scalar or a JAX array of shape ()."""
@@ -98,21 +102,21 @@ class Vector:
         return iter((self.x, self.y, self.z))
 
     def dot(self, other: "Vector") -> Scalar:
-        """Scalar product."""
+        """The scalar product of two vectors."""
         return add(
             add(multiply(self.x, other.x), multiply(self.y, other.y)), multiply(self.z, other.z)
         )
 
     def cross(self, other: "Vector") -> "Vector":
-        """Vector product."""
+        """The vector product of two vectors."""
         return Vector(
             subtract(multiply(self.y, other.z), multiply(self.z, other.y)),
             subtract(multiply(self.z, other.x), multiply(self.x, other.z)),
             subtract(multiply(self.x, other.y), multiply(self.y, other.x)),
         )
 
-    def times(self, other: "Vector") -> "Vector":
-        """Componentwise product."""
+    def componentwise_product(self, other: "Vector") -> "Vector":
+        """The vector of the products of like components."""
         return Vector(
             multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
         )
@@ -133,8 +137,20 @@ class Matrix:
     row_y: Vector
     row_z: Vector
 
-    def __matmul__(self, vector: Vector) -> Vector:
-        return Vector(self.row_x.dot(vector), self.row_y.dot(vector), self.row_z.dot(vector))
+    @overload
+    def __matmul__(self, other: Vector) -> Vector: ...
+
+    @overload
+    def __matmul__(self, other: "Matrix") -> "Matrix": ...
+
+    def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
+        rows = (self.row_x, self.row_y, self.row_z)
+        if isinstance(other, Matrix):
+            return Matrix(*(other.transposed_times(row) for row in rows))
+        return Vector(*(row.dot(other) for row in rows))
+
+    def __add__(self, other: "Matrix") -> "Matrix":
+        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def transposed_times(self, vector: Vector) -> Vector:
         """The product of the transposed matrix with a vector."""
@@ -142,24 +158,15 @@ class Matrix:
 
     @property
     def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
-        """The transposed matrix."""
+        """The transposed matrix: its rows are the columns."""
         x, y, z = self.row_x, self.row_y, self.row_z
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
-
-    def plus(self, other: "Matrix") -> "Matrix":
-        """The sum of two matrices."""
-        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """The matrix less the product of a column and a row."""
         return Matrix(
             self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
         )
-
-    def times(self, other: "Matrix") -> "Matrix":
-        """The product of two matrices."""
-        rows = (self.row_x, self.row_y, self.row_z)
-        return Matrix(*(other.transposed_times(row) for row in rows))
 
     def inverse(self) -> "Matrix":
         """The inverse, by the adjugate."""
@@ -197,32 +204,55 @@ class Structured:
     are structural and the others ``None``.
     """
 
-    tree: Any
+    tree: PyTree
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
 
-def structured(tree: Any, varied: Any = None) -> Structured:
+def structured(tree: PyTree, varied: PyTree = None) -> Structured:
     """The tree with its exact zeros and ones marked as structural.
 
     What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
     says that their values vary.
     """
-    leaves = jax.tree.leaves(tree)
-    fixed = [True] * len(leaves) if varied is None else [not v for v in jax.tree.leaves(varied)]
+    leaves, tables = jax.tree.leaves(tree), _in_tables(tree)
+    changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
+    rows = zip(leaves, tables, changing, strict=True)
     return Structured(
-        tree,
-        tuple(_pattern(leaf) if f else None for leaf, f in zip(leaves, fixed, strict=True)),
+        tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
 
 
-def _pattern(leaf: Any) -> Pattern:
+def _in_tables(tree: PyTree) -> list[bool]:
+    """Of each leaf, whether a field that holds it is declared as a table: ``{"table": True}`` in
+    the field's metadata."""
+    paths, _ = jax.tree_util.tree_flatten_with_path(tree)
+    return [_is_in_table(tree, path) for path, _ in paths]
+
+
+def _is_in_table(node: PyTree, path: jax.tree_util.KeyPath) -> bool:
+    for key in path:
+        if isinstance(key, GetAttrKey):
+            declared = getattr(type(node), "__dataclass_fields__", {}).get(key.name)
+            if declared is not None and declared.metadata.get("table", False):
+                return True
+            node = getattr(node, key.name)
+        elif isinstance(key, DictKey):
+            node = node[key.key]
+        elif isinstance(key, SequenceKey):
+            node = node[key.idx]
+        else:
+            return False
+    return False
+
+
+def _pattern(leaf: ArrayLike) -> Pattern:
     if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
     numbers = np.asarray(leaf, dtype=float).ravel()
     return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
 
 
-def _unpack_leaf(leaf: Any, pattern: Pattern = None) -> Any:
+def _unpack_leaf(leaf: jax.Array, pattern: Pattern) -> PyTree:
     shape = jnp.shape(leaf)
     if shape == (4,):
         return EulerParameters(*(leaf[k] for k in range(4)))
@@ -235,19 +265,21 @@ def _unpack_leaf(leaf: Any, pattern: Pattern = None) -> Any:
     return rows[0] if shape == (3,) else Matrix(*rows)
 
 
-def unpack(tree: Any) -> Any:
+def unpack(tree: PyTree) -> PyTree:
     """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
 
-    The tree may come as `Structured`: its structural components become Python numbers.
+    The tree may come as `Structured`: its structural components become Python numbers. Fields that
+    are declared as tables keep their arrays.
     """
-    if isinstance(tree, Structured):
-        leaves, shape = jax.tree.flatten(tree.tree)
-        pairs = zip(leaves, tree.patterns, strict=True)
-        return jax.tree.unflatten(shape, [_unpack_leaf(*pair) for pair in pairs])
-    return jax.tree.map(_unpack_leaf, tree)
+    packed = tree if isinstance(tree, Structured) else Structured(tree, ())
+    leaves, shape = jax.tree.flatten(packed.tree)
+    patterns = packed.patterns or (None,) * len(leaves)
+    rows = zip(leaves, patterns, _in_tables(packed.tree), strict=True)
+    scalars = [leaf if table else _unpack_leaf(leaf, pattern) for leaf, pattern, table in rows]
+    return jax.tree.unflatten(shape, scalars)
 
 
-def _pack_leaf(leaf: Any) -> Any:
+def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
         rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
         return _library(rows).stack(rows, axis=-2)
@@ -258,11 +290,11 @@ def _pack_leaf(leaf: Any) -> Any:
     return leaf
 
 
-def _library(parts: list[Any]) -> Any:
+def _library(parts: list[Scalar]) -> ModuleType:
     """numpy for numpy values, so that the host's own packing compiles nothing; else JAX."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
-def pack(tree: Any) -> Any:
+def pack(tree: PyTree) -> PyTree:
     """The inverse of `unpack`; leading axes shared by all components stay in front."""
     return jax.tree.map(_pack_leaf, tree, is_leaf=lambda node: isinstance(node, _KINDS))

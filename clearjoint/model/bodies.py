@@ -2,26 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
     caution_unless,
     concrete,
     named,
-    quantity,
     require,
     require_euler_parameters,
     require_finite,
-    require_positive,
     require_shape,
 )
+from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..math.vectors import IDENTITY, ZERO, Matrix, Vector
+from ..fields.types import Quadruple, Single, Square, Triple
+from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 
 GROUND = "ground"
 """The name of the fixed body, which every scene has and no state holds."""
@@ -30,6 +30,43 @@ DENSITIES = 1e-2, 1e6
 2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
 THINNEST = 1e-2
 """Smallest side of that box over the largest."""
+
+
+def _require_inertia(argument: str, value: ArrayLike) -> None:
+    """Check three principal moments or an inertia matrix."""
+    require(
+        np.shape(value) in ((3,), (3, 3)),
+        argument,
+        value,
+        "of shape (3,) or (3, 3)",
+        "give three principal moments or the whole inertia matrix in kg m^2",
+    )
+    require_finite(argument, value)
+    inertia = concrete(value)
+    if inertia is not None:
+        _check_moments(inertia)
+
+
+def _check_moments(inertia: np.ndarray) -> None:
+    """Check known moments, or a known matrix, to be those of a rigid body."""
+    if inertia.ndim == 2:
+        symmetric = np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
+        require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
+    require(
+        bool(moments[0] > 0),
+        "inertia",
+        inertia,
+        "positive definite",
+        "give every body a positive moment of inertia about each axis",
+    )
+    require(
+        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)),
+        "inertia",
+        inertia,
+        "such that no principal moment exceeds the sum of the other two",
+        "check the order of the moments and their units (kg m^2)",
+    )
 
 
 class Body(AbstractReadable):
@@ -45,30 +82,14 @@ class Body(AbstractReadable):
     inequality (each at most the sum of the other two) are among them.
     """
 
-    mass: Any = quantity("kg")
-    inertia: Any = quantity("kg m^2")
+    mass: Single = quantity(
+        "kg", positive=True, remedy='give the mass in kg, and use "ground" for a fixed body'
+    )
+    inertia: Triple | Square = quantity("kg m^2", check=_require_inertia)
 
-    def __check_init__(self):
-        require_positive(
-            "mass", self.mass, 'give the mass in kg, and use "ground" for a fixed body'
-        )
-        shape = np.shape(self.inertia)
-        require(
-            shape in ((3,), (3, 3)),
-            "inertia",
-            self.inertia,
-            "of shape (3,) or (3, 3)",
-            "give three principal moments or the whole inertia matrix in kg m^2",
-        )
-        require_finite("inertia", self.inertia)
-        inertia = concrete(self.inertia)
-        if inertia is not None:
-            _check_moments(inertia)
-            self._check_density(inertia)
-
-    def _check_density(self, inertia: np.ndarray) -> None:
-        mass = concrete(self.mass)
-        if mass is not None:
+    def _check_together(self) -> None:
+        mass, inertia = concrete(self.mass), concrete(self.inertia)
+        if mass is not None and inertia is not None:
             density = _box_density(float(mass), inertia)
             least, most = DENSITIES
             caution_unless(
@@ -90,7 +111,7 @@ class Body(AbstractReadable):
         """Inertia times spin, body axes, kg m^2/s. In scalar form."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
-        return spin.times(self.inertia)
+        return spin.componentwise_product(self.inertia)
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
@@ -98,27 +119,6 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
-
-
-def _check_moments(inertia: np.ndarray) -> None:
-    if inertia.ndim == 2:
-        symmetric = np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
-        require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
-    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
-    require(
-        bool(moments[0] > 0),
-        "inertia",
-        inertia,
-        "positive definite",
-        "give every body a positive moment of inertia about each axis",
-    )
-    require(
-        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)),
-        "inertia",
-        inertia,
-        "such that no principal moment exceeds the sum of the other two",
-        "check the order of the moments and their units (kg m^2)",
-    )
 
 
 class BodyState(AbstractReadable):
@@ -130,10 +130,10 @@ class BodyState(AbstractReadable):
     - `spin`: (3,) rad/s, angular velocity in body axes.
     """
 
-    position: Any = eqx.field(metadata={"unit": "m"})
-    orientation: Any = eqx.field(metadata={"unit": "1"})
-    velocity: Any = eqx.field(metadata={"unit": "m/s"})
-    spin: Any = eqx.field(metadata={"unit": "rad/s"})
+    position: Triple = eqx.field(metadata={"unit": "m"})
+    orientation: Quadruple = eqx.field(metadata={"unit": "1"})
+    velocity: Triple = eqx.field(metadata={"unit": "m/s"})
+    spin: Triple = eqx.field(metadata={"unit": "rad/s"})
 
 
 class State(AbstractReadable):
@@ -145,14 +145,14 @@ class State(AbstractReadable):
     """
 
     bodies: dict[str, BodyState]
-    memory: dict[str, dict[str, Any]]
-    work: dict[str, Any]
+    memory: dict[str, dict[str, Single]]
+    work: dict[str, Single]
 
     def __init__(
         self,
         bodies: Mapping[str, BodyState],
-        memory: dict[str, dict[str, Any]] | None = None,
-        work: dict[str, Any] | None = None,
+        memory: dict[str, dict[str, Single]] | None = None,
+        work: dict[str, Single] | None = None,
     ):
         self.bodies = named("bodies", bodies, "pass State({name: body_state(...)})")
         self.memory = {} if memory is None else memory
@@ -243,7 +243,7 @@ class Motion:
         """A pure torque given in global axes."""
         return Wrench(ZERO, self.rotation.transposed_times(torque))
 
-    def power(self, wrench: Wrench) -> Any:
+    def power(self, wrench: Wrench) -> Scalar:
         """Power of a wrench on this motion, W."""
         return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
 
@@ -252,10 +252,10 @@ GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)
 
 
 def body_state(
-    position: Any,
-    orientation: Any = (1.0, 0.0, 0.0, 0.0),
-    velocity: Any = (0.0, 0.0, 0.0),
-    spin: Any = (0.0, 0.0, 0.0),
+    position: Triple,
+    orientation: Quadruple = (1.0, 0.0, 0.0, 0.0),
+    velocity: Triple = (0.0, 0.0, 0.0),
+    spin: Triple = (0.0, 0.0, 0.0),
 ) -> BodyState:
     """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
 

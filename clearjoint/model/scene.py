@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import jax
 import numpy as np
@@ -12,11 +11,11 @@ from ..fields.checks import (
     caution_unless,
     concrete,
     named,
-    optional_quantity,
     require,
-    require_shape,
 )
+from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
+from ..fields.types import Triple
 from .bodies import GROUND, Body
 from .contact.laws import AbstractContactLaw
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
@@ -44,21 +43,21 @@ class Scene(AbstractReadable):
     bodies: dict[str, Body]
     joints: dict[str, AbstractConstraint | AbstractContactJoint]
     forces: dict[str, AbstractForce]
-    gravity: Any = optional_quantity("m/s^2")
+    gravity: Triple | None = optional_quantity("m/s^2", shape=(3,))
 
     def __init__(
         self,
         bodies: Mapping[str, Body],
         joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
         forces: Mapping[str, AbstractForce] = MappingProxyType({}),
-        gravity: Any = None,
+        gravity: Triple | None = None,
     ):
         self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
         self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
         self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
         self.gravity = gravity
 
-    def __check_init__(self):
+    def _check_together(self) -> None:
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
@@ -69,7 +68,7 @@ class Scene(AbstractReadable):
             "rename the body",
         )
         _check_kinds("bodies", self.bodies, Body)
-        _check_kinds("joints", self.joints, (AbstractConstraint, AbstractContactJoint))
+        _check_kinds("joints", self.joints, AbstractConstraint, AbstractContactJoint)
         _check_kinds("forces", self.forces, AbstractForce)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
@@ -78,7 +77,6 @@ class Scene(AbstractReadable):
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
-            require_shape("gravity", self.gravity, (3,), "pass three components in m/s^2")
             size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
             if size is not None:
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
@@ -122,13 +120,12 @@ class Scene(AbstractReadable):
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
-def _check_kinds(argument: str, elements: dict[str, Any], kinds: Any) -> None:
+def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) -> None:
     for name, element in elements.items():
-        allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         require(
-            isinstance(element, allowed),
+            isinstance(element, kinds),
             f"{argument}[{name!r}]",
             type(element).__name__,
-            "one of " + ", ".join(kind.__name__ for kind in allowed),
+            "one of " + ", ".join(kind.__name__ for kind in kinds),
             "pass an element of that kind",
         )

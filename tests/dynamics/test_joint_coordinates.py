@@ -13,7 +13,7 @@ from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
 from clearjoint.model.bodies import GROUND

@@ -1,5 +1,8 @@
 """Structural zeros and ones of a scene: which they are, and that they change no number."""
 
+from typing import Any
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +11,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Matrix, Vector, pack, structured, unpack
+from clearjoint.math.vectors import EulerParameters, Matrix, Vector, pack, structured, unpack
 
 
 def test_exact_zeros_and_ones_of_vectors_are_structural():
@@ -27,6 +30,25 @@ def test_matrices_keep_their_places():
     assert isinstance(found, Matrix)
     assert (found.row_x.y, found.row_y.y, found.row_z.y) == (0.0, 1.0, 0.0)
     np.testing.assert_array_equal(pack(found), matrix)
+
+
+class Tables(eqx.Module):
+    table: Any = eqx.field(metadata={"table": True})
+    point: Any
+
+
+@pytest.mark.parametrize("shape", [(3,), (4,), (3, 3)])
+def test_fields_declared_as_tables_stay_arrays(shape):
+    ones = np.ones(shape)
+    tree = {"inner": [Tables((ones, ones), ones), Tables(ones, Tables(ones, ones))]}
+    for form in (tree, structured(tree)):
+        first, second = unpack(form)["inner"]
+        for table in (*first.table, second.table, second.point.table):
+            assert table is ones
+        for point in (first.point, second.point.point):
+            assert isinstance(point, Vector | EulerParameters | Matrix)
+    patterns = structured(tree).patterns
+    assert [patterns[k] for k in (0, 1, 3, 4)] == [None] * 4
 
 
 def test_what_varies_or_is_traced_is_no_structure():

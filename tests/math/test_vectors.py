@@ -74,7 +74,7 @@ def equations(function, *arguments):
         (lambda a, b: a * 2.5, 2.5 * A),
         (lambda a, b: 2.5 * a, 2.5 * A),
         (lambda a, b: a * b.x, A * B[:, :1]),
-        (lambda a, b: a.times(b), A * B),
+        (lambda a, b: a.componentwise_product(b), A * B),
         (lambda a, b: a.cross(b), np.cross(A, B)),
         (lambda a, b: a.dot(b), np.einsum("ni,ni->n", A, B)),
         (lambda a, b: unit(a), A / np.linalg.norm(A, axis=1, keepdims=True)),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -182,8 +182,8 @@ class Ramp(cj.AbstractRotationDriver):
 class Table(Ramp):
     """An angle over time between given points."""
 
-    times: Any = quantity("s", default=(0.0, 1.0))
-    angles: Any = quantity("rad", default=(0.0, 1.0))
+    times: Any = quantity("s", default=(0.0, 1.0), table=True)
+    angles: Any = quantity("rad", default=(0.0, 1.0), table=True)
 
     def angle(self, t):
         return jnp.interp(t, self.times, self.angles)
@@ -253,8 +253,9 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
         np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
 
 
-def test_a_table_of_angles_is_followed():
-    times = np.linspace(0.0, 0.5, 6)
+@pytest.mark.parametrize("points", [3, 4, 6])
+def test_a_table_of_angles_is_followed_however_many_there_are(points):
+    times = np.linspace(0.0, 0.5, points)
     scene = shaft_scene(Table(0.0, 0.0, times=times, angles=times**2))
     state = cj.assemble(scene, cj.State({"shaft": cj.body_state(ORIGIN)}))
     final = cj.simulate(scene, state, 0.45).final.bodies["shaft"]

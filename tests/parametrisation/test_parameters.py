@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity, recheck, recheck_changes
+from clearjoint.fields.checks import recheck, recheck_changes
+from clearjoint.fields.declarations import quantity
 from clearjoint.parametrisation.places import unit_at
 
 

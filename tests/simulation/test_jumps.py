@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
 from clearjoint.simulation.time_decisions import decides_by_time

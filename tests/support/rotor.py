@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity, require_positive
+from clearjoint.fields.checks import require_positive
+from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector
 from clearjoint.model.bodies import Wrench
 

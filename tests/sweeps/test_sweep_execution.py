@@ -20,7 +20,7 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.fields.checks import quantity
+from clearjoint.fields.declarations import quantity
 from clearjoint.runtime import busy_devices, program_kind
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate

@@ -165,7 +165,7 @@ class JointedBranch(AbstractBranch):
     def motion(self, parent: Motion, state: JointState) -> Motion:
         """The parent's motion, and the joint's on top."""
         turn, twist = self.freedom.rotation(state.position), self.freedom.twist(state)
-        rotation = parent.rotation.times(turn)
+        rotation = parent.rotation @ turn
         spin = turn.transposed_times(parent.spin) + twist.turn
         arm = self.freedom.displacement(state.position) - self.freedom.point_child
         point = self.freedom.point_parent

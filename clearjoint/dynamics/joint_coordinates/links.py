@@ -57,7 +57,7 @@ def jointed_link(parent: Link | None, freedom: AbstractFreedom, state: JointStat
     """A body carried by a joint: on its parent, or as the root of a tree on the ground."""
     if parent is None:
         return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, freedom, state)
-    rotation = parent.rotation.times(freedom.rotation(state.position))
+    rotation = parent.rotation @ freedom.rotation(state.position)
     arm = parent.rotation @ freedom.point_parent
     bias = parent.bias + parent.spread @ arm
     return _carried(rotation, parent.place + arm, parent, bias, freedom, state)

@@ -22,8 +22,8 @@ class Inertia:
     def __add__(self, other: "Inertia") -> "Inertia":
         return Inertia(
             add(self.mass, other.mass),
-            self.coupling.plus(other.coupling),
-            self.angular.plus(other.angular),
+            self.coupling + other.coupling,
+            self.angular + other.angular,
         )
 
     def momentum(self, twist: Twist) -> Twist:
@@ -46,7 +46,9 @@ def central_inertia(body: Body, rotation: Matrix) -> Matrix:
     """The inertia about the centre of mass in the tree's axes."""
     rows = (rotation.row_x, rotation.row_y, rotation.row_z)
     images = [
-        body.inertia @ row if isinstance(body.inertia, Matrix) else row.times(body.inertia)
+        body.inertia @ row
+        if isinstance(body.inertia, Matrix)
+        else row.componentwise_product(body.inertia)
         for row in rows
     ]
     return _symmetric(lambda i, j: rows[i].dot(images[j]))
@@ -68,7 +70,7 @@ def inertia(body: Body, place: Vector, central: Matrix) -> Inertia:
         Vector(h.z, 0.0, subtract(0.0, h.x)),
         Vector(subtract(0.0, h.y), h.x, 0.0),
     )
-    return Inertia(body.mass, coupling, central.plus(_symmetric(shift)))
+    return Inertia(body.mass, coupling, central + _symmetric(shift))
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:

@@ -1,13 +1,14 @@
 """Friction laws: the coefficient that turns a normal force into a tangential one."""
 
 import abc
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, quantity, require, require_positive
+from ...fields.checks import concrete, require
 from ...fields.conversion import AbstractConverting
+from ...fields.declarations import quantity
+from ...fields.types import Single
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 
@@ -56,15 +57,13 @@ class AbstractFriction(AbstractConverting):
 class RegularisedCoulomb(AbstractFriction):
     """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load."""
 
-    coefficient: Any = quantity("1")
-    regularisation_speed: Any = quantity("m/s", default=1e-3)
-
-    def __check_init__(self):
-        require_positive("coefficient", self.coefficient, "give mu", zero=True)
-        require_positive("regularisation_speed", self.regularisation_speed, "give v_d in m/s")
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
+    )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu tanh(v/v_d)."""
+        """mu tanh(v/v_d), which rises from zero to mu."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
@@ -74,13 +73,13 @@ class Ambrosio(AbstractFriction):
     **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
     """
 
-    coefficient: Any = quantity("1")
-    lower_speed: Any = quantity("m/s", default=1e-4)
-    upper_speed: Any = quantity("m/s", default=1e-3)
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    lower_speed: Single = quantity(
+        "m/s", default=1e-4, positive=True, zero=True, remedy="give v0 in m/s"
+    )
+    upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
-    def __check_init__(self):
-        require_positive("coefficient", self.coefficient, "give mu", zero=True)
-        require_positive("lower_speed", self.lower_speed, "give v0 in m/s", zero=True)
+    def _check_together(self) -> None:
         lower, upper = concrete(self.lower_speed), concrete(self.upper_speed)
         if lower is not None and upper is not None:
             require(
@@ -92,7 +91,7 @@ class Ambrosio(AbstractFriction):
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu c_d(v)."""
+        """mu c_d(v), linear between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
         # At v0 the slope is that of rising friction: with v0 = 0 there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)

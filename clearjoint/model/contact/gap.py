@@ -1,9 +1,4 @@
-"""Normal contact laws: the force from penetration, its rate, and the memory of the impact.
-
-All laws here are of the Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed); they differ
-in chi. A law of another form subclasses `AbstractContactLaw`; `clearjoint.testing.check_law` tells
-whether it behaves.
-"""
+"""The gap of a contact, and the sliding of its surfaces: what laws and friction are given."""
 
 from dataclasses import dataclass
 

@@ -7,25 +7,20 @@ whether it behaves.
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
-from ...fields.checks import (
-    concrete,
-    optional_quantity,
-    quantity,
-    require,
-    require_positive,
-    require_range,
-)
+from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.conversion import AbstractConverting
+from ...fields.declarations import optional_quantity, quantity
+from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
 from ...math.vectors import Scalar
 from .gap import Gap
 from .restitution import delivered_restitution
-from .stiffness import AbstractStiffness, _as_stiffness
+from .stiffness import AbstractStiffness, as_stiffness
 
 UNKNOWN_ENTRY_SPEED = 1e9
 """Entry speed, m/s, given to a contact that exists before the motion starts: its impact was not
@@ -73,7 +68,7 @@ class AbstractContactLaw(AbstractConverting):
     has_memory: eqx.AbstractClassVar[bool]
     force_jumps = True
 
-    def __init_subclass__(cls, **options: Any):
+    def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
         if "force" in cls.__dict__ and "force_jumps" not in cls.__dict__:
             cls.force_jumps = True
@@ -126,7 +121,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
 
     stiffness: eqx.AbstractVar[AbstractStiffness]
     exponent: eqx.AbstractVar[float]
-    smoothing: eqx.AbstractVar[Any]
+    smoothing: eqx.AbstractVar[Single | None]
     force_jumps = False
 
     @abc.abstractmethod
@@ -134,9 +129,9 @@ class AbstractHertzianLaw(AbstractContactLaw):
         """chi, the hysteresis damping factor times the entry speed over K."""
 
     @classmethod
-    def field_converter(cls, name: str) -> Callable[[Any], Any]:
+    def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
         """A number given as the `stiffness` is a `GivenStiffness`."""
-        return _as_stiffness if name == "stiffness" else super().field_converter(name)
+        return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def __check_init__(self):
         exponent = concrete(self.exponent)
@@ -154,7 +149,7 @@ class AbstractHertzianLaw(AbstractContactLaw):
         return gap.depth if self.smoothing is None else ramp(gap.depth, self.smoothing)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """K delta^n, N."""
+        """K delta^n, the force without damping, N."""
         return self.stiffness.value(gap) * positive_power(self._depth(gap), self.exponent)
 
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -188,13 +183,13 @@ class AbstractHertzianLaw(AbstractContactLaw):
 class Hertz(AbstractHertzianLaw):
     """Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory."""
 
-    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
-    smoothing: Any = optional_quantity("m")
+    smoothing: Single | None = optional_quantity("m")
     has_memory = False
 
     def damping_factor(self) -> Scalar:
-        """chi = 0."""
+        """chi = 0: nothing is lost."""
         return 0.0
 
 
@@ -207,24 +202,22 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     metals do, and a contact that begins slowly isn't stiff.
     """
 
-    restitution: Any = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
-    design_speed: Any = quantity("m/s")
+    restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic, 0 is plastic")
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
+    design_speed: Single = quantity(
+        "m/s", positive=True, remedy="give a typical entry speed in m/s"
+    )
     exponent: float = eqx.field(default=1.5, static=True)
-    smoothing: Any = optional_quantity("m")
+    smoothing: Single | None = optional_quantity("m")
     has_memory = False
     force_jumps = False
-
-    def __check_init__(self):
-        require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
-        require_positive("design_speed", self.design_speed, "give a typical entry speed in m/s")
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/2, at the design speed."""
         return 1.5 * (1.0 - self.restitution)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N; an entry speed is not looked at."""
+        """Normal force in N, with the damping of the design speed at every entry speed."""
         return super().force(gap, self.design_speed)
 
 
@@ -251,8 +244,8 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     ```
     """
 
-    restitution: eqx.AbstractVar[Any]
-    entry_speed_floor: eqx.AbstractVar[Any]
+    restitution: eqx.AbstractVar[Single]
+    entry_speed_floor: eqx.AbstractVar[Single]
     has_memory = True
     force_jumps = False
 
@@ -271,11 +264,11 @@ class AbstractDampedLaw(AbstractHertzianLaw):
 class HuntCrossley(AbstractDampedLaw):
     """chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975)."""
 
-    restitution: Any = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
+    restitution: Single = quantity("1")
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Any = quantity("m/s", default=1e-6)
-    smoothing: Any = optional_quantity("m")
+    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    smoothing: Single | None = optional_quantity("m")
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/2."""
@@ -285,11 +278,11 @@ class HuntCrossley(AbstractDampedLaw):
 class LankaraniNikravesh(AbstractDampedLaw):
     """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990)."""
 
-    restitution: Any = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
+    restitution: Single = quantity("1")
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Any = quantity("m/s", default=1e-6)
-    smoothing: Any = optional_quantity("m")
+    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    smoothing: Single | None = optional_quantity("m")
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c^2)/4."""
@@ -299,11 +292,11 @@ class LankaraniNikravesh(AbstractDampedLaw):
 class Flores2011(AbstractDampedLaw):
     """chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011)."""
 
-    restitution: Any = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=_as_stiffness)
+    restitution: Single = quantity("1")
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Any = quantity("m/s", default=1e-6)
-    smoothing: Any = optional_quantity("m")
+    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    smoothing: Single | None = optional_quantity("m")
 
     def __check_init__(self):
         restitution = concrete(self.restitution)

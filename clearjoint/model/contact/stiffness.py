@@ -1,33 +1,25 @@
-"""Normal contact laws: the force from penetration, its rate, and the memory of the impact.
-
-All laws here are of the Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed); they differ
-in chi. A law of another form subclasses `AbstractContactLaw`; `clearjoint.testing.check_law` tells
-whether it behaves.
-"""
+"""The generalised stiffness of a contact: given, or from materials and radii."""
 
 import abc
-from typing import Any
+import math
 
 import jax.numpy as jnp
 
-from ...fields.checks import (
-    as_number,
-    caution_above,
-    caution_below,
-    optional_quantity,
-    quantity,
-    require_positive,
-    require_range,
-)
+from ...fields.checks import as_number
 from ...fields.conversion import AbstractConverting
+from ...fields.declarations import optional_quantity, quantity
+from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
 
-SOFTEST_SOLID, STIFFEST_SOLID = 1e9, 2e12
+SOLIDS = 1e9, 2e12
 """Young's moduli, Pa, between which the materials of bearings lie: plastics and diamond."""
 SOFTEST_CONTACT = 1e6
 """Generalised stiffness, N/m^n, below which a newton presses the surfaces together by a tenth of a
 millimetre."""
+
+
+_GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 
 
 class AbstractStiffness(AbstractConverting):
@@ -49,26 +41,18 @@ class AbstractStiffness(AbstractConverting):
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^n."""
+        """The stiffness K in N/m^n for the radii of a gap."""
 
 
 class GivenStiffness(AbstractStiffness):
     """A stiffness known from elsewhere, N/m^n."""
 
-    stiffness: Any = quantity("N/m^n")
-
-    def __check_init__(self):
-        require_positive("stiffness", self.stiffness, "give K in N/m^n")
-        caution_below(
-            "stiffness",
-            self.stiffness,
-            "N/m^n",
-            SOFTEST_CONTACT,
-            "give K in N and m",
-        )
+    stiffness: Single = quantity(
+        "N/m^n", positive=True, usual=(SOFTEST_CONTACT, math.inf), remedy="give K in N and m"
+    )
 
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^n."""
+        """The stiffness K in N/m^n, the same for every gap."""
         return self.stiffness
 
 
@@ -82,27 +66,17 @@ class RavnStiffness(AbstractStiffness):
     are the bearing's unless given.
     """
 
-    young_modulus: Any = quantity("Pa")
-    poisson_ratio: Any = quantity("1")
-    journal_young_modulus: Any = optional_quantity("Pa")
-    journal_poisson_ratio: Any = optional_quantity("1")
-
-    def __check_init__(self):
-        self._check_modulus("young_modulus")
-        require_range("poisson_ratio", self.poisson_ratio, -1.0, 0.5, "give nu of the material")
-        if self.journal_young_modulus is not None:
-            self._check_modulus("journal_young_modulus")
-        if self.journal_poisson_ratio is not None:
-            require_range("journal_poisson_ratio", self.journal_poisson_ratio, -1.0, 0.5, "give nu")
-
-    def _check_modulus(self, name: str) -> None:
-        modulus = getattr(self, name)
-        require_positive(name, modulus, "give E in Pa")
-        caution_below(name, modulus, "Pa", SOFTEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
-        caution_above(name, modulus, "Pa", STIFFEST_SOLID, "give E in Pa; 1 GPa is 1e9 Pa")
+    young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
+    poisson_ratio: Single = quantity("1", within=(-1.0, 0.5), remedy="give nu of the material")
+    journal_young_modulus: Single | None = optional_quantity(
+        "Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS
+    )
+    journal_poisson_ratio: Single | None = optional_quantity(
+        "1", within=(-1.0, 0.5), remedy="give nu of the material"
+    )
 
     def value(self, gap: Gap) -> Scalar:
-        """K in N/m^1.5."""
+        """The stiffness K in N/m^1.5, by the radii of bearing and journal."""
         assert gap.bearing_radius is not None and gap.clearance is not None
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio
@@ -113,5 +87,6 @@ class RavnStiffness(AbstractStiffness):
         return 4.0 / (3.0 * compliance) * jnp.sqrt(radii / gap.clearance)
 
 
-def _as_stiffness(value: Any) -> AbstractStiffness:
+def as_stiffness(value: object) -> AbstractStiffness:
+    """The stiffness given, or a `GivenStiffness` of a number in N/m^n."""
     return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))

@@ -3,12 +3,11 @@
 What a joint or its law says of one element is applied to each, so that both may be anybody's.
 """
 
-from typing import Any
-
 import equinox as eqx
 
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
+from ..bodies import Motion
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from .base import AbstractContactJoint, Contact, Motions
@@ -52,7 +51,7 @@ class SeveralContactJoints(AbstractContactJoint):
         """The geometry of each joint's contacts."""
         names = self.joint.pair()
 
-        def of(joint: AbstractContactJoint, *pair: Any) -> dict[str, Contact]:
+        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
             return joint.contacts(dict(zip(names, pair, strict=True)))
 
         return each(of, self.joint, motions[self.first], motions[self.second])
@@ -60,7 +59,9 @@ class SeveralContactJoints(AbstractContactJoint):
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Friction of each joint on its second body, N, or ``None``."""
 
-        def of(joint: AbstractContactJoint, contact: Contact, normal_force: Scalar) -> Any:
+        def of(
+            joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
+        ) -> Vector | None:
             return joint.friction_force(name, contact, normal_force)
 
         return each(of, self.joint, contact, normal_force)
@@ -74,8 +75,8 @@ class SeveralContactLaws(AbstractContactLaw):
     has_memory: bool = eqx.field(static=True)  # pyright: ignore
     force_jumps: bool = eqx.field(static=True)
 
-    def _each(self, method: str, *arguments: Any) -> Any:
-        def of(joint: AbstractContactJoint, *arguments: Any) -> Any:
+    def _each(self, method: str, *arguments: Gap | Scalar | None) -> Scalar:
+        def of(joint: AbstractContactJoint, *arguments: Gap | Scalar | None) -> Scalar:
             return getattr(joint.laws()[self.label], method)(*arguments)
 
         return each(of, self.joint, *arguments)

@@ -1,9 +1,11 @@
 """What holds the journal of a clearance joint along the bearing's axis."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from ...fields.checks import quantity, require, require_positive
+from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
+from ...fields.declarations import quantity
+from ...fields.types import Single
 from ...math.vectors import Scalar
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw, AbstractHertzianLaw
@@ -80,11 +82,10 @@ class EndPlay(AbstractAxialPolicy):
     The force acts along the bearing's axis at the journal's base. No friction at the shoulders.
     """
 
-    play: Any = quantity("m")
+    play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")
     law: AbstractContactLaw
 
     def __check_init__(self):
-        require_positive("play", self.play, "give the axial travel in m", zero=True)
         if isinstance(self.law, AbstractHertzianLaw):
             require(
                 isinstance(self.law.stiffness, GivenStiffness),
@@ -95,7 +96,7 @@ class EndPlay(AbstractAxialPolicy):
             )
 
     def shoulder_law(self) -> AbstractContactLaw:
-        """The law given."""
+        """The law that was given, for both shoulders."""
         return self.law
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:

@@ -7,12 +7,13 @@ registered. All methods work on the scalar form of `clearjoint.math.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ...fields.conversion import AbstractConverting
+from ...fields.types import Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.gap import Gap
@@ -20,6 +21,9 @@ from ..contact.laws import AbstractContactLaw
 from .motion_subspaces import AbstractFreedom
 
 Motions = Mapping[str, Motion]
+"""Motion of each body by name, the ground included."""
+Attachment = tuple[str, str, Triple]
+"""A point on a body: the element's argument for it, the body's name, and (3,) m in its axes."""
 
 
 @jax.tree_util.register_dataclass
@@ -29,7 +33,7 @@ class Row:
 
     `value` is Phi; `jacobian[body]` the wrench-like pair with Phi's rate = force . velocity +
     moment . spin + `time_rate` (so that the reaction on the body is this pair times the
-    multiplier); `bias` is what is left of Phi's second derivative when all accelerations vanish.
+    multiplier); `bias` is Phi's second derivative where all accelerations are zero.
     `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
     as a driver's does, which then supplies the power -multiplier time_rate.
     """
@@ -47,7 +51,7 @@ class AbstractElement(AbstractConverting):
     def body_names(self) -> tuple[str, ...]:
         """Names of the bodies it acts on, the ground included."""
 
-    def breakpoints(self) -> Any:
+    def breakpoints(self) -> PyTree:
         """Times in s where the element changes as no smooth function of time does: its force jumps
         or has a kink, or the angle it prescribes has a kink. None by default.
 
@@ -58,9 +62,8 @@ class AbstractElement(AbstractConverting):
         """
         return ()
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
-        """The points that it has on bodies: argument, body, and (3,) m in the body's axes. None by
-        default; units are checked by them."""
+    def attachments(self) -> tuple[Attachment, ...]:
+        """The points that it has on bodies, by which the scene checks units; none by default."""
         return ()
 
 
@@ -233,7 +236,7 @@ class AbstractContactJoint(AbstractElement):
         """Names of the first and the second body."""
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.pair()
 
     def deepest(self) -> dict[str, Scalar]:
@@ -242,14 +245,19 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """How far the second body has slid beyond the end of its room, m, negative inside; ``None``
-        where something stops it, and by default. A run warns of it."""
+        """How far the second body has slid out of the first along the axis, m, negative inside.
+
+        A run warns where it is positive. ``None``, the default, for a joint that it can't leave.
+        """
         del motions
         return None
 
     def centred(self) -> AbstractConstraint | None:
-        """The ideal joint that holds the second body in the middle of its room; ``None``, the
-        default, where there is no middle. `assemble` takes it for a body that is outside."""
+        """The ideal joint that holds the second body midway between its contacts.
+
+        `assemble` puts a body there that starts outside. ``None``, the default, where there is no
+        such place.
+        """
         return None
 
     def seated(self, load: np.ndarray) -> AbstractConstraint | None:

@@ -7,7 +7,6 @@ contact of an edge along the wall is not modelled.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,12 +17,12 @@ from ...fields.checks import (
     caution_above,
     caution_unless,
     concrete,
-    quantity,
     require,
     require_axis,
     require_point,
-    require_positive,
 )
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
@@ -32,7 +31,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, slip_velocity
 from ..contact.laws import AbstractContactLaw
 from .axial import AbstractAxialPolicy, FreeAxially
-from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
 from .constraint_rows import point_in_plane, turning_about_axes
 from .ideal import CylindricalJoint, RevoluteJoint, require_distinct
 
@@ -73,13 +72,15 @@ class ClearanceJoint(AbstractContactJoint):
 
     bearing_body: str = eqx.field(static=True)
     journal_body: str = eqx.field(static=True)
-    bearing_point: Any = quantity("m")
-    bearing_axis: Any = quantity("1")
-    journal_point: Any = quantity("m")
-    journal_axis: Any = quantity("1")
-    bearing_radius: Any = quantity("m")
-    clearance: Any = quantity("m")
-    journal_length: Any = quantity("m")
+    bearing_point: Triple = quantity("m", check=require_point)
+    bearing_axis: Triple = quantity("1", check=require_axis)
+    journal_point: Triple = quantity("m", check=require_point)
+    journal_axis: Triple = quantity("1", check=require_axis)
+    bearing_radius: Single = quantity(
+        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
+    )
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    journal_length: Single = quantity("m", positive=True)
     law: AbstractContactLaw
     friction: AbstractFriction | None
     axial: AbstractAxialPolicy
@@ -89,14 +90,14 @@ class ClearanceJoint(AbstractContactJoint):
         bearing_body: str,
         journal_body: str,
         *,
-        bearing_point: Any = (0.0, 0.0, 0.0),
-        bearing_axis: Any = (0.0, 0.0, 1.0),
-        journal_point: Any = (0.0, 0.0, 0.0),
-        journal_axis: Any = (0.0, 0.0, 1.0),
-        bearing_radius: Any,
-        journal_radius: Any = None,
-        clearance: Any = None,
-        journal_length: Any,
+        bearing_point: Triple = (0.0, 0.0, 0.0),
+        bearing_axis: Triple = (0.0, 0.0, 1.0),
+        journal_point: Triple = (0.0, 0.0, 0.0),
+        journal_axis: Triple = (0.0, 0.0, 1.0),
+        bearing_radius: Single,
+        journal_radius: Single | None = None,
+        clearance: Single | None = None,
+        journal_length: Single,
         law: AbstractContactLaw,
         friction: AbstractFriction | None = None,
         axial: AbstractAxialPolicy | None = None,
@@ -129,13 +130,22 @@ class ClearanceJoint(AbstractContactJoint):
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
-        for name in ("bearing_point", "journal_point"):
-            require_point(name, getattr(self, name))
-        for name in ("bearing_axis", "journal_axis"):
-            require_axis(name, getattr(self, name))
-        require_positive("bearing_radius", self.bearing_radius, "give it in m")
-        require_positive("clearance", self.clearance, "give the radial clearance in m")
-        require_positive("journal_length", self.journal_length, "give it in m")
+        kinds = {
+            "law": AbstractContactLaw,
+            "axial": AbstractAxialPolicy,
+            "friction": AbstractFriction,
+        }
+        for name, kind in kinds.items():
+            value = getattr(self, name)
+            require(
+                isinstance(value, kind) or (name == "friction" and value is None),
+                name,
+                value,
+                f"an {kind.__name__}",
+                f"subclass {kind.__name__} or pass one of clearjoint's",
+            )
+
+    def _check_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
             require(
@@ -154,26 +164,11 @@ class ClearanceJoint(AbstractContactJoint):
                 "give the journal's radius as `journal_radius`, and the radial clearance in m",
             )
             remedy = "give lengths in m; 1 mm is 1e-3 m"
-            caution_above("bearing_radius", radius, "m", LARGEST_BEARING, remedy)
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
-        kinds = {
-            "law": AbstractContactLaw,
-            "axial": AbstractAxialPolicy,
-            "friction": AbstractFriction,
-        }
-        for name, kind in kinds.items():
-            value = getattr(self, name)
-            require(
-                isinstance(value, kind) or (name == "friction" and value is None),
-                name,
-                value,
-                f"an {kind.__name__}",
-                f"subclass {kind.__name__} or pass one of clearjoint's",
-            )
 
     @property
-    def journal_radius(self) -> Any:
+    def journal_radius(self) -> Single:
         """Bearing radius less clearance, m."""
         return self.bearing_radius - self.clearance
 
@@ -181,7 +176,7 @@ class ClearanceJoint(AbstractContactJoint):
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """The centres of bearing and journal."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
@@ -274,7 +269,7 @@ class ClearanceJoint(AbstractContactJoint):
             return None
         return self._ideal(self.bearing_point + self.clearance / size * across)
 
-    def _ideal(self, centre: Any) -> AbstractConstraint:
+    def _ideal(self, centre: Triple) -> AbstractConstraint:
         """An ideal joint about a centre in the bearing's body, m."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)

@@ -1,10 +1,10 @@
 """The constraint rows that ideal joints are made of."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
@@ -28,7 +28,7 @@ def _negative(wrench: Wrench) -> Wrench:
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Three rows: a point of each body, given in body axes, stay together (eq. 25)."""
+    """Three rows that keep a point of each body together; points in m, body axes (eq. 25)."""
     separation = first.point(local_first) - second.point(local_second)
     rows = {}
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
@@ -42,7 +42,7 @@ def coincident_points(
 def perpendicular(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """One row: a direction of each body, in body axes, stay at a right angle."""
+    """One row that keeps a direction of each body, in body axes, at a right angle."""
     a, b = first.direction(axis_first), second.direction(axis_second)
     b_in_first = first.rotation.transposed_times(b)
     a_in_second = second.rotation.transposed_times(a)
@@ -62,7 +62,8 @@ def perpendicular(
 def point_in_plane(
     names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
 ) -> Row:
-    """One row: a point of the second body stays in the plane of the first with a given normal."""
+    """One row that keeps a point of the second body (`local`, m, its axes) in a plane of the first,
+    through `origin` and with the normal `axis` (m and unit vector, its axes)."""
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
@@ -119,12 +120,14 @@ def turning_about_axes(
 
 
 Pose = tuple[Vector, Matrix]
-Twist = tuple[Vector, Vector]
+"""Of a body: its position, global, and its rotation matrix."""
+Velocities = tuple[Vector, Vector]
+"""Of a body: its velocity, global, and its spin in body axes."""
 
 
-def _pose_rate(pose: Pose, twist: Twist) -> Pose:
-    """Time derivative of a pose whose twist is (velocity, spin in body axes): A' = A ~spin."""
-    velocity, spin = twist
+def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
+    """Time derivative of a pose: its velocity, and A' = A ~spin."""
+    velocity, spin = velocities
     rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
     return velocity, Matrix(*(row.cross(spin) for row in rows))
 
@@ -141,21 +144,23 @@ def rows_from_residual(
     **Arguments:** `residual` maps ((position, rotation matrix) of the first body, of the second)
     to one scalar a label. For a joint of one's own where derivatives by hand are not worth it.
     """
-    poses, twists = _as_arrays(
+    poses, velocities = _as_arrays(
         (
             ((first.position, first.rotation), (second.position, second.rotation)),
             ((first.velocity, first.spin), (second.velocity, second.spin)),
         )
     )
 
-    def rate(poses: tuple[Pose, Pose], twists: tuple[Twist, Twist]) -> tuple[Scalar, ...]:
-        moved = tuple(_pose_rate(p, v) for p, v in zip(poses, twists, strict=True))
-        return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (moved,))[1]
+    def rate(
+        poses: tuple[Pose, Pose], velocities: tuple[Velocities, Velocities]
+    ) -> tuple[Scalar, ...]:
+        pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
+        return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
 
-    moved = tuple(_pose_rate(p, v) for p, v in zip(poses, twists, strict=True))
-    biases = jax.jvp(lambda pair: rate(pair, twists), (poses,), (moved,))[1]
+    pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
+    biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)
-    columns = [rate(poses, direction) for direction in _unit_twists()]
+    columns = [rate(poses, direction) for direction in _unit_velocities()]
     rows = {}
     for k, label in enumerate(labels):
         v = [column[k] for column in columns]
@@ -170,14 +175,14 @@ def rows_from_residual(
     return rows
 
 
-def _as_arrays(tree: Any) -> Any:
+def _as_arrays(tree: PyTree) -> PyTree:
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), tree)
 
 
-def _unit_twists() -> list[tuple[Twist, Twist]]:
-    """The twelve unit twists of two bodies."""
+def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
+    """Of two bodies: each of the twelve velocities and spins by itself, of size one."""
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
     pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]
     rest = (zero, zero)
-    return [(twist, rest) for twist in pairs] + [(rest, twist) for twist in pairs]
+    return [(pair, rest) for pair in pairs] + [(rest, pair) for pair in pairs]

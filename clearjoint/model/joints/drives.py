@@ -5,13 +5,14 @@ Neither holds the axis: a revolute joint beside it does, ideal or with clearance
 
 import abc
 import math
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import quantity, require_axis, require_euler_parameters, require_shape
+from ...fields.checks import require_axis, require_euler_parameters
+from ...fields.declarations import quantity
+from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench
@@ -30,8 +31,8 @@ class AbstractDrive(AbstractElement):
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
-    axis: eqx.AbstractVar[Any]
-    orientation: eqx.AbstractVar[Any]
+    axis: eqx.AbstractVar[Triple]
+    orientation: eqx.AbstractVar[Quadruple]
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
@@ -39,7 +40,7 @@ class AbstractDrive(AbstractElement):
         require_euler_parameters("orientation", self.orientation)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
     def turn(self, motions: Motions) -> Row:
@@ -120,14 +121,10 @@ class PrescribedRotation(AbstractRotationDriver):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    axis: Any = quantity("1")
-    speed: Any = quantity("rad/s")
-    initial_angle: Any = quantity("rad", default=0.0)
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_shape("speed", self.speed, (), "pass a single number in rad/s")
-        require_shape("initial_angle", self.initial_angle, (), "pass a single number in rad")
+    axis: Triple = quantity("1")
+    speed: Single = quantity("rad/s", shape=())
+    initial_angle: Single = quantity("rad", shape=(), default=0.0)
+    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def angle(self, t: Scalar) -> Scalar:
         """The initial angle and the speed times the time."""
@@ -181,14 +178,11 @@ class DriveTorque(AbstractDriveTorque):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    axis: Any = quantity("1")
-    torque: Any = quantity("N m")
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_shape("torque", self.torque, (), "pass a single number in N m")
+    axis: Triple = quantity("1")
+    torque: Single = quantity("N m", shape=())
+    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The constant."""
+        """The constant torque, N m."""
         del angle, speed, t
         return self.torque

@@ -1,15 +1,17 @@
 """Springs, dampers and applied loads."""
 
-from typing import Any
-
 import equinox as eqx
 
-from ...fields.checks import quantity, require_point, require_positive, require_shape
+from ...fields.checks import require_point
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 from ..bodies import Wrench
-from .base import AbstractForce, Motions
+from .base import AbstractForce, Attachment, Motions
 from .ideal import require_distinct
+
+SI = "give it in SI units"
 
 
 class SpringDamper(AbstractForce):
@@ -22,24 +24,20 @@ class SpringDamper(AbstractForce):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    stiffness: Any = quantity("N/m")
-    damping: Any = quantity("N s/m", default=0.0)
-    free_length: Any = quantity("m", default=0.0)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    stiffness: Single = quantity("N/m", positive=True, zero=True, remedy=SI)
+    damping: Single = quantity("N s/m", default=0.0, positive=True, zero=True, remedy=SI)
+    free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
-        require_point("point_first", self.point_first)
-        require_point("point_second", self.point_second)
-        for name in ("stiffness", "damping", "free_length"):
-            require_positive(name, getattr(self, name), "give it in SI units", zero=True)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """Its point on each body."""
         return (
             ("point_first", self.first, self.point_first),
@@ -82,20 +80,15 @@ class AppliedLoad(AbstractForce):
     """
 
     body: str = eqx.field(static=True)
-    force: Any = quantity("N", default=(0.0, 0.0, 0.0))
-    torque: Any = quantity("N m", default=(0.0, 0.0, 0.0))
-    point: Any = quantity("m", default=(0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_shape("force", self.force, (3,), "pass three components in N")
-        require_shape("torque", self.torque, (3,), "pass three components in N m")
-        require_point("point", self.point)
+    force: Triple = quantity("N", shape=(3,), default=(0.0, 0.0, 0.0))
+    torque: Triple = quantity("N m", shape=(3,), default=(0.0, 0.0, 0.0))
+    point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
 
     def body_names(self) -> tuple[str, ...]:
-        """The body."""
+        """Name of the body that it acts on."""
         return (self.body,)
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """Where the force acts."""
         return (("point", self.body, self.point),)
 

@@ -1,21 +1,19 @@
 """Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
 
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 
-from ...fields.checks import (
-    quantity,
-    require,
-    require_axis,
-    require_euler_parameters,
-    require_point,
-)
+from ...fields.checks import require, require_axis, require_euler_parameters, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Quadruple, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
-from .base import AbstractConstraint, Motions, Row
+from .base import AbstractConstraint, Attachment, Motions, Row
 from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
+
+T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractConstraint):
@@ -23,26 +21,24 @@ class AbstractPairJoint(AbstractConstraint):
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
-    point_first: eqx.AbstractVar[Any]
-    point_second: eqx.AbstractVar[Any]
+    point_first: eqx.AbstractVar[Triple]
+    point_second: eqx.AbstractVar[Triple]
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
-        require_point("point_first", self.point_first)
-        require_point("point_second", self.point_second)
 
     def body_names(self) -> tuple[str, ...]:
-        """The two bodies."""
+        """Names of the first and the second body."""
         return self.first, self.second
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """Its point on each body."""
         return (
             ("point_first", self.first, self.point_first),
             ("point_second", self.second, self.point_second),
         )
 
-    def _ordered(self, parent: str, of_first: Any, of_second: Any) -> tuple[Any, Any]:
+    def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """What belongs to the first and the second body, the parent's before the child's."""
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
@@ -102,16 +98,16 @@ class SphericalJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Three translations."""
+        """Three translations that are held, in m."""
         del t
         return self._coincidence(motions)
 
     def freedom(self, parent: str) -> Ball:
-        """Turning freely."""
+        """The second body turns freely about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
 
@@ -126,14 +122,10 @@ class RevoluteJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis_first: Any = quantity("1")
-    axis_second: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis_first", self.axis_first)
-        require_axis("axis_second", self.axis_second)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and two tilts."""
@@ -146,7 +138,7 @@ class RevoluteJoint(AbstractPairJoint):
         return self._turn(motions, self.axis_first, self.axis_second)
 
     def freedom(self, parent: str) -> Hinge:
-        """Turning about the axis."""
+        """The second body turns about the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return Hinge(*points, here, aligning(there, here))
@@ -161,12 +153,11 @@ class FixedJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_euler_parameters("orientation", self.orientation)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    orientation: Quadruple = quantity(
+        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
+    )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and three rotations."""
@@ -174,7 +165,7 @@ class FixedJoint(AbstractPairJoint):
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
     def freedom(self, parent: str) -> Weld:
-        """None."""
+        """No motion at all: the bodies are one."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         return Weld(*points, turn)
@@ -190,12 +181,9 @@ class InlineJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis", self.axis)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations across the line."""
@@ -211,14 +199,10 @@ class CylindricalJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis_first: Any = quantity("1")
-    axis_second: Any = quantity("1")
-
-    def __check_init__(self):
-        require_axis("axis_first", self.axis_first)
-        require_axis("axis_second", self.axis_second)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations and two tilts."""
@@ -240,14 +224,12 @@ class PrismaticJoint(AbstractPairJoint):
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
-    point_first: Any = quantity("m")
-    point_second: Any = quantity("m")
-    axis: Any = quantity("1")
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        require_axis("axis", self.axis)
-        require_euler_parameters("orientation", self.orientation)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis: Triple = quantity("1", check=require_axis)
+    orientation: Quadruple = quantity(
+        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
+    )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations across the axis and three rotations."""
@@ -256,7 +238,7 @@ class PrismaticJoint(AbstractPairJoint):
         return self._point_on_line(motions, self.axis) | held
 
     def freedom(self, parent: str) -> Slider:
-        """Sliding along the axis."""
+        """The second body slides along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)

@@ -1,15 +1,15 @@
 """The journal that never leaves the wall: clearance as a massless link."""
 
-from typing import Any
-
 import equinox as eqx
 
-from ...fields.checks import quantity, require, require_axis, require_point, require_positive
+from ...fields.checks import require, require_axis, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
 from ..bodies import NO_WRENCH, Wrench
 from .axial import AbstractAxialPolicy, FreeAxially
-from .base import AbstractConstraint, Motions, Row
+from .base import AbstractConstraint, Attachment, Motions, Row
 from .clearance import BASES
 from .constraint_rows import point_in_plane
 from .ideal import require_distinct
@@ -31,22 +31,16 @@ class MasslessLink(AbstractConstraint):
 
     bearing_body: str = eqx.field(static=True)
     journal_body: str = eqx.field(static=True)
-    clearance: Any = quantity("m")
-    journal_length: Any = quantity("m")
-    bearing_point: Any = quantity("m", default=(0.0, 0.0, 0.0))
-    bearing_axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
-    journal_point: Any = quantity("m", default=(0.0, 0.0, 0.0))
-    journal_axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    journal_length: Single = quantity("m", positive=True, remedy="give the distance of the bases")
+    bearing_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    bearing_axis: Triple = quantity("1", check=require_axis, default=(0.0, 0.0, 1.0))
+    journal_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    journal_axis: Triple = quantity("1", check=require_axis, default=(0.0, 0.0, 1.0))
     axial: AbstractAxialPolicy = eqx.field(default_factory=FreeAxially)
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
-        require_positive("clearance", self.clearance, "give the radial clearance in m")
-        require_positive("journal_length", self.journal_length, "give the distance of the bases")
-        for name in ("bearing_point", "journal_point"):
-            require_point(name, getattr(self, name))
-        for name in ("bearing_axis", "journal_axis"):
-            require_axis(name, getattr(self, name))
         require(
             self.axial.shoulder_law() is None,
             "axial",
@@ -59,7 +53,7 @@ class MasslessLink(AbstractConstraint):
         """The bearing's body and the journal's."""
         return self.bearing_body, self.journal_body
 
-    def attachments(self) -> tuple[tuple[str, str, Any], ...]:
+    def attachments(self) -> tuple[Attachment, ...]:
         """The centres of bearing and journal."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),

@@ -1,16 +1,17 @@
-"""What an ideal joint leaves free: the motions that coordinates may follow instead of constraining.
+"""The motions that ideal joints leave free, for coordinates that follow them.
 
-A freedom moves a *child* body against its *parent*: a point of the child may slide away from a
-point of the parent, and the child may turn about it. All is told in the child's axes, in which the
-directions of motion of the usual joints are constant.
+A freedom describes how a *child* body moves against its *parent*: the joint's point on the child
+may slide away from that on the parent, and the child may turn about it. Displacements, velocities
+and spins have components in the child's axes, in which the directions of motion of the usual joints
+are constant.
 """
 
 import abc
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.rotations import (
     composed,
@@ -65,9 +66,13 @@ class Relative:
 
 
 class JointState(eqx.Module):
-    """Variables of one joint: its `position` (any PyTree), and one of the `speeds` a freedom."""
+    """Variables of one joint.
 
-    position: Any
+    - `position`: an angle in rad, a distance in m, Euler parameters, or any other PyTree.
+    - `speeds`: one for each degree of freedom, rad/s or m/s.
+    """
+
+    position: PyTree
     speeds: tuple[Scalar, ...]
 
 
@@ -85,30 +90,31 @@ class AbstractFreedom(eqx.Module):
         """The variables of a relative motion that the joint allows."""
 
     @abc.abstractmethod
-    def orientation(self, position: Any) -> EulerParameters:
+    def orientation(self, position: PyTree) -> EulerParameters:
         """Euler parameters, of any norm, that turn the child's components into the parent's."""
 
     @abc.abstractmethod
-    def columns(self, position: Any) -> tuple[Twist, ...]:
-        """The relative twist that each speed gives by itself."""
+    def columns(self, position: PyTree) -> tuple[Twist, ...]:
+        """For each speed, the relative twist that a value of one gives."""
 
     @abc.abstractmethod
-    def rates(self, state: JointState) -> Any:
+    def rates(self, state: JointState) -> PyTree:
         """Time derivative of the position."""
 
     @abc.abstractmethod
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """The position after a small motion along the columns."""
 
-    def settled(self, position: Any) -> Any:
-        """The same position in numbers that don't drift in many steps; the default, as it is."""
+    def settled(self, position: PyTree) -> PyTree:
+        """The same position, without what numbers gather in many steps: whole turns of an angle, a
+        norm that drifts. Called at the end of each step; by default the position as it is."""
         return position
 
-    def rotation(self, position: Any) -> Matrix:
+    def rotation(self, position: PyTree) -> Matrix:
         """The matrix that turns the child's components into the parent's."""
         return rotation_matrix(self.orientation(position))
 
-    def displacement(self, position: Any) -> Vector:
+    def displacement(self, position: PyTree) -> Vector:
         """From the parent's point to the child's, child's axes; none unless the joint slides."""
         del position
         return ZERO
@@ -120,7 +126,7 @@ class AbstractFreedom(eqx.Module):
         return REST
 
     def twist(self, state: JointState) -> Twist:
-        """The relative twist."""
+        """Twist of the child against the parent: the columns times the speeds."""
         parts = zip(self.columns(state.position), state.speeds, strict=True)
         return sum((column * speed for column, speed in parts), REST)
 
@@ -133,26 +139,26 @@ class Weld(AbstractFreedom):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Nothing."""
+        """A state without position and speeds."""
         del relative
         return JointState((), ())
 
-    def orientation(self, position: Any) -> EulerParameters:
-        """Constant."""
+    def orientation(self, position: PyTree) -> EulerParameters:
+        """The constant `reference`."""
         del position
         return self.reference
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
-        """None."""
+    def columns(self, position: PyTree) -> tuple[Twist, ...]:
+        """No columns, since there are no speeds."""
         del position
         return ()
 
-    def rates(self, state: JointState) -> Any:
-        """None."""
+    def rates(self, state: JointState) -> PyTree:
+        """The rate of a position without numbers."""
         return state.position
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
-        """Not at all."""
+    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
+        """The position without numbers."""
         del changes
         return position
 
@@ -169,20 +175,22 @@ class Hinge(AbstractFreedom):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """The angle within two turns, as Euler parameters tell it, so that none changes its sign
-        between a state and its variables."""
+        """The angle, within (-2 pi, 2 pi], and its rate.
+
+        Over two turns, not one: so the Euler parameters come back with their sign.
+        """
         turn = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(turn.e1, turn.e2, turn.e3)
         angle = 2.0 * jnp.arctan2(vector.dot(self.axis), turn.e0)
         return JointState(angle, (relative.twist.turn.dot(self.axis),))
 
-    def orientation(self, position: Any) -> EulerParameters:
-        """Turned about the axis from the reference."""
+    def orientation(self, position: Scalar) -> EulerParameters:
+        """The reference, turned by the angle about the axis."""
         vector = self.axis * jnp.sin(0.5 * position)
         turn = EulerParameters(jnp.cos(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, turn)
 
-    def rotation(self, position: Any) -> Matrix:
+    def rotation(self, position: Scalar) -> Matrix:
         """R (b b^T + cos (1 - b b^T) + sin ~b) with constant R, so that two products an entry are
         left, and none where they are zeros and ones."""
         b, cosine, sine = self.axis, jnp.cos(position), jnp.sin(position)
@@ -194,20 +202,20 @@ class Hinge(AbstractFreedom):
         matrix = rotation_matrix(self.reference)
         return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
-        """The axis."""
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
+        """A turn about the axis at 1 rad/s."""
         del position
         return (Twist(self.axis, ZERO),)
 
-    def rates(self, state: JointState) -> Any:
-        """The angle's rate."""
+    def rates(self, state: JointState) -> Scalar:
+        """Rate of the angle, rad/s."""
         return state.speeds[0]
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
-        """The angle changed."""
+    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
+        """The angle plus the change, rad."""
         return add(position, changes[0])
 
-    def settled(self, position: Any) -> Any:
+    def settled(self, position: Scalar) -> Scalar:
         """The angle within two turns, as `encode` gives it."""
         return within_two_turns(position)
 
@@ -228,20 +236,20 @@ class Ball(AbstractFreedom):
         return position
 
     def columns(self, position: EulerParameters) -> tuple[Twist, ...]:
-        """The child's axes."""
+        """Turns about the child's axes at 1 rad/s."""
         del position
         return tuple(Twist(axis, ZERO) for axis in (UNIT_X, UNIT_Y, UNIT_Z))
 
     def rates(self, state: JointState) -> EulerParameters:
-        """Euler parameter rates."""
+        """Rates of the Euler parameters, 1/s."""
         return euler_parameter_rates(state.position, Vector(*state.speeds))
 
     def moved(self, position: EulerParameters, changes: tuple[Scalar, ...]) -> EulerParameters:
-        """Turned."""
+        """The Euler parameters after a small turn (rad, child's axes)."""
         return turned(position, Vector(*changes))
 
     def settled(self, position: EulerParameters) -> EulerParameters:
-        """Of unit norm."""
+        """The Euler parameters, brought back to unit norm."""
         return kept_unit(position)
 
 
@@ -257,30 +265,30 @@ class Slider(AbstractFreedom):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Distance and speed."""
+        """Distance along the axis in m, and its rate in m/s."""
         distance = relative.displacement.dot(self.axis)
         return JointState(distance, (relative.twist.slide.dot(self.axis),))
 
-    def orientation(self, position: Any) -> EulerParameters:
-        """Constant."""
+    def orientation(self, position: Scalar) -> EulerParameters:
+        """The constant `reference`."""
         del position
         return self.reference
 
-    def displacement(self, position: Any) -> Vector:
-        """Along the axis."""
+    def displacement(self, position: Scalar) -> Vector:
+        """The distance along the axis, as a vector in m."""
         return self.axis * position
 
-    def columns(self, position: Any) -> tuple[Twist, ...]:
-        """The axis."""
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
+        """A motion along the axis at 1 m/s."""
         del position
         return (Twist(ZERO, self.axis),)
 
-    def rates(self, state: JointState) -> Any:
-        """The speed."""
+    def rates(self, state: JointState) -> Scalar:
+        """Rate of the distance, m/s."""
         return state.speeds[0]
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
-        """The distance changed."""
+    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
+        """The distance plus the change, m."""
         return add(position, changes[0])
 
 
