@@ -24,7 +24,7 @@ FLOORS = (
     ("plot",),
 )
 """A room may import from those on floors below."""
-BASIS = {"jax", "equinox", "numpy"}
+BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
     "diffrax": {"simulation", "presets", "sweeps", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},

@@ -141,7 +141,7 @@ def identify_many(
             else:
                 found, screened = screens.searches(data, searched)
             best = lowest(found)
-            made = runs.family.made(best.best.coordinates)
+            made = runs.family.scene_and_state(best.best.coordinates)
             fits.append(Fit(*made, dict(parameters), units, one, found, best, screened))
     return fits
 

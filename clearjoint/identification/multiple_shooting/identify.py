@@ -112,7 +112,7 @@ def identify_by_shots(
     found = problem.condensed(best)
     whole = Search(row, tuple(seek.windows), found)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    made = problem.base.made(found.coordinates)
+    made = problem.base.scene_and_state(found.coordinates)
     fit = Fit(*made, dict(parameters), units, measurements, (whole,), whole)
     starts = [piece.start for piece in problem.pieces[1:]]
     return ShootingFit(fit, np.array(starts), best.gaps)
