@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..information import fisher_information as information
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -100,7 +101,7 @@ class Fit:
     @property
     def correlation(self) -> np.ndarray:
         """Correlation (p, p) of the coordinates."""
-        return statistics.correlation(self.covariance)
+        return information.correlation(self.covariance)
 
     @property
     def standard_errors(self) -> dict[str, float]:

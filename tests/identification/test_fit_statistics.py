@@ -13,6 +13,7 @@ from clearjoint.identification import goodness_of_fit as statistics
 from clearjoint.identification.fit import Search, Window
 from clearjoint.identification.levenberg_marquardt import Iteration
 from clearjoint.identification.residuals import Evaluated
+from clearjoint.information import fisher_information as information
 
 COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)
@@ -157,7 +158,7 @@ def test_covariance_is_the_inverse_of_the_information():
     found = statistics.covariance(jacobian)
     deviations = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
-        found / np.outer(deviations, deviations), statistics.correlation(expected), atol=1e-9
+        found / np.outer(deviations, deviations), information.correlation(expected), atol=1e-9
     )
 
 
