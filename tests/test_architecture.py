@@ -33,7 +33,7 @@ THIRD_PARTY = {
     "optimistix": {"identification", "model", "simulation"},
     "scipy": {"identification"},
     "xarray": {"measurements", "sweeps", "plot"},
-    "pandas": {"measurements"},
+    "pandas": {"information", "measurements"},
     "pint": {"measurements"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},

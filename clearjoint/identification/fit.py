@@ -1,4 +1,4 @@
-"""What an identification found."""
+"""The result of an identification."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
+from ..information import fisher_information as information
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -14,51 +16,25 @@ from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import rivals
-from .levenberg_marquardt import Ending, Iteration
-from .report import report
-from .residuals import Evaluated
+from .levenberg_marquardt import Ending
+from .report import correlation_table, estimates_table, searches_table, series_table
+from .residuals import RunMisfit
 from .screening.screening import Screened
+from .searches import Search
 
 AT_BOUND = 1e-3
-"""Distance from a bound, as a part of what is between the bounds, that counts as at it."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """The search over the samples up to `end_time`, s: its iterations and how it ended."""
-
-    end_time: float
-    iterations: tuple[Iteration, ...]
-    ending: Ending
-
-
-@dataclass(frozen=True)
-class Search:
-    """One start (p,), in coordinates, and where it led: the windows fitted one after the other,
-    and the best of the last."""
-
-    start: np.ndarray
-    windows: tuple[Window, ...]
-    best: Evaluated
-
-    @property
-    def ending(self) -> Ending:
-        """How the last window's search ended."""
-        return self.windows[-1].ending
-
-    @property
-    def evaluations(self) -> int:
-        """Number of runs."""
-        return sum(len(window.iterations) for window in self.windows)
+"""Distance from a bound, over that between the bounds, below which an estimate is at the bound."""
 
 
 @dataclass(frozen=True)
 class Fit:
     """Estimates, how sure they are, and what they leave unexplained.
 
-    `scene` and `state` have the estimates in their places. `parameters` and `units` are by name, in
-    the order of all arrays; `searches` has every start, of which `best` led farthest down;
-    `screened` is what each pass of a `Screening` left.
+    - `scene`, `state`: with the estimates in their places.
+    - `parameters`, `units`: by name, in the order of all arrays.
+    - `measurements`: those that were fitted.
+    - `searches`: one from each start; `best` is the one with the smallest chi squared.
+    - `screened`: the starts that each pass of a `Screening` left.
     """
 
     scene: Scene
@@ -76,31 +52,31 @@ class Fit:
         return self.best.ending
 
     @property
-    def coordinates(self) -> np.ndarray:
+    def coordinates(self) -> Float[np.ndarray, " p"]:
         """Coordinates (p,) of the estimates."""
         return self.best.best.coordinates
 
     @property
     def estimates(self) -> dict[str, float]:
         """Values of the parameters."""
-        return self._valued(self.coordinates)
+        return self._values(self.coordinates)
 
     @cached_property
-    def covariance(self) -> np.ndarray:
+    def covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance (p, p) of the coordinates, if the noise is as stated."""
         return statistics.covariance(self.best.best.jacobian)
 
     @cached_property
-    def value_covariance(self) -> np.ndarray:
+    def value_covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance (p, p) of the values, by the slopes of the scales."""
         scales = [parameter.scale for parameter in self.parameters.values()]
         slopes = [float(s.slope(u)) for s, u in zip(scales, self.coordinates, strict=True)]
         return self.covariance * np.outer(slopes, slopes)
 
     @property
-    def correlation(self) -> np.ndarray:
+    def correlation(self) -> Float[np.ndarray, "p p"]:
         """Correlation (p, p) of the coordinates."""
-        return statistics.correlation(self.covariance)
+        return information.correlation(self.covariance)
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -110,21 +86,23 @@ class Fit:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % confidence interval of each value, through the scale: inside the bounds. It holds
-        those of other minima that searches ended in, as far as chi squared allows them."""
-        low, high = map(self._valued, rivals.intervals(self.best.best, self._other_minima))
+        """95 % confidence interval of each value, within the bounds of its scale.
+
+        It also covers other minima in which searches ended, as far as their chi squared allows.
+        """
+        low, high = map(self._values, rivals.intervals(self.best.best, self._other_minima))
         return {name: (low[name], high[name]) for name in self.parameters}
 
     @property
     def rivals(self) -> list[dict[str, float]]:
-        """Values of the parameters at other minima, outside the best one's own intervals, that the
-        data do not tell from it; the lowest first."""
-        found = rivals.rivals(self.best.best, self._other_minima)
-        return [self._valued(one.coordinates) for one in found]
+        """Values of the parameters at other minima that fit the data about as well as the best,
+        although they lie outside its own intervals; the one with the smallest chi squared first."""
+        minima = rivals.rivals(self.best.best, self._other_minima)
+        return [self._values(minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Each series as the fit has it, (N,), SI."""
+        """The fitted run at the times of each series, (N,), SI."""
         times = self.measurements.times()
         rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
         return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
@@ -142,7 +120,7 @@ class Fit:
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
+        """Number of samples in all series."""
         return sum(len(series) for series in self.measurements.series.values())
 
     @property
@@ -172,7 +150,7 @@ class Fit:
 
     @property
     def warnings(self) -> list[str]:
-        """What to mind before the estimates are used."""
+        """Sentences on what speaks against the estimates; none if nothing does."""
         return [
             *self._of_search(),
             *self._of_rivals(),
@@ -182,59 +160,80 @@ class Fit:
         ]
 
     def __str__(self) -> str:
-        return report(self)
+        """Estimates, goodness of fit, series, correlations and warnings, as aligned tables."""
+        parts = [
+            self._head(),
+            estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
+            f"chi squared {self.chi_squared:.6g} with {self.freedom} degrees of freedom, "
+            f"p = {self.p_value:.2g}",
+            series_table(self.residuals, self.rms, self.whiteness, self.normality),
+        ]
+        if len(self.parameters) > 1:
+            parts.append(correlation_table(list(self.parameters), self.correlation))
+        if len(self.searches) > 1:
+            parts.append(searches_table(self.searches, self.best, self.screened))
+        parts.append("\n".join(f"Warning: {warning}" for warning in self.warnings))
+        return "\n\n".join(part for part in parts if part)
+
+    def _head(self) -> str:
+        series, end = len(self.measurements.series), self.measurements.times()[-1]
+        return (
+            f"Fit of {self.samples} samples in {series} series to {end:g} s: "
+            f"{self.ending.value}, {self.best.evaluations} runs"
+        )
 
     def _of_search(self) -> Sequence[str]:
-        found = []
+        warnings = []
         if self.ending is not Ending.CONVERGED:
-            found.append(f"Not converged: {self.ending.value}.")
+            warnings.append(f"Not converged: {self.ending.value}.")
         if self.screened and not self.screened[-1].complete:
             end = self.screened[-1].times[-1]
-            found.append(f"Screening came to {end:.4g} s only: allow more rounds.")
-        return found
+            warnings.append(f"Screening came to {end:.4g} s only: allow more rounds.")
+        return warnings
 
     def _of_rivals(self) -> Sequence[str]:
-        found = []
+        warnings = []
         for rival in rivals.rivals(self.best.best, self._other_minima):
             excess = rival.chi_squared - self.chi_squared
-            values = self._valued(rival.coordinates).items()
-            found.append(
+            values = self._values(rival.coordinates).items()
+            warnings.append(
                 f"Another minimum is only {excess:.2g} higher in chi squared, at "
                 + ", ".join(f"{name} {value:.5g}" for name, value in values)
                 + ": the data do not tell which is right."
             )
-        return found
+        return warnings
 
     @property
-    def _other_minima(self) -> list[Evaluated]:
-        found = [s for s in self.searches if s is not self.best and s.ending is Ending.CONVERGED]
-        return [search.best for search in found]
+    def _other_minima(self) -> list[RunMisfit]:
+        others = [s for s in self.searches if s is not self.best and s.ending is Ending.CONVERGED]
+        return [search.best for search in others]
 
     def _at_bounds(self) -> Sequence[str]:
-        found = []
+        warnings = []
         for name, parameter in self.parameters.items():
             scale, value = parameter.scale, self.estimates[name]
             if isinstance(scale, Bounded):
                 near = AT_BOUND * (scale.high - scale.low)
                 for bound in (scale.low, scale.high):
                     if abs(value - bound) < near:
-                        found.append(f"{name} is at its bound {bound:g}.")
-        return found
+                        warnings.append(f"{name} is at its bound {bound:g}.")
+        return warnings
 
     def _unseen(self) -> Sequence[str]:
-        """A combination along which a deviation would leave what the scale is about."""
-        found = []
+        """A warning for each combination of parameters that is so uncertain that one standard
+        deviation changes a coordinate by more than its scale's stride."""
+        warnings = []
         sizes = [
             p.scale.stride if math.isfinite(p.scale.stride) else abs(u)
             for p, u in zip(self.parameters.values(), self.coordinates, strict=True)
         ]
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > np.array(sizes)):
-                found.append(
+                warnings.append(
                     f"The data hardly see the combination {combination(change, self.parameters)} "
                     f"(standard deviation {deviation:.2g}, in the coordinates of the scales)."
                 )
-        return found
+        return warnings
 
     def _of_noise(self) -> Sequence[str]:
         if self.freedom < 1:
@@ -249,12 +248,12 @@ class Fit:
             return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
         return []
 
-    def _valued(self, coordinates: np.ndarray) -> dict[str, float]:
+    def _values(self, coordinates: np.ndarray) -> dict[str, float]:
         pairs = zip(self.parameters.items(), coordinates, strict=True)
         return {name: float(p.scale.value(u)) for (name, p), u in pairs}
 
 
 def combination(change: np.ndarray, names: Sequence[str] | dict[str, Parameter]) -> str:
-    """A direction in words, without what hardly takes part in it."""
+    """A combination of parameters in words, without those that hardly change along it."""
     words = [f"{part:+.3g} {name}" for part, name in zip(change, names, strict=True)]
     return " ".join(w for w, part in zip(words, change, strict=True) if abs(part) > 1e-3)

@@ -1,4 +1,4 @@
-"""What residuals and their Jacobian tell of estimates. Standard textbook formulas."""
+"""Tests of the residuals of a fit, and how sure their Jacobian makes estimates."""
 
 import math
 from typing import NamedTuple
@@ -6,18 +6,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from ..information import fisher_information as information
+
 SINGULAR = 1e-12
-"""Singular value over the largest, of columns of unit length, below which a direction is not seen:
-its variance is reported as if it had this one."""
+"""Least singular value over the largest, with columns of unit length. The data hardly see a
+direction that has a smaller one: its variance is reported as if it had this one."""
 UNLIKELY = 1e-3
-"""Probability of chi squared below which noise or model are wrong, or the fit is."""
+"""Probability of a chi squared below which the noise, the model or the fit is taken as wrong."""
 LAGS = 10
 """Lags of the test of whiteness."""
 
 
 class Direction(NamedTuple):
-    """A combination of parameters: how the coordinates (p,) change along it, the largest by one,
-    and the standard deviation of how far."""
+    """A combination of parameters, as a change of their coordinates.
+
+    `change`: (p,) of the coordinates, the largest by one. `deviation`: standard deviation of the
+    factor by which an estimate is off along it.
+    """
 
     change: np.ndarray
     deviation: float
@@ -30,24 +35,18 @@ def directions(jacobian: np.ndarray) -> list[Direction]:
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
     sizes = np.maximum(sizes, SINGULAR * max(sizes[0], 1.0))
-    found = []
+    changes = []
     for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
         along = axis / norms
         largest = along[np.argmax(np.abs(along))]
-        found.append(Direction(along / largest, abs(largest) / float(size)))
-    return found
+        changes.append(Direction(along / largest, abs(largest) / float(size)))
+    return changes
 
 
 def covariance(jacobian: np.ndarray) -> np.ndarray:
-    """Covariance (p, p) of the coordinates: the inverse of the Fisher information."""
-    rows = [found.deviation * found.change for found in directions(jacobian)]
-    return sum(np.outer(row, row) for row in rows) + np.zeros((jacobian.shape[1],) * 2)
-
-
-def correlation(covariances: np.ndarray) -> np.ndarray:
-    """Correlation (p, p) of a covariance."""
-    deviations = np.sqrt(np.diag(covariances))
-    return covariances / np.outer(deviations, deviations)
+    """Covariance (p, p) of the coordinates, from the Jacobian (M, p) of residuals in standard
+    deviations; large, but finite, for what the data don't see."""
+    return information.covariance(jacobian, SINGULAR)
 
 
 def chi_squared_p(chi_squared: float, freedom: int) -> float:
@@ -65,8 +64,8 @@ def whiteness(residuals: np.ndarray) -> float:
     if count < 2 * LAGS or spread == 0.0:
         return math.nan
     lags = np.arange(1, LAGS + 1)
-    found = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
-    statistic = count * (count + 2) * np.sum(found**2 / (count - lags))
+    autocorrelations = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
+    statistic = count * (count + 2) * np.sum(autocorrelations**2 / (count - lags))
     return float(stats.chi2.sf(statistic, LAGS))
 
 

@@ -16,18 +16,19 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..results import RESULTS
 from ..simulation.settings import Integration
-from .fit import Fit, Search, Window
-from .levenberg_marquardt import Ending, Iteration, search
-from .residuals import Evaluated, Experiment, Samples, check_start, evaluate, experiment, samples
+from .fit import Fit
+from .levenberg_marquardt import Ending, Iteration, search_with_damping
+from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
 from .screening.passes import Passes, coarser, lowest
 from .screening.screening import Screened, Screening
+from .searches import Search, WindowSearch
 from .starts import Guess, Starts, start_coordinates
 
-Tell = Callable[[Iteration], None]
-TellOf = Callable[[int, Iteration], None]
-"""With the number of samples that are fitted in front."""
+OnIteration = Callable[[Iteration], None]
+OnFitIteration = Callable[[int, Iteration], None]
+"""A function of the number of samples in the fit and of an iteration."""
 WINDOW_TOLERANCE = 0.1
-"""Tolerance of windows that others follow."""
+"""Tolerance, in standard deviations, of the fits of all windows but the last."""
 
 
 def identify(
@@ -44,7 +45,7 @@ def identify(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
-    progress: bool | Tell = True,
+    progress: bool | OnIteration = True,
 ) -> Fit:
     """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
 
@@ -53,22 +54,24 @@ def identify(
     - `scene`, `state`, `start_time` s: as in `simulate`; the run goes to the last sample.
     - `measurements`: what was measured, with its noise.
     - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
-    - `guess`: values to start from, by name; those of the scene for others. A list of them is as
-      many starts.
-    - `starts`: further starts drawn around the first guess; see `Starts`. Or a `Screening` round
-      the only guess, which finds starts by many runs without derivatives where no slope leads to
-      the truth. The best end wins, `Fit.searches` has all, and `Fit.rivals` are minima that the
-      data do not tell from it.
-    - `grow`: times, s, up to which the samples are fitted first, one after the other, each from
-      where the one before ended. After some impacts small errors of parameters have grown so far
-      that a start farther off finds no way down. In these windows a stride of each scale holds
-      the parameters to where the window began, so that those not seen yet do not run away.
+    - `guess`: values to start from, by name; a parameter that is left out starts from the scene's
+      value. A list of guesses makes a start of each.
+    - `starts`: `Starts` draws further starts around the first guess. A `Screening` round the only
+      guess instead finds starts by many runs without derivatives, where no slope leads to the
+      truth. The fit is the best of all searches; `Fit.searches` has all of them, and `Fit.rivals`
+      other minima that fit the data about as well.
+    - `grow`: ends, s, of windows of the record that are fitted before the whole: the samples up to
+      the first end, then those up to the next, each fit from where the one before ended. After
+      some impacts small errors of parameters have grown so far that a fit of the whole record from
+      a start far off finds no way down. In these windows each parameter is held near its value at
+      the window's start, with its scale's stride as standard deviation, so that those that are not
+      seen yet do not run away.
     - `integration`: tolerances and method; `Integration()` unless given. Its `max_steps` bounds
       what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
-    - `horizon`: that of `clearjoint.horizon`: warn if the record goes beyond what a single run can
-      use.
+    - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
+      run can use.
     - `progress`: show a line with the iterations, or call a function with each `Iteration`.
 
     **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
@@ -105,7 +108,7 @@ def identify_many(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
-    progress: bool | Tell = True,
+    progress: bool | OnIteration = True,
 ) -> list[Fit]:
     """`identify` for several sets of measurements of the same channels and times, such as draws of
     the noise: one fit for each."""
@@ -116,85 +119,90 @@ def identify_many(
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
     runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
-    drawn = starts if isinstance(starts, Starts) else None
-    rows = start_coordinates(scene, state, parameters, guess, drawn)
+    around = starts if isinstance(starts, Starts) else None
+    rows = start_coordinates(scene, state, parameters, guess, around)
     screens = None
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
-        coarse = coarser(integration)
-        sides = experiment(scene, state, parameters, outputs, times, start_time, coarse)
-        screens = Passes(starts, sides, rows[0], tuple(parameters), progress is True)
+        loose = coarser(integration)
+        coarse_runs = experiment(scene, state, parameters, outputs, times, start_time, loose)
+        screens = Passes(starts, coarse_runs, rows[0], tuple(parameters), progress is True)
     strides = np.array([parameter.scale.stride for parameter in parameters.values()])
     ends = [*grow, float(times[-1])]
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
 
     fits = []
-    with shown(progress, parameters, len(measurements) * len(rows)) as tell:
+    with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
             data = samples(one, len(runs.times))
-            searched = partial(
-                _searched, runs, data, ends, strides, tolerance, max_iterations, tell
+            search_from = partial(
+                _search_windows, runs, data, ends, strides, tolerance, max_iterations, on_iteration
             )
             screened: tuple[Screened, ...] = ()
             if screens is None:
-                found = tuple(map(searched, rows))
+                searches = tuple(map(search_from, rows))
             else:
-                found, screened = screens.searches(data, searched)
-            best = lowest(found)
-            made = runs.family.made(best.best.coordinates)
-            fits.append(Fit(*made, dict(parameters), units, one, found, best, screened))
+                searches, screened = screens.searches(data, search_from)
+            best = lowest(searches)
+            fitted = runs.family.scene_and_state(best.best.coordinates)
+            fits.append(Fit(*fitted, dict(parameters), units, one, searches, best, screened))
     return fits
 
 
-def _searched(
+def _search_windows(
     runs: Experiment,
     data: Samples,
     ends: Sequence[float],
     strides: np.ndarray,
     tolerance: float,
     max_iterations: int,
-    tell: TellOf,
+    on_iteration: OnFitIteration,
     start: np.ndarray,
 ) -> Search:
-    """The windows fitted one after the other."""
+    """Search from a start (p,) over the windows up to each of the ends, s, one after the other."""
     windows, at = [], start
-    best: Evaluated | None = None
+    best: RunMisfit | None = None
     for end in ends:
         part, last = data.until(runs.times, end), end == ends[-1]
-        run = partial(evaluate, runs, part, end)
-        best, iterations, ending = search(
-            run if last else partial(_held, run, at, strides),
+        misfit = partial(run_misfit, runs, part, end)
+        best, iterations, ending = search_with_damping(
+            misfit if last else partial(_with_prior, misfit, at, strides),
             at,
             strides,
             tolerance if last else max(tolerance, WINDOW_TOLERANCE),
             max_iterations,
-            partial(tell, part.count),
+            partial(on_iteration, part.count),
         )
         if best.result != RESULTS.successful:
             ending = Ending.FAILED
-        windows.append(Window(end, iterations, ending))
+        windows.append(WindowSearch(end, iterations, ending))
         at = best.coordinates
     assert best is not None
     return Search(start, tuple(windows), best)
 
 
-def _held(
-    run: Callable[[np.ndarray], Evaluated], centre: np.ndarray, strides: np.ndarray, at: np.ndarray
-) -> Evaluated:
-    """An evaluation, as if the centre had been measured too, with strides for noise."""
-    found = run(at)
+def _with_prior(
+    misfit: Callable[[np.ndarray], RunMisfit],
+    centre: np.ndarray,
+    strides: np.ndarray,
+    at: np.ndarray,
+) -> RunMisfit:
+    """The misfit at coordinates (p,), as if the coordinates themselves had been measured to be at
+    the centre (p,), with the strides (p,) as standard deviations."""
+    plain = misfit(at)
     return replace(
-        found,
-        residuals=np.append(found.residuals, (at - centre) / strides),
-        jacobian=np.vstack([found.jacobian, np.diag(1.0 / strides)]),
+        plain,
+        residuals=np.append(plain.residuals, (at - centre) / strides),
+        jacobian=np.vstack([plain.jacobian, np.diag(1.0 / strides)]),
     )
 
 
 @contextmanager
-def shown(
-    progress: bool | Tell, parameters: Mapping[str, Parameter], searches: int
-) -> Iterator[TellOf]:
-    """What is told of each iteration: to the caller's function, or shown as a line."""
+def iteration_callback(
+    progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
+) -> Iterator[OnFitIteration]:
+    """A function to call with each iteration: it calls the user's, or shows the iteration in a
+    progress line while the context lasts."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -205,7 +213,7 @@ def shown(
         disable=not progress,
     ) as bar:
 
-        def tell(count: int, iteration: Iteration) -> None:
+        def show(count: int, iteration: Iteration) -> None:
             values = [
                 f"{name} {float(parameter.scale.value(u)):.6g}"
                 for (name, parameter), u in zip(
@@ -218,7 +226,7 @@ def shown(
             )
             bar.update()
 
-        yield tell
+        yield show
 
 
 def _check(

@@ -1,8 +1,8 @@
 """Levenberg-Marquardt by optimistix, one step at a time.
 
-The caller computes residuals and Jacobian wherever optimistix wants to look, and tells it both as
-the straight line through them. So a step compiles once for a number of parameters, apart from the
-run, which is compiled for everybody (`clearjoint.simulation.sensitivities`).
+The caller computes residuals and Jacobian at each point that optimistix proposes, and optimistix
+sees their linear model in the place of the function. So a step is compiled once for each number of
+parameters, apart from the runs (`clearjoint.simulation.sensitivities`).
 
 Where this differs from `optimistix.LevenbergMarquardt`: coordinates are scaled by the columns of
 the first Jacobian, so that damping means the same for all; the damping falls where the model did
@@ -20,38 +20,41 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jaxtyping import PyTree
+
+from ..math.vectors import Scalar
 
 PATIENCE = 15
 """Rejected steps, each a quarter as long as the one before, after which no step will do."""
 SHORT = 1e-3
-"""Step over the tolerance, in scaled coordinates, below which a step is none."""
+"""Length of a step over the tolerance, in scaled coordinates, below which the search ends."""
 NEARLY = 0.1
-"""Gauss-Newton step in standard deviations below which a search that finds nothing better has
-come as near as the integration's errors let it."""
+"""Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
+if the step left is shorter, since errors of the integration allow no more."""
 SINGULAR = 1e-12
-"""Singular value over the largest below which a direction is not seen at all."""
+"""Singular value over the largest below which the data don't see a direction."""
 
 
-class Evaluation(Protocol):
+class LinearisedMisfit(Protocol):
     """Residuals (M,) and Jacobian (M, p) at coordinates (p,)."""
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Where."""
+        """Coordinates of the parameters, (p,)."""
         ...
 
     @property
     def residuals(self) -> np.ndarray:
-        """In standard deviations."""
+        """Prediction less measurement, (M,), in standard deviations of the noise."""
         ...
 
     @property
     def jacobian(self) -> np.ndarray:
-        """Along the coordinates."""
+        """Derivatives of the residuals along the coordinates, (M, p)."""
         ...
 
 
-E = TypeVar("E", bound=Evaluation)
+E = TypeVar("E", bound=LinearisedMisfit)
 
 
 class Ending(Enum):
@@ -65,9 +68,15 @@ class Ending(Enum):
 
 @dataclass(frozen=True)
 class Iteration:
-    """One evaluation: its number, whether it was taken, chi squared, the coordinates (p,), the
-    Gauss-Newton step from the best so far in standard deviations, and the trust in the model (one
-    over the damping; for whole steps, the part that is taken)."""
+    """One run of a search.
+
+    - `number`: from 0; `accepted`: whether it is the best so far.
+    - `chi_squared`, `coordinates` (p,): of this run.
+    - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
+      of the estimates.
+    - `trust`: in the linear model: one over the damping of Levenberg and Marquardt; where whole
+      steps are taken, the part of a step that the search begins with.
+    """
 
     number: int
     accepted: bool
@@ -78,22 +87,22 @@ class Iteration:
 
 
 class _Strides(optx.AbstractDescent):
-    """A descent whose steps keep to the strides, (p,), so that what the data hardly see does not
-    run away while the rest is still far off."""
+    """A descent whose steps are clipped to the strides, (p,), so that a parameter that the data
+    hardly see stays near while the others are still far off."""
 
     descent: optx.DampedNewtonDescent
-    strides: Any
+    strides: jax.Array
 
-    def init(self, y: Any, f_info_struct: Any) -> Any:
-        """That of the descent."""
+    def init(self, y: jax.Array, f_info_struct: PyTree) -> PyTree:
+        """The initial state of the inner descent."""
         return self.descent.init(y, f_info_struct)
 
-    def query(self, y: Any, f_info: Any, state: Any) -> Any:
-        """That of the descent."""
+    def query(self, y: jax.Array, f_info: PyTree, state: PyTree) -> PyTree:
+        """The inner descent's state at a new point."""
         return self.descent.query(y, f_info, state)
 
-    def step(self, step_size: Any, state: Any) -> Any:
-        """The descent's step, each coordinate no farther than its stride."""
+    def step(self, step_size: Scalar, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
+        """The inner descent's step, each coordinate no farther than its stride."""
         step, result = self.descent.step(step_size, state)
         return jnp.clip(step, -self.strides, self.strides), result
 
@@ -102,63 +111,76 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
     """Ends by the Gauss-Newton step, or where it gets no farther."""
 
     descent: _Strides
-    tolerance: Any
+    tolerance: jax.Array
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.7)
     rtol: float = 0.0
     atol: float = 0.0
-    norm: Callable[..., Any] = optx.max_norm
+    norm: Callable[[PyTree], Scalar] = optx.max_norm
     verbose: Callable[..., None] = lambda **_: None
 
     def terminate(
-        self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
-    ) -> tuple[Any, optx.RESULTS]:
-        """Whether nothing is left to gain."""
+        self,
+        fn: Callable[..., PyTree],
+        y: jax.Array,
+        args: PyTree,
+        options: dict[str, Any],
+        state: PyTree,
+        tags: frozenset[object],
+    ) -> tuple[jax.Array, optx.RESULTS]:
+        """Whether to end: the Gauss-Newton step or the last step is short, or none is better."""
         near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
         short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
         tired = state.num_steps_since_acceptance >= PATIENCE
         return near | short | tired, optx.RESULTS.successful
 
 
-def decrement(residuals: Any, jacobian: Any) -> Any:
-    """Length of the Gauss-Newton step in standard deviations of what is estimated: the norm of
-    what the columns of the Jacobian (M, p) can explain of the residuals (M,)."""
+def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
+    """Length of the Gauss-Newton step in standard deviations of the estimates: the norm of the
+    residuals (M,), projected on the columns of the Jacobian (M, p)."""
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
 
 
-def _line(y: Any, at: tuple[Any, Any, Any]) -> tuple[Any, None]:
-    where, residuals, jacobian = at
-    return residuals + jacobian @ (y - where), None
+_Model = tuple[jax.Array, jax.Array, jax.Array]
+"""Coordinates (p,), residuals (M,) and Jacobian (M, p) there."""
 
 
-def _begun(solver: Any, y: Any, at: Any) -> Any:
-    rows = jax.eval_shape(lambda: at[1])
-    return solver.init(_line, y, at, {}, rows, None, frozenset())
+def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
+    """Residuals of the linear model at coordinates `y`."""
+    at, residuals, jacobian = model
+    return residuals + jacobian @ (y - at), None
+
+
+def _initial_state(solver: _LevenbergMarquardt, y: jax.Array, model: _Model) -> PyTree:
+    rows = jax.eval_shape(lambda: model[1])
+    return solver.init(_residuals, y, model, {}, rows, None, frozenset())
 
 
 @eqx.filter_jit
-def _advance(y: Any, arrays: Any, at: Any, strides: Any, tolerance: Any) -> Any:
-    """One step: the best so far, the state's arrays, whether to end, the decrement."""
+def _advance(
+    y: jax.Array, arrays: PyTree, model: _Model, strides: jax.Array, tolerance: jax.Array
+) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
+    """One step: the best coordinates so far, the arrays of the solver's state, whether to end, and
+    the decrement. `arrays` of the state before, ``None`` at first."""
     solver = _LevenbergMarquardt(_Strides(optx.DampedNewtonDescent(), strides), tolerance)
-    begun = _begun(solver, y, at)
-    state = begun
+    state = initial = _initial_state(solver, y, model)
     if arrays is not None:
-        state = eqx.combine(arrays, eqx.filter(begun, eqx.is_array, True))
-    y, state, _ = solver.step(_line, y, at, {}, state, frozenset())
-    done, _ = solver.terminate(_line, y, at, {}, state, frozenset())
-    found = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
-    return y, eqx.filter(state, eqx.is_array), done, found
+        state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
+    y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
+    done, _ = solver.terminate(_residuals, y, model, {}, state, frozenset())
+    length = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
+    return y, eqx.filter(state, eqx.is_array), done, length
 
 
-def search(
+def search_with_damping(
     evaluate: Callable[[np.ndarray], E],
     start: np.ndarray,
     strides: np.ndarray,
     tolerance: float,
     max_iterations: int,
-    tell: Callable[[Iteration], None],
+    on_iteration: Callable[[Iteration], None],
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
-    """Search the least squares from a start (p,), and tell every iteration.
+    """Search the least squares from a start (p,), and report every iteration.
 
     **Returns:** the best evaluation, all iterations, and how it ended.
     """
@@ -167,8 +189,8 @@ def search(
     y, arrays, iterations = jnp.asarray(start * scales), None, []
     limits = jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
     while True:
-        at = jnp.asarray(now.coordinates * scales), *_compressed(now, scales)
-        y, arrays, done, found = _advance(y, arrays, at, *limits)
+        model = jnp.asarray(now.coordinates * scales), *_triangular(now, scales)
+        y, arrays, done, length = _advance(y, arrays, model, *limits)
         accepted = int(arrays.num_steps_since_acceptance) == 0
         best = now if accepted else best
         iteration = Iteration(
@@ -176,11 +198,11 @@ def search(
             accepted,
             float(now.residuals @ now.residuals),
             now.coordinates,
-            float(found),
+            float(length),
             float(arrays.search_state.step_size),
         )
         iterations.append(iteration)
-        tell(iteration)
+        on_iteration(iteration)
         if bool(done):
             near = iteration.decrement < max(NEARLY, tolerance)
             return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
@@ -190,17 +212,17 @@ def search(
 
 
 def scales_of(jacobian: np.ndarray) -> np.ndarray:
-    """Norms of the columns; of one that is zero, that of the largest."""
+    """Norms (p,) of the columns of a Jacobian (M, p); of a column of zeros, the largest norm."""
     norms = np.linalg.norm(jacobian, axis=0)
     largest = norms.max() if norms.max() > 0.0 else 1.0
     return np.where(norms > SINGULAR * largest, norms, largest)
 
 
-def _compressed(now: Evaluation, scales: np.ndarray) -> tuple[Any, Any]:
-    """Residuals and Jacobian in scaled coordinates with p + 1 rows: turned, which changes no
-    length, so that a step's size does not depend on that of the data."""
+def _triangular(now: LinearisedMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    """Residuals and Jacobian in scaled coordinates, p + 1 rows: rotated by the QR decomposition,
+    which changes no length, so that one program serves data of all sizes."""
     table = np.column_stack([now.jacobian / scales, now.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
-    turned = np.linalg.qr(table, mode="r")
-    rows[: len(turned)] = turned
+    triangle = np.linalg.qr(table, mode="r")
+    rows[: len(triangle)] = triangle
     return jnp.asarray(rows[:, -1]), jnp.asarray(rows[:, :-1])

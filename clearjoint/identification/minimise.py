@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_count
 from ..model.bodies import State
@@ -19,17 +20,22 @@ from ..simulation.settings import Integration
 from .residuals import experiment
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
+"""From outputs by name, (N,) each, to the number to minimise."""
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """The best that was found: values of the parameters, their coordinates (p,), the objective
-    there, its history (iterations,), and the result of the last run, a `RESULTS` code."""
+    """The parameters with the smallest objective of all runs.
+
+    - `estimates`: their values by name; `coordinates`: (p,) on their scales.
+    - `objective`: its value there; `history`: (iterations,) its values in all runs.
+    - `result`: `RESULTS` code of the last run.
+    """
 
     estimates: dict[str, float]
-    coordinates: np.ndarray
+    coordinates: Float[np.ndarray, " p"]
     objective: float
-    history: np.ndarray
+    history: Float[np.ndarray, " iterations"]
     result: RESULTS
 
 
@@ -39,7 +45,7 @@ def minimise(
     objective: Objective,
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
-    times: Any,
+    times: ArrayLike,
     *,
     optimiser: optax.GradientTransformation | None = None,
     iterations: int = 100,
@@ -55,7 +61,7 @@ def minimise(
     - `parameters`: what is free, by name; it starts from the scene's values.
     - `outputs`: functions of an `Instant` by name; `times`: (N,) s, rising, at which they are seen.
     - `optimiser`: of optax, for coordinates of the scales; `optax.adam(0.05)` unless given.
-    - `iterations`: number of runs. It ends before them with a run that does not reach all times.
+    - `iterations`: number of runs. It ends earlier at a run that does not reach all times.
 
     **Raises:** `ValueError` for arguments that no run can use, and if the first run fails.
     """
@@ -69,15 +75,15 @@ def minimise(
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
-        found = runs.run(at, times[-1])
-        result = found.result
+        run = runs.run(at, times[-1])
+        result = run.result
         if result != RESULTS.successful:
             break
-        values = {name: row[: len(times)] for name, row in found.values.items()}
+        values = {name: row[: len(times)] for name, row in run.values.items()}
         value, slopes = gradient(values)
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        along = sum(slopes[n] @ found.derivatives[n][: len(times)] for n in outputs)
+        along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
         step, memory = optimiser.update(jnp.asarray(along), memory, at)
         at = jnp.asarray(optax.apply_updates(at, step))
     remedy = "start from parameters with which the scene runs to the last of the times"

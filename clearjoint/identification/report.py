@@ -1,37 +1,27 @@
-"""A fit as text."""
+"""A fit as text: the parts of its report."""
 
 import math
-from typing import Any
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from ..information.text_tables import aligned
+from .screening.screening import Screened
+from .searches import Search
 
 
-def report(fit: Any) -> str:
-    """Estimates, goodness of fit, series, correlations, warnings of a `Fit`, as aligned tables."""
-    parts = [_head(fit), _estimates(fit), _goodness(fit), _series(fit)]
-    if len(fit.parameters) > 1:
-        parts.append(_correlation(fit))
-    if len(fit.searches) > 1:
-        parts.append(_searches(fit))
-    parts.append("\n".join(f"Warning: {warning}" for warning in fit.warnings))
-    return "\n\n".join(part for part in parts if part)
-
-
-def _head(fit: Any) -> str:
-    end = fit.measurements.times()[-1]
-    return (
-        f"Fit of {fit.samples} samples in {len(fit.measurements.series)} series to {end:g} s: "
-        f"{fit.ending.value}, {fit.best.evaluations} runs"
-    )
-
-
-def _estimates(fit: Any) -> str:
+def estimates_table(
+    estimates: Mapping[str, float],
+    errors: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]],
+    units: Mapping[str, str],
+) -> str:
+    """A row for each parameter: its estimate, standard error, confidence interval and unit."""
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
-    errors, intervals = fit.standard_errors, fit.intervals
-    for name, value in fit.estimates.items():
+    for name, value in estimates.items():
         digits = _digits(value, errors[name])
-        shown = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
-        rows.append([name, shown[0], f"{errors[name]:.2g}", *shown[1:], fit.units[name]])
+        numbers = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
+        rows.append([name, numbers[0], f"{errors[name]:.2g}", *numbers[1:], units[name]])
     return "\n".join(aligned(rows))
 
 
@@ -43,38 +33,38 @@ def _digits(value: float, error: float) -> int:
     return min(max(size + 2, 2), 15)
 
 
-def _goodness(fit: Any) -> str:
-    return (
-        f"chi squared {fit.chi_squared:.6g} with {fit.freedom} degrees of freedom, "
-        f"p = {fit.p_value:.2g}"
-    )
-
-
-def _series(fit: Any) -> str:
+def series_table(
+    residuals: Mapping[str, np.ndarray],
+    rms: Mapping[str, float],
+    whiteness: Mapping[str, float],
+    normality: Mapping[str, float],
+) -> str:
+    """A row for each series: its number of samples, and the tests of its residuals."""
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
-    rms, white, normal = fit.rms, fit.whiteness, fit.normality
-    for name, row in fit.residuals.items():
-        cells = [f"{rms[name]:.3f}", f"{white[name]:.2g}", f"{normal[name]:.2g}"]
+    for name, row in residuals.items():
+        cells = [f"{rms[name]:.3f}", f"{whiteness[name]:.2g}", f"{normality[name]:.2g}"]
         rows.append([name, str(len(row)), *cells])
     return "\n".join(aligned(rows))
 
 
-def _correlation(fit: Any) -> str:
-    rows = [["correlation", *fit.parameters]]
-    for name, row in zip(fit.parameters, fit.correlation, strict=True):
+def correlation_table(names: Sequence[str], correlation: np.ndarray) -> str:
+    """Correlations (p, p) of the estimates, by name."""
+    rows = [["correlation", *names]]
+    for name, row in zip(names, correlation, strict=True):
         rows.append([name, *(f"{number:.4f}" for number in row)])
     return "\n".join(aligned(rows))
 
 
-def _searches(fit: Any) -> str:
+def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[Screened]) -> str:
+    """A row for each search, the best one with a star, behind a line on the screening, if any."""
     rows = [["start", "chi squared", "runs", "ended"]]
-    for number, search in enumerate(fit.searches):
-        chosen = " *" if search is fit.best else ""
+    for number, search in enumerate(searches):
+        mark = " *" if search is best else ""
         chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
-        rows.append([f"{number}{chosen}", chi_squared, runs, search.ending.value])
+        rows.append([f"{number}{mark}", chi_squared, runs, search.ending.value])
     table = "\n".join(aligned(rows))
-    if not fit.screened:
+    if not screened:
         return table
-    runs = sum(one.runs for one in fit.screened)
-    rounds = sum(len(one.times) for one in fit.screened)
+    runs = sum(one.runs for one in screened)
+    rounds = sum(len(one.times) for one in screened)
     return f"from screening by {runs} runs in {rounds} rounds:\n{table}"

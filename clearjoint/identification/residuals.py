@@ -1,25 +1,27 @@
-"""What measurements leave unexplained, as a function of the parameters' coordinates.
+"""Residuals, predictions less measurements, as functions of the parameters' coordinates.
 
 A run gives values and all their derivatives at once, error-controlled
-(`clearjoint.simulation.sensitivities`).
-`predictions` hands both to JAX by a rule of differentiation, so that `jax.linearize`, `jax.grad`
-and every optimiser built on them see these derivatives at the cost of one run.
+(`clearjoint.simulation.sensitivities`). `predictions` hands both to JAX by a rule of
+differentiation, so that `jax.linearize`, `jax.grad` and every optimiser built on them see these
+derivatives at the cost of one run.
 
-Runs of several lanes follow each other: with derivatives, lanes side by side under `jax.vmap` take
-longer than one after the other (1.3 times with 8, 3 times with 50: they wait for each other at each
-sample) and minutes to compile.
+Runs at several coordinates are made one after the other. With derivatives, side by side under
+`jax.vmap` they take longer (1.3 times with 8 runs, 3 times with 50), since they wait for each other
+at each sample, and minutes to compile.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import require
+from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -33,14 +35,18 @@ from ..simulation.settings import Integration
 from ..simulation.spans import check_span, checked_times
 
 UNREACHED = 1e6
-"""Residual of a sample that the run did not reach, in standard deviations: an optimiser that comes
-there turns back."""
+"""Residual of a sample that the run did not reach, in standard deviations: so large that an
+optimiser turns back."""
 
 
 class Experiment(eqx.Module):
-    """Runs of a scene over its parameters, looked at where it is measured.
+    """Runs of a scene at any values of its parameters, observed as it is measured.
 
-    `family` holds coordinates that nobody looks at. `times`: (T,) s, padded.
+    - `family`: scene and initial state as functions of the parameters. Its own `values` are not
+      used; `run` takes coordinates.
+    - `outputs`: what is measured, by name; `names` are these in the order of arrays.
+    - `times`: (T,) s, rising, the last one repeated up to one of few numbers of times.
+    - `start_time`, `first_step` s and `max_steps`: as in `simulate`.
     """
 
     scheme: Scheme
@@ -52,8 +58,8 @@ class Experiment(eqx.Module):
     max_steps: jax.Array
     names: tuple[str, ...] = eqx.field(static=True)
 
-    def run(self, coordinates: Any, end_time: Any) -> Sampled:
-        """The run at coordinates (p,), as far as a time, s."""
+    def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
+        """The outputs and their derivatives along a run at coordinates (p,), up to a time, s."""
         return sampled_compiled(
             self.scheme,
             self.family.at(coordinates),
@@ -71,11 +77,11 @@ def experiment(
     state: State,
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
-    times: Any,
+    times: ArrayLike,
     start_time: float,
     integration: Integration | None,
 ) -> Experiment:
-    """The runs of a scene over parameters, looked at by outputs at rising times, s."""
+    """Runs of a scene at any values of `parameters`, with `outputs` at rising times (N,), s."""
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
@@ -83,13 +89,13 @@ def experiment(
     scheme = integration.scheme(scene, state, start_time)
     end_time = float(np.max(times))
     check_span(start_time, end_time)
-    times = checked_times(start_time, end_time, times, "times")
+    rising = checked_times(start_time, end_time, times, "times")
     family = parametrised(scene, state, parameters, np.zeros(len(parameters)))
     return Experiment(
         scheme,
         family,
         dict(outputs),
-        jnp.asarray(padded(times, end_time)),
+        jnp.asarray(padded(rising, end_time)),
         jnp.asarray(start_time, float),
         jnp.asarray(1e-6 * (end_time - start_time), float),
         jnp.asarray(integration.max_steps, int),
@@ -105,48 +111,57 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
 
 @eqx.filter_custom_jvp
-def predictions(coordinates: Any, runs: Experiment, end_time: Any) -> jax.Array:
-    """The outputs (S, T) at all times, in the order of `runs.names`; NaN where the run did not
-    come. Differentiable along the coordinates (p,)."""
-    return _stacked(runs, runs.run(coordinates, end_time))[0]
+def predictions(
+    coordinates: Float[ArrayLike, " p"], runs: Experiment, end_time: Scalar
+) -> Float[jax.Array, "S T"]:
+    """The S outputs at T times, in the order of `runs.names`; NaN at times that the run did not
+    reach. Differentiable along the coordinates."""
+    return _arrays(runs, runs.run(coordinates, end_time))[0]
 
 
 @predictions.def_jvp
-def _predictions_along(primals: Any, tangents: Any) -> Any:
+def _predictions_along(
+    primals: tuple[ArrayLike, Experiment, Scalar], tangents: tuple[jax.Array, None, None]
+) -> tuple[jax.Array, jax.Array]:
     coordinates, runs, end_time = primals
-    values, derivatives = _stacked(runs, runs.run(coordinates, end_time))
+    values, derivatives = _arrays(runs, runs.run(coordinates, end_time))
     return values, derivatives @ tangents[0]
 
 
-def _stacked(runs: Experiment, found: Sampled) -> tuple[jax.Array, jax.Array]:
-    """Values (S, T), NaN where there are none, and derivatives (S, T, p), zero there."""
-    values = jnp.stack([found.values[name] for name in runs.names])
-    derivatives = jnp.stack([found.derivatives[name] for name in runs.names])
-    fine = found.reached & jnp.isfinite(values)
+def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
+    """Values (S, T) and derivatives (S, T, p) of a run; at times that it did not reach NaN and
+    zero."""
+    values = jnp.stack([run.values[name] for name in runs.names])
+    derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
+    fine = run.reached & jnp.isfinite(values)
     derivatives = jnp.where(fine[..., None], derivatives, 0.0)
     return jnp.where(fine, values, jnp.nan), derivatives
 
 
 class Samples(eqx.Module):
-    """Measurements on the times of all series: `values` (S, T) and `weights` (S, T), one over the
-    noise, or zero where a series has no sample. `periods` of the series, or ``None``."""
+    """Measurements of S series at the union of their times.
 
-    values: np.ndarray
-    weights: np.ndarray
+    - `values`: in SI; `weights`: one over the noise, zero where a series has no sample.
+    - `periods`: of each series, such as 2 pi of an angle; ``None`` if it has none.
+    """
+
+    values: Float[np.ndarray, "S T"]
+    weights: Float[np.ndarray, "S T"]
     periods: tuple[float | None, ...] = eqx.field(static=True)
 
     @property
     def count(self) -> int:
-        """Number of samples."""
+        """Number of samples in all series."""
         return int(np.count_nonzero(self.weights))
 
-    def until(self, times: Any, end_time: float) -> "Samples":
-        """The samples no later than a time."""
+    def until(self, times: ArrayLike, end_time: float) -> "Samples":
+        """The samples no later than `end_time`, s, from the times (T,) of all."""
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
-    def residuals(self, predicted: Any) -> jax.Array:
-        """(Prediction - value) / noise, (S, T): zero without a sample, `UNREACHED` for NaN."""
+    def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
+        """(Prediction - value) / noise; zero where there is no sample, and `UNREACHED` where the
+        prediction is NaN."""
         difference = predicted - self.values
         rows = [
             row if period is None else row - period * jnp.round(row / period)
@@ -158,7 +173,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """The series on the union of their times, padded to a number of times."""
+    """The series at the union of their times, padded to `count` times without samples."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -168,23 +183,28 @@ def samples(measurements: Measurements, count: int) -> Samples:
     return Samples(values, weights, tuple(one.period for one in series))
 
 
-def residuals(coordinates: Any, runs: Experiment, data: Samples, end_time: Any) -> jax.Array:
-    """What the data leave unexplained at coordinates (p,), in standard deviations, (S * T,).
-
-    Differentiable along the coordinates.
-    """
+def residuals(
+    coordinates: Float[ArrayLike, " p"], runs: Experiment, data: Samples, end_time: Scalar
+) -> Float[jax.Array, " S*T"]:
+    """Predictions less measurements, in standard deviations of the noise. Differentiable along the
+    coordinates."""
     return data.residuals(predictions(coordinates, runs, end_time)).ravel()
 
 
 @dataclass(frozen=True)
-class Evaluated:
-    """Residuals (M,) and Jacobian (M, p) at coordinates (p,), and the run they come from: values
-    `predicted` (S, T), result, end s, steps tried."""
+class RunMisfit:
+    """Residuals and their Jacobian from one run.
 
-    coordinates: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    predicted: np.ndarray
+    - `coordinates`: of the parameters in the run.
+    - `residuals`: in standard deviations; `jacobian`: their derivatives along the coordinates.
+    - `predicted`: the values of the outputs, SI.
+    - `result`: `RESULTS` code of the run; `time`: s, where it ended; `attempts`: steps tried.
+    """
+
+    coordinates: Float[np.ndarray, " p"]
+    residuals: Float[np.ndarray, " M"]
+    jacobian: Float[np.ndarray, "M p"]
+    predicted: Float[np.ndarray, "S T"]
     result: RESULTS
     time: float
     attempts: int
@@ -195,22 +215,24 @@ class Evaluated:
         return float(self.residuals @ self.residuals)
 
 
-def evaluate(runs: Experiment, data: Samples, end_time: float, coordinates: Any) -> Evaluated:
-    """`residuals` with their Jacobian, from one run."""
-    found = runs.run(coordinates, end_time)
-    values, jacobian = _weighted(runs, found, data)
-    return Evaluated(
+def run_misfit(
+    runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
+) -> RunMisfit:
+    """Residuals and their Jacobian at coordinates (p,), from one run up to a time, s."""
+    run = runs.run(coordinates, end_time)
+    values, jacobian = _weighted(runs, run, data)
+    return RunMisfit(
         np.array(coordinates, float),
         *(np.asarray(part) for part in (values, jacobian)),
-        np.stack([np.asarray(found.values[name]) for name in runs.names]),
-        found.result,
-        float(found.time),
-        int(found.attempts),
+        np.stack([np.asarray(run.values[name]) for name in runs.names]),
+        run.result,
+        float(run.time),
+        int(run.attempts),
     )
 
 
 @eqx.filter_jit
-def _weighted(runs: Experiment, found: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
-    values, derivatives = _stacked(runs, found)
+def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
+    values, derivatives = _arrays(runs, run)
     jacobian = derivatives * data.weights[..., None]
     return data.residuals(values).ravel(), jacobian.reshape(-1, jacobian.shape[-1])

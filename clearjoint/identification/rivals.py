@@ -1,8 +1,8 @@
-"""Minima of chi squared that the data do not tell apart.
+"""Several minima of chi squared between which the data can't decide.
 
-Late in a record a small change of parameters moves impacts, and chi squared has minima beside each
-other. Noise decides which is the lowest. So a fit that knows of several has to say so, and its
-intervals have to hold all of them.
+Late in a record a small change of parameters moves impacts, so that chi squared has many minima
+beside each other, and noise decides which is the lowest. A fit that knows of several says so, and
+its confidence intervals cover all of them.
 """
 
 import math
@@ -12,18 +12,18 @@ import numpy as np
 from scipy import stats
 
 from . import goodness_of_fit as statistics
-from .residuals import Evaluated
+from .residuals import RunMisfit
 
 CONFIDENCE = 0.95
 DEVIATIONS = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE))
 
 
-def intervals(best: Evaluated, others: Sequence[Evaluated]) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (p,) of the intervals of confidence of coordinates.
+def intervals(best: RunMisfit, others: Sequence[RunMisfit]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends (p,) of the coordinates' confidence intervals.
 
-    Of one minimum, as of a normal distribution. A parameter's interval is where the least chi
-    squared is no more than that allows above the best; so further minima add theirs, the narrower
-    the higher they are.
+    A parameter's interval holds the values for which chi squared, minimised over the other
+    parameters, exceeds that of the best minimum by no more than normal noise allows. Each minimum
+    contributes an interval round itself, the narrower the larger its chi squared.
     """
     lows, highs = [], []
     for one in (best, *others):
@@ -35,17 +35,17 @@ def intervals(best: Evaluated, others: Sequence[Evaluated]) -> tuple[np.ndarray,
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def rivals(best: Evaluated, others: Sequence[Evaluated]) -> list[Evaluated]:
-    """Minima that the data do not tell from the best, though it excludes them by its own interval,
-    the lowest first; each once."""
-    allowed = float(stats.chi2.ppf(CONFIDENCE, len(best.coordinates)))
-    found = [best]
+def rivals(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
+    """Minima whose chi squared noise allows beside the best one's, though they lie outside its own
+    interval: each once, the smallest chi squared first."""
+    limit = float(stats.chi2.ppf(CONFIDENCE, len(best.coordinates)))
+    minima = [best]
     for one in sorted(others, key=lambda other: other.chi_squared):
-        if one.chi_squared - best.chi_squared <= allowed and all(_apart(k, one) for k in found):
-            found.append(one)
-    return found[1:]
+        if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):
+            minima.append(one)
+    return minima[1:]
 
 
-def _apart(one: Evaluated, other: Evaluated) -> bool:
+def _apart(one: RunMisfit, other: RunMisfit) -> bool:
     reach = DEVIATIONS * np.sqrt(np.diag(statistics.covariance(one.jacobian)))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > reach))

@@ -1,4 +1,4 @@
-"""Where searches begin."""
+"""Coordinates from which searches begin."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 
 Guess = Mapping[str, float]
+"""Values of parameters by name."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,11 @@ class Starts:
 
     **Arguments:**
 
-    - `number`: of all starts.
-    - `spread`: half the width of the interval from which coordinates are drawn evenly, in the
-      coordinates of the scales (of a `Log` scale: 1 is a factor of e both ways): one number, or
-      one by parameter.
-    - `seed`: of the generator.
+    - `number`: how many starts, the guess included.
+    - `spread`: how far a start may be from the guess, in the coordinates of the scales (of a `Log`
+      scale, 1 is a factor of e both ways); one number, or one by parameter. Starts are uniformly
+      distributed up to there.
+    - `seed`: of the random numbers.
     """
 
     number: int
@@ -35,13 +36,13 @@ class Starts:
 
     def around(self, first: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Coordinates (number, p) of the starts around those of the first (p,)."""
-        drawn = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
-        drawn[0] = 0.0
-        return first + half_widths(self.spread, names) * drawn
+        offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
+        offsets[0] = 0.0
+        return first + half_widths(self.spread, names) * offsets
 
 
 def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> np.ndarray:
-    """A spread (p,), one number or one by parameter, zero for those left out.
+    """A spread as an array (p,), in the order of the names; zero for names that it leaves out.
 
     **Raises:** `ValueError` for an unknown parameter.
     """
@@ -58,7 +59,7 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> np.ndarray:
-    """Coordinates (S, p) of all starts: the guesses, then what is drawn around the first.
+    """Coordinates (S, p) of all starts: the guesses, then those drawn around the first guess.
 
     **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.
     """
@@ -72,10 +73,10 @@ def start_coordinates(
         require(isinstance(one, Mapping), "guess", kind, "values by name", remedy)
         _require_known("guess", one, names)
         rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
-    given = np.array(rows)
+    guessed = np.array(rows)
     if starts is None:
-        return given
-    return np.concatenate([given, starts.around(given[0], names)[1:]])
+        return guessed
+    return np.concatenate([guessed, starts.around(guessed[0], names)[1:]])
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
@@ -87,7 +88,7 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
         raise ValueError(f"Parameter {name!r}: {error}") from error
 
 
-def _require_known(argument: str, given: Mapping[str, float], names: Sequence[str]) -> None:
-    unknown = sorted(set(given) - set(names))
+def _require_known(argument: str, by_name: Mapping[str, float], names: Sequence[str]) -> None:
+    unknown = sorted(set(by_name) - set(names))
     remedy = f"name parameters: {', '.join(names)}"
     require(not unknown, argument, unknown, "of parameters that are estimated", remedy)

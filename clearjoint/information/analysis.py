@@ -1,13 +1,14 @@
-"""What data can tell about parameters, before there are any.
+"""What data could tell about parameters, before anything is measured.
 
-The bounds of Cramér and Rao from the sensitivities of what sensors would read;
-`studies.identifiability` sets them beside those from an event-exact solver.
+Bounds of Cramér and Rao, from the sensitivities of what sensors would read. The study
+`studies.identifiability` compares them with those of an event-exact solver.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from ..fields.checks import require
 from ..model.bodies import State
@@ -22,41 +23,41 @@ from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number, percent
 
 ACCURACY_OF_DERIVATIVES = 1e3
-"""Error of a sensitivity over `rtol`, at most: 4e2 at 1e-9 and 2e3 at 1e-11 on the pendulum."""
+"""Error of a sensitivity over `rtol`, about: 4e2 at 1e-9 and 2e3 at 1e-11 on the pendulum."""
 
 
 @dataclass(frozen=True)
-class Record:
-    """Derivatives of a sensor's samples in units of their noise.
+class SensorDerivatives:
+    """Derivatives of a sensor's samples along the parameters' coordinates.
 
-    `times`: (N,) s; `rows`: (N, channels, p).
+    `times`: (N,) s. `rows`: (N, channels, p), in units of the samples' noise.
     """
 
-    times: np.ndarray
-    rows: np.ndarray
+    times: Float[np.ndarray, " N"]
+    rows: Float[np.ndarray, "N channels p"]
 
 
 @dataclass(frozen=True)
 class Identifiability:
     """What data from sensors can tell about parameters.
 
-    Standard deviations are lower bounds, those of an estimate as good as can be, of normally
-    distributed noise so small that outputs follow their derivatives. `of` and `until` give those
-    for fewer sensors and shorter records.
+    Standard deviations are lower bounds: no unbiased estimate has smaller ones. They hold for
+    normal noise, so small that outputs are linear in the parameters over the deviations. `of` and
+    `until` give those for fewer sensors and shorter records.
 
-    - `names`: of the p parameters, in the order of all arrays; `scales`, `coordinates` theirs.
-    - `records`: by sensor.
-    - `accuracy`: relative error of the derivatives; see `information.together`.
+    - `names`, `scales`, `coordinates`: of the p parameters, in the order of all arrays.
+    - `records`: derivatives of each sensor's samples.
+    - `accuracy`: relative error of the derivatives, below which a combination is not seen.
     """
 
     names: tuple[str, ...]
     scales: tuple[AbstractScale, ...]
-    coordinates: np.ndarray
-    records: dict[str, Record]
+    coordinates: Float[np.ndarray, " p"]
+    records: dict[str, SensorDerivatives]
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
-        """That from some of the sensors alone.
+        """What data from some of the sensors alone can tell.
 
         **Raises:** `ValueError` for a name that none has.
         """
@@ -67,18 +68,18 @@ class Identifiability:
         return replace(self, records={name: self.records[name] for name in sensors})
 
     def until(self, time: float) -> "Identifiability":
-        """That from the samples up to a time, s.
+        """What the samples up to a time, s, can tell.
 
         **Raises:** `ValueError` if there are none.
         """
-        kept = {
-            name: Record(record.times[record.times <= time], record.rows[record.times <= time])
-            for name, record in self.records.items()
-            if record.times[0] <= time
-        }
+        records = {}
+        for name, record in self.records.items():
+            early = record.times <= time
+            if early.any():
+                records[name] = SensorDerivatives(record.times[early], record.rows[early])
         first = float(self.times[0])
-        require(len(kept) > 0, "time", time, f"{first} s or later, that of a sample", "raise it")
-        return replace(self, records=kept)
+        require(len(records) > 0, "time", time, f"{first} s or later, that of a sample", "raise it")
+        return replace(self, records=records)
 
     @property
     def times(self) -> np.ndarray:
@@ -87,7 +88,7 @@ class Identifiability:
 
     @property
     def root(self) -> np.ndarray:
-        """(p, p), with root^T root the Fisher information of the coordinates."""
+        """A root R (p, p) of the Fisher information of the coordinates, which is R^T R."""
         return information.root_of(self._rows()[1])
 
     @property
@@ -108,7 +109,7 @@ class Identifiability:
 
     @property
     def labels(self) -> list[str]:
-        """What the parameters' coordinates are called."""
+        """Labels of the parameters' coordinates, such as "log K"."""
         return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
@@ -119,7 +120,7 @@ class Identifiability:
 
     @property
     def slopes(self) -> np.ndarray:
-        """(p,) sizes of the derivatives of the values to the coordinates."""
+        """(p,) absolute derivatives of the values to the coordinates."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 
@@ -137,9 +138,9 @@ class Identifiability:
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Of each parameter, whether data can tell it: a deviation within its limit."""
-        found = self.deviations <= self.limits
-        return dict(zip(self.names, found.tolist(), strict=True))
+        """Whether data can tell each parameter: its standard deviation is within its limit."""
+        fine = self.deviations <= self.limits
+        return dict(zip(self.names, fine.tolist(), strict=True))
 
     @property
     def rank(self) -> int:
@@ -148,17 +149,17 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """See `information.condition`."""
+        """Condition number of the derivatives, each parameter's column brought to unit length."""
         return float(information.condition(self.root))
 
     @property
     def correlation(self) -> np.ndarray:
-        """(p, p) of the estimates."""
-        return information.correlation(self.root)
+        """Correlation (p, p) of the estimates."""
+        return information.correlation(information.covariance(self.root))
 
     @property
     def combinations(self) -> tuple[Combination, ...]:
-        """Independent combinations of the coordinates, from the best seen to the worst."""
+        """Independent combinations of the coordinates, first the one that the data see best."""
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
@@ -178,7 +179,7 @@ class Identifiability:
         return when[order], rows[order]
 
     def __str__(self) -> str:
-        """A readable table."""
+        """Bounds, correlations and combinations as a table."""
         return "\n".join([self._head(), "", *self._bounds(), "", *self._seen()])
 
     def _head(self) -> str:
@@ -201,7 +202,7 @@ class Identifiability:
         return aligned(rows)
 
     def _seen(self) -> list[str]:
-        """A line a combination, and one a parameter that is not identifiable."""
+        """A line for each combination, and one for each parameter that is not identifiable."""
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
@@ -211,8 +212,8 @@ class Identifiability:
         lines = aligned(rows)
         for k, (name, fine) in enumerate(self.identifiable.items()):
             if not fine:
-                found, limit = self.deviations[k], self.limits[k]
-                size = f"{found:.2g}" if np.isfinite(found) else "without bound"
+                deviation, limit = self.deviations[k], self.limits[k]
+                size = f"{deviation:.2g}" if np.isfinite(deviation) else "without bound"
                 lines.append(
                     f"{name} is not identifiable: the standard deviation of {labels[k]} is {size}, "
                     f"and beyond {limit:.2g} says nothing."
@@ -242,44 +243,48 @@ def identifiability(
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run fails.
     """
     integration = Integration() if integration is None else integration
-    planned = as_sensors(sensors, scene)
-    times = times_of(planned)
-    found = sensitivities(
+    by_name = as_sensors(sensors, scene)
+    times = times_of(by_name)
+    run = sensitivities(
         scene,
         state,
         float(times[-1]),
         parameters,
-        outputs_of(planned),
+        outputs_of(by_name),
         times,
         start_time=start_time,
         integration=integration,
     )
     coordinates = coordinates_of(scene, state, parameters)
-    return identifiability_from(found, parameters, coordinates, planned, integration)
+    return identifiability_from(run, parameters, coordinates, by_name, integration)
 
 
 def identifiability_from(
-    found: Sensitivities,
+    run: Sensitivities,
     parameters: Mapping[str, Parameter],
     coordinates: np.ndarray,
     sensors: Mapping[str, Sensor],
     integration: Integration,
 ) -> Identifiability:
-    """The same from a run that is there already.
+    """`Identifiability` from a run that has been made already.
 
-    **Arguments:** `found`: a run with the sensors' outputs at all their times, and derivatives of
-    which the first are along the parameters. `coordinates`: (p,) of the parameters in that run.
+    **Arguments:**
+
+    - `run`: with the sensors' outputs at all their times. The first p of its derivatives are along
+      the parameters.
+    - `coordinates`: (p,) of the parameters in that run.
     """
     return Identifiability(
         tuple(parameters),
         tuple(parameter.scale for parameter in parameters.values()),
         coordinates,
-        {name: _record(found, name, one, len(coordinates)) for name, one in sensors.items()},
+        {name: _derivatives(run, name, one, len(coordinates)) for name, one in sensors.items()},
         ACCURACY_OF_DERIVATIVES * integration.rtol,
     )
 
 
-def _record(found: Sensitivities, name: str, sensor: Sensor, p: int) -> Record:
-    at = np.searchsorted(found.times, sensor.times)
-    columns = [found.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
-    return Record(sensor.times, np.stack(columns, axis=1) / sensor.noise[:, None, None])
+def _derivatives(run: Sensitivities, name: str, sensor: Sensor, p: int) -> SensorDerivatives:
+    at = np.searchsorted(run.times, sensor.times)
+    columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+    rows = np.stack(columns, axis=1) / sensor.noise[:, None, None]
+    return SensorDerivatives(sensor.times, rows)

@@ -1,10 +1,10 @@
-"""Whether a fit finds its way from a wrong guess to the truth, by the length of the record.
+"""Whether a fit can descend from a wrong guess to the truth, by the length of the record.
 
-Between the guess and the truth lies a straight way through the parameters' coordinates. If the
-misfit of the outputs grows somewhere along it towards the truth, a local minimum or a ridge may
-hold a fit back that follows slopes. The slope of the misfit along the way is r^T J d, with the
-residuals r and their derivatives J there and the way d; cumulated over the samples it tells for
-every length of the record at once.
+The path looked at is the straight line from the guess to the truth, in the parameters' coordinates.
+If the misfit of the outputs rises somewhere along it towards the truth, a local minimum or a ridge
+may hold a fit back, since fits follow slopes. The slope of the misfit along the path is r^T J d,
+with the residuals r and their derivatives J at a place of the path, and its direction d. A sum over
+samples, it is cumulated over them, and so known for every length of the record at once.
 """
 
 import itertools
@@ -12,24 +12,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 ALL_CORNERS = 3
 """Number of parameters up to which all corners are looked at; of more, eight drawn ones."""
 FLAT = 1e-6
-"""Cosine of the angle between residuals and their derivatives below which a way is flat."""
+"""Cosine of the angle between residuals and their derivatives below which a path is flat."""
 
 
 @dataclass(frozen=True)
-class Guess:
-    """A wrong guess, and how long records may be from which a fit finds its way.
+class WrongGuess:
+    """A guess off the truth, and the records with which a fit can't descend from it to the truth.
 
-    `offsets`: (p,) coordinates less those of the truth. `closed`: (T,) whether the way is closed
-    for a record that ends at each of the times. `since`: s, that of the first which is closed;
-    infinite if none is.
+    - `offsets`: (p,) coordinates of the guess less those of the truth.
+    - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
+      that ends at each of the times.
+    - `since`: s, the end of the shortest record that is blocked; infinite if none is.
     """
 
-    offsets: np.ndarray
-    closed: np.ndarray
+    offsets: Float[np.ndarray, " p"]
+    blocked: Bool[np.ndarray, " T"]
     since: float
 
 
@@ -47,25 +49,30 @@ def offsets(uncertainty: np.ndarray) -> Iterator[np.ndarray]:
             yield uncertainty * signs
 
 
-def closed(
+def blocked(
     truth: Mapping[str, np.ndarray],
     values: Mapping[str, np.ndarray],
     slopes: Mapping[str, np.ndarray],
     count: int,
 ) -> np.ndarray:
-    """(count,) whether the misfit at one place of a way falls away from the truth there, by the
-    length of the record. Misfits below the noise don't count, nor do flat ones: before its first
-    impact a run knows nothing of the clearance, which a longer record mends.
+    """Whether the misfit rises towards the truth at one place of a path, (count,) by the length of
+    the record.
 
-    **Arguments:** by output, all in units of noise: `truth` (count,) the values wanted, `values`
-    (n,) those at the place, `slopes` (n,) their derivatives along the way, away from the truth. The
-    run at the place may have failed early, n < count: the way is closed from there on.
+    A misfit below the noise blocks nothing, nor does a flat one: before its first impact a run
+    knows nothing of the clearance, and a longer record does.
+
+    **Arguments:** by output, in units of its noise:
+
+    - `truth`: (count,) values at the truth.
+    - `values`: (n,) values at the place. If the run there failed early, n < count, and longer
+      records are blocked.
+    - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
     """
     n = min(len(row) for row in values.values())
     residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
     along = np.stack([slopes[name][:n] for name in truth])
     slope = np.cumsum((residuals * along).sum(axis=0))
     misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
-    found = np.ones(count, bool)
-    found[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
-    return found
+    is_blocked = np.ones(count, bool)
+    is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
+    return is_blocked

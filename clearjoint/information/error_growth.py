@@ -1,7 +1,7 @@
-"""How a motion answers to small changes: displacements of points of its bodies per unit of change.
+"""How far small changes displace a motion: displacements of its bodies' points per unit of change.
 
 Each body has four points, its centre of mass and one a radius of gyration away along each body
-axis. The size of an answer is the root mean square displacement of all of them, in m.
+axis. A displacement is the root mean square of those of all points, in m.
 """
 
 from collections.abc import Mapping
@@ -20,9 +20,9 @@ from ..quantities.joints import Penetration
 from ..simulation.batch.reductions import Quantity
 
 DISTURBANCE = "initial velocity"
-"""What the disturbance of the initial state is called."""
+"""Name of the parameter that disturbs the initial state."""
 DIRECTION = (0.53, 0.62, 0.58)
-"""Of the disturbance, a unit vector along no axis."""
+"""Direction of the disturbing velocity, a unit vector along no axis."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class _Push:
         along = value * np.array(DIRECTION)
         bodies = dict(state.bodies)
         for name, radius in self.radii:
-            changed = (bodies[name].velocity + along, bodies[name].spin + along / radius)
-            bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], changed)
+            twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
+            bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
         scalars, coordinates = unpack(structured(scene)), JointCoordinates()
         variables = coordinates.encode(scalars, unpack(bodies))
-        allowed = pack(coordinates.decode(scalars, variables))
-        return scene, eqx.tree_at(lambda s: s.bodies, state, allowed)
+        compatible = pack(coordinates.decode(scalars, variables))
+        return scene, eqx.tree_at(lambda s: s.bodies, state, compatible)
 
 
 def disturbance(scene: Scene) -> Parameter:
@@ -54,13 +54,13 @@ def disturbance(scene: Scene) -> Parameter:
 
 def points(scene: Scene) -> dict[str, Quantity]:
     """Coordinates of the points whose displacements count."""
-    found: dict[str, Quantity] = {}
+    quantities: dict[str, Quantity] = {}
     for body, radius in _radii(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
             for component in ("x", "y", "z"):
                 name = f"point {k} of {body}: {component}"
-                found[name] = PointPosition(body, point, component)
-    return found
+                quantities[name] = PointPosition(body, point, component)
+    return quantities
 
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
@@ -73,24 +73,26 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """(T, p) of the answers, from derivatives (T, p) of the points' coordinates."""
+    """Displacements (T, p) per unit of each parameter, from derivatives (T, p) of the points'
+    coordinates by their `names`."""
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Mean growth of the logarithm of sizes (T,) since a time, 1/s: the slope of a line fitted."""
-    chosen = (times >= since) & (size > 0.0)
-    if chosen.sum() < 2:
+    """Rate of exponential growth, 1/s, of displacements `size` (T,) from a time on, by a straight
+    line through their logarithms; NaN if two of them are not positive."""
+    used = (times >= since) & (size > 0.0)
+    if used.sum() < 2:
         return float("nan")
-    return float(np.polyfit(times[chosen], np.log(size[chosen]), 1)[0])
+    return float(np.polyfit(times[used], np.log(size[used]), 1)[0])
 
 
 def _radii(scene: Scene) -> dict[str, float]:
     """Mean radii of gyration of the bodies, m."""
-    found = {}
+    radii = {}
     for name, body in scene.bodies.items():
         inertia = np.asarray(body.inertia)
         trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
-        found[name] = float(np.sqrt(trace / (2.0 * float(body.mass))))
-    return found
+        radii[name] = float(np.sqrt(trace / (2.0 * float(body.mass))))
+    return radii

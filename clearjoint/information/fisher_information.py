@@ -1,16 +1,18 @@
-"""What independent samples with normal noise tell about parameters: Fisher information.
+"""Fisher information: what independent samples with normal noise tell about parameters.
 
-Of p parameters, F = J^T J with the derivatives J (rows, p) of all samples in units of their noise.
-Its inverse bounds the covariance of every unbiased estimate (Cramér and Rao), and is that of least
-squares when the noise is small. Kept is a root of it, R (p, p) with R^T R = F, by orthogonal
-transformations of J: F itself would lose half of the digits, and with them combinations that the
-data hardly see. All functions take stacks of roots, (..., p, p).
+For p parameters it is F = J^T J, with the derivatives J (rows, p) of all samples in units of their
+noise. Its inverse bounds the covariance of every unbiased estimate (Cramér and Rao), and is the
+covariance of least squares when the noise is small. F itself would lose half of the digits, and
+with them combinations that the data hardly see; so functions take a root of it, R (p, p) with
+R^T R = F, which orthogonal transformations make of J. Where an argument is called `roots`, it may
+be a stack of them, (..., p, p).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
 """A combination's description leaves out parameters whose weight is below this share of the largest
@@ -37,9 +39,10 @@ def roots_over(rows: np.ndarray, ends: Sequence[int]) -> np.ndarray:
 def together(roots: np.ndarray, accuracy: float) -> np.ndarray:
     """Bounds (..., p) of the parameters' standard deviations, all of them estimated together.
 
-    Infinite where the rank is deficient: where a singular value, with each parameter's column
-    brought to unit length, is below `accuracy` (the relative error of the derivatives) times the
-    largest, the data say nothing about that direction nor about a parameter in it.
+    A bound is infinite where the data don't see the parameter: where it is part of a combination
+    whose singular value, each column brought to unit length, is below `accuracy` times the largest.
+
+    **Arguments:** `accuracy`: relative error of the derivatives.
     """
     lengths, values, directions = _equilibrated(roots)
     blind = _blind(values, accuracy)[..., None]
@@ -55,49 +58,57 @@ def alone(roots: np.ndarray) -> np.ndarray:
 
 
 def rank(roots: np.ndarray, accuracy: float) -> np.ndarray:
-    """How many directions the data see, (...)."""
+    """Number of combinations of parameters that the data see, (...)."""
     return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
 def condition(roots: np.ndarray) -> np.ndarray:
-    """Ratio of the largest singular value to the smallest, each parameter's column brought to unit
-    length, (...): that of the derivatives, the square root of that of F."""
+    """Condition number (...) of the derivatives, each parameter's column brought to unit length:
+    the largest singular value over the smallest. That of F is its square."""
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return values[..., 0] / values[..., -1]
 
 
-def covariance(root: np.ndarray) -> np.ndarray:
-    """The inverse of the information, (p, p); NaN if it has none."""
-    lengths, values, directions = _equilibrated(root)
+def covariance(rows: np.ndarray, floor: float = 0.0) -> np.ndarray:
+    """Covariance (p, p) of estimates from rows (N, p), or from a root of their information: its
+    inverse.
+
+    **Arguments:** `floor`: least singular value over the largest, each column brought to unit
+    length; smaller ones count as that. Zero leaves NaN where the information has no inverse.
+    """
+    lengths, values, directions = _equilibrated(rows)
+    values = np.maximum(values, floor * max(values[0], 1.0))
+    lengths = np.where(lengths > 0.0, lengths, floor * max(lengths.max(), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         half = (directions / values[:, None]) / lengths
         return half.T @ half
 
 
-def correlation(root: np.ndarray) -> np.ndarray:
-    """Correlations (p, p) of estimates; NaN where the information has no inverse."""
-    found = covariance(root)
-    deviations = np.sqrt(np.diag(found))
+def correlation(covariances: np.ndarray) -> np.ndarray:
+    """Correlations (p, p) of estimates, from their covariance (p, p); NaN where that is NaN."""
+    deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
-        return found / np.outer(deviations, deviations)
+        return covariances / np.outer(deviations, deviations)
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A sum of the parameters' coordinates, weighted.
+    """A weighted sum of the parameters' coordinates.
 
-    `weights`: (p,), the largest of size one. `standard_deviation`: the bound of that of the sum,
-    infinite where the data don't see it. `shares`: (p,) of each parameter's variance that comes
-    from not knowing this sum; NaN where that is infinite.
+    - `weights`: (p,), the largest of size one.
+    - `standard_deviation`: lower bound of the sum's standard deviation; infinite where the data
+      don't see the sum.
+    - `shares`: (p,) which part of each parameter's variance comes from the uncertainty of this sum;
+      NaN where the parameter's variance is infinite.
     """
 
-    weights: np.ndarray
+    weights: Float[np.ndarray, " p"]
     standard_deviation: float
-    shares: np.ndarray
+    shares: Float[np.ndarray, " p"]
 
     def described(self, names: Sequence[str]) -> str:
-        """In words, such as "log K + 2 log c"."""
+        """The sum in words, such as "log K + 2 log c", from labels of the coordinates."""
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
@@ -110,31 +121,31 @@ class Combination:
 
 
 def combinations(root: np.ndarray, accuracy: float) -> tuple[Combination, ...]:
-    """Combinations of the coordinates whose estimates are independent, from the one that the data
-    see best to the worst: eigenvectors of the information."""
+    """Combinations of the coordinates whose estimates are independent, the eigenvectors of the
+    information: first the one that the data see best."""
     _, values, directions = np.linalg.svd(root)
     deficient = rank(root, accuracy) < len(values)
     blind = _blind(values, accuracy if deficient else np.finfo(float).eps)
     with np.errstate(divide="ignore", invalid="ignore"):
         deviations = np.where(blind, np.inf, 1.0 / values)
         variances = together(root, accuracy) ** 2
-        found = []
+        sums = []
         for direction, deviation in zip(directions, deviations, strict=True):
             largest = np.abs(direction).max()
             shares = (direction * deviation) ** 2 / variances
-            found.append(Combination(direction / largest, float(deviation / largest), shares))
-    return tuple(found)
+            sums.append(Combination(direction / largest, float(deviation / largest), shares))
+    return tuple(sums)
 
 
 def _equilibrated(roots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lengths (..., p) of the columns, and singular values and directions of the roots with columns
-    of unit length."""
+    """Lengths (..., p) of the columns, and after these are brought to unit length, singular values
+    (..., p) and right singular vectors (..., p, p)."""
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
-    _, values, directions = np.linalg.svd(scaled)
+    _, values, directions = np.linalg.svd(scaled, full_matrices=False)
     return lengths, values, directions
 
 
 def _blind(values: np.ndarray, accuracy: float) -> np.ndarray:
-    """Which singular values, falling along the last axis, are as good as zero."""
+    """Which singular values, largest first along the last axis, are as good as zero."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -1,8 +1,9 @@
-"""For how long a single run can be fitted: where rounding, and wrong guesses, end it.
+"""How long a record may be for a fit by a single run.
 
-The growth of small differences that makes parameters visible in data ends a fit as well: first
-because a guess leads to another sequence of impacts, whose data attract it to wrong parameters, and
-later because the run no longer follows the motion of its own parameters.
+Small differences grow from impact to impact. That makes parameters visible in data, but ends a fit
+as well: first because a wrong guess leads to another sequence of impacts, whose misfit leads to
+wrong parameters, and later because errors of the integration grow until the run is no longer the
+motion at its own parameters.
 """
 
 import warnings
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
@@ -17,58 +19,62 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..simulation.sensitivities import Sensitivities
 from ..simulation.settings import Integration
-from . import descent_paths as ways
+from . import descent_paths
 from . import error_growth as growth
 from .analysis import Identifiability
-from .perturbed_runs import Shots
+from .perturbed_runs import PerturbedRuns
 from .sensors import Sensors, as_sensors
 from .text_tables import aligned, number
 
 LOOSER = 10.0
-"""Tolerance of the run that tells the integration error, over that asked for. A tighter one might
-ask for more than rounding allows."""
+"""Tolerance of the run that is compared with the run proper to know its error, over the tolerance
+of that. A tighter run might be beyond what rounding allows."""
 PLACES = 4
-"""On each way that are looked at, the guess among them."""
+"""Places of a path at which the slope of the misfit is computed, the guess among them."""
 DERIVATIVE_ERROR = 0.1
-"""Relative error of the derivatives with which they no longer lead a fit."""
+"""Relative error of the derivatives from which on they no longer lead a fit."""
 
 
 @dataclass(frozen=True)
 class Horizon:
-    """For how long a run can be fitted as a whole, and what longer records would be worth.
+    """How long a record may be for a fit by a single run, and what longer records would be worth.
 
     - `times`: (T,) s, those of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of the bodies' points per unit of each
-      parameter's coordinate, and last of the disturbance of the initial velocity, per m/s.
-    - `rate`: 1/s, by which the latter grows as an exponential since the first contact.
-    - `error`: (T,) the largest error of the integration, over the noise: a bound, the difference
-      from a run of ten times the tolerance.
-    - `derivative_error`: (T,) likewise, relative, the largest of the parameters', over the record
-      so far.
-    - `numerical`: s, from where on one of these is too large: more than the noise, or a tenth.
-    - `guesses`: see `Guess`. `convergence`: s, the first length of a record that loses one of them.
-    - `information`: what the data tell over time; see `Identifiability`.
+      parameter's coordinate; the last column is that by the disturbance of the initial velocity,
+      per m/s.
+    - `rate`: 1/s, of the exponential growth of this last column since the first contact.
+    - `error`: (T,) a bound of the error of the integration, in units of the noise, the largest of
+      all outputs: the difference from a run with ten times the tolerance.
+    - `derivative_error`: (T,) such a bound of the derivatives over the record so far, relative, the
+      largest of all parameters.
+    - `numerical`: s, the first time at which `error` exceeds one or `derivative_error` a tenth.
+    - `guesses`: wrong guesses, each with the records that it can't be fitted with.
+    - `information`: what the data tell over time.
 
-    Times are infinite where the run does not come so far.
+    `numerical`, `convergence` and `single_shot` are infinite if nothing of the kind happens within
+    the record.
     """
 
-    times: np.ndarray
-    growth: np.ndarray
+    times: Float[np.ndarray, " T"]
+    growth: Float[np.ndarray, "T p+1"]
     rate: float
-    error: np.ndarray
-    derivative_error: np.ndarray
+    error: Float[np.ndarray, " T"]
+    derivative_error: Float[np.ndarray, " T"]
     numerical: float
-    guesses: tuple[ways.Guess, ...]
+    guesses: tuple[descent_paths.WrongGuess, ...]
     information: Identifiability
 
     @property
     def convergence(self) -> float:
-        """s, see above."""
+        """End of the shortest record, s, with which a fit may not find its way from one of the
+        guesses to the truth."""
         return min(guess.since for guess in self.guesses)
 
     @property
     def single_shot(self) -> float:
-        """s, beyond which a fit must not use a single run: the earlier of the two."""
+        """End of the longest record, s, that a fit by a single run can use: the earlier of
+        `numerical` and `convergence`."""
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
@@ -97,7 +103,7 @@ class Horizon:
             )
 
     def __str__(self) -> str:
-        """A readable table."""
+        """The limits, the guesses and the standard deviations by length of the record, as text."""
         return "\n".join([*self._limits(), "", *self._guesses(), "", *self._trade()])
 
     def _limits(self) -> list[str]:
@@ -112,22 +118,21 @@ class Horizon:
         ]
 
     def _guesses(self) -> list[str]:
-        called = self.information.labels
-        rows = [("offsets of", *called, "finds its way")]
+        labels = self.information.labels
+        rows = [("offsets of", *labels, "finds its way")]
         for guess in self.guesses:
             rows.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
         return aligned(rows)
 
     def _trade(self) -> list[str]:
-        """What records of the horizon's length and of full length tell."""
-        over = self.information.over_time()
+        """Standard deviations from records as long as the limits, and from the whole one."""
+        deviations = self.information.over_time()
         lengths = {float(self.times[-1])}
         lengths |= {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
-        called = self.information.labels
-        rows = [("record", *called)]
+        rows = [("record", *self.information.labels)]
         for length in sorted(lengths):
             at = int(np.searchsorted(self.times, length))
-            rows.append((f"{1e3 * length:.4g} ms", *(number(x) for x in over[at])))
+            rows.append((f"{1e3 * length:.4g} ms", *(number(x) for x in deviations[at])))
         return ["Standard deviations that data can reach, by length of the record:", *aligned(rows)]
 
 
@@ -145,7 +150,7 @@ def horizon(
     start_time: float = 0.0,
     integration: Integration | None = None,
 ) -> Horizon:
-    """For how long the motion at these parameters can be fitted by single runs.
+    """How long a record of the motion at these parameters may be for a fit by a single run.
 
     It makes two runs, one of them ten times looser, and `PLACES` shorter ones for each wrong
     guess: two for each parameter, and with several of them eight (of two, four) for all at once.
@@ -161,50 +166,52 @@ def horizon(
     parameters' own values fails.
     """
     integration = Integration() if integration is None else integration
-    spread = _checked(uncertainty, parameters)
-    shots = Shots(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
+    spread = _in_order(uncertainty, parameters)
+    runs = PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
     truth = coordinates_of(scene, state, parameters)
-    found = shots.run(truth, integration, throw=True)
-    errors = _errors(shots, found, shots.run(truth, _loosened(integration), throw=True))
-    sizes = growth.sizes(found.derivatives, growth.points(scene))
-    touching = np.any([found.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
-    onset = _first(found.times, touching)
+    true_run = runs.run(truth, integration, throw=True)
+    errors = _errors(runs, true_run, runs.run(truth, _looser(integration), throw=True))
+    times = true_run.times
+    sizes = growth.sizes(true_run.derivatives, growth.points(scene))
+    touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
+    onset = _first(times, touching)
+    guesses = descent_paths.offsets(spread)
     return Horizon(
-        found.times,
+        times,
         sizes,
-        growth.rate(found.times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
+        growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
         *errors,
-        _first(found.times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
-        tuple(_guess(shots, truth, found, off, integration) for off in ways.offsets(spread)),
-        shots.information(found, truth, integration),
+        _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
+        tuple(_wrong_guess(runs, truth, true_run, offsets, integration) for offsets in guesses),
+        runs.information(true_run, truth, integration),
     )
 
 
-def _checked(uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """(p,) uncertainties in the order of the parameters."""
-    names, given = sorted(parameters), sorted(uncertainty)
-    require(names == given, "uncertainty", given, f"one of each of {names}", "name all of them")
+def _in_order(uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Uncertainties (p,) in the order of the parameters, one for each."""
+    names, keys = sorted(parameters), sorted(uncertainty)
+    require(names == keys, "uncertainty", keys, f"one of each of {names}", "name all of them")
     for name in parameters:
         require_positive(f"uncertainty[{name!r}]", uncertainty[name], "tell how far off a guess is")
     return np.array([float(uncertainty[name]) for name in parameters])
 
 
-def _loosened(integration: Integration) -> Integration:
+def _looser(integration: Integration) -> Integration:
     atol = None if integration.atol is None else LOOSER * integration.atol
     return replace(integration, rtol=LOOSER * integration.rtol, atol=atol)
 
 
 def _errors(
-    shots: Shots, found: Sensitivities, loose: Sensitivities
+    runs: PerturbedRuns, run: Sensitivities, loose: Sensitivities
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of those of the values, (T,) in units of noise, and of the derivatives, (T,) relative:
-    differences from a looser run."""
-    weights = shots.weights(found.times)
-    values = [np.abs(found.values[n] - loose.values[n]) * w for n, w in weights.items()]
-    p = len(shots.parameters)
-    differences, size = np.zeros((2, len(found.times), p))
+    """Bounds of the errors of a run's values, (T,) in units of noise, and of its derivatives, (T,)
+    relative: differences from a looser run."""
+    weights = runs.weights(run.times)
+    values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
+    p = len(runs.parameters)
+    differences, size = np.zeros((2, len(run.times), p))
     for name, weight in weights.items():
-        own = found.derivatives[name][:, :p] * weight[:, None]
+        own = run.derivatives[name][:, :p] * weight[:, None]
         differences += (loose.derivatives[name][:, :p] * weight[:, None] - own) ** 2
         size += own**2
     total, wrong = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
@@ -212,29 +219,29 @@ def _errors(
     return np.max(values, axis=0), relative.max(axis=1)
 
 
-def _guess(
-    shots: Shots,
+def _wrong_guess(
+    runs: PerturbedRuns,
     truth: np.ndarray,
-    found: Sensitivities,
+    true_run: Sensitivities,
     offsets: np.ndarray,
     integration: Integration,
-) -> ways.Guess:
-    """A guess and for how long its way to the truth is open."""
-    weights = shots.weights(found.times)
-    wanted = {name: found.values[name] * weight for name, weight in weights.items()}
-    closed = np.zeros(len(found.times), bool)
+) -> descent_paths.WrongGuess:
+    """The guess at these offsets from the truth, and the records that block its path to it."""
+    weights, times = runs.weights(true_run.times), true_run.times
+    true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
+    blocked = np.zeros(len(times), bool)
     for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
-        there = shots.run(truth + share * offsets, integration, throw=False)
+        there = runs.run(truth + share * offsets, integration, throw=False)
         n = len(there.times)
         values = {name: there.values[name] * weight[:n] for name, weight in weights.items()}
         along = {
             name: (there.derivatives[name][:, : len(offsets)] @ offsets) * weight[:n]
             for name, weight in weights.items()
         }
-        closed |= ways.closed(wanted, values, along, len(found.times))
-    return ways.Guess(offsets, closed, _first(found.times, closed))
+        blocked |= descent_paths.blocked(true_values, values, along, len(times))
+    return descent_paths.WrongGuess(offsets, blocked, _first(times, blocked))
 
 
 def _first(times: np.ndarray, where: np.ndarray) -> float:
-    """The first time at which something holds; infinite if it never does."""
+    """The first of the times (T,) at which `where` (T,) is true; infinite if it never is."""
     return float(times[np.argmax(where)]) if where.any() else np.inf

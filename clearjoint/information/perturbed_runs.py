@@ -18,8 +18,8 @@ from .sensors import Sensor, outputs_of, times_of
 
 
 @dataclass(frozen=True)
-class Shots:
-    """What the runs share."""
+class PerturbedRuns:
+    """Runs of a scene at different values of its parameters, observed by the same sensors."""
 
     scene: Scene
     state: State
@@ -32,10 +32,10 @@ class Shots:
     ) -> Sensitivities:
         """A run at coordinates (p,) of the parameters.
 
-        Its derivatives are along these and, last, the disturbance of the initial velocity; its
-        outputs those of the sensors, and the points and penetrations of `growth`.
+        Its derivatives are along these and, last, along the disturbance of the initial velocity.
+        Its outputs are those of the sensors, and the points and penetrations of `error_growth`.
         """
-        given = {
+        perturbed = {
             name: Parameter(parameter.variation, parameter.scale, value=float(value))
             for (name, parameter), value in zip(
                 self.parameters.items(), self._values(coordinates), strict=True
@@ -46,7 +46,7 @@ class Shots:
             scene,
             self.state,
             float(times[-1]),
-            given | {growth.DISTURBANCE: growth.disturbance(scene)},
+            perturbed | {growth.DISTURBANCE: growth.disturbance(scene)},
             outputs_of(self.sensors) | growth.points(scene) | growth.penetrations(scene),
             times,
             start_time=self.start_time,
@@ -59,16 +59,18 @@ class Shots:
         return [float(parameter.scale.value(u)) for parameter, u in pairs]
 
     def weights(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """(T,) of each output of the sensors: one over the noise; zero where it has no sample."""
-        found = {}
+        """Weights (T,) of each output of the sensors: one over the noise, zero at times without a
+        sample."""
+        weights = {}
         for name, sensor in self.sensors.items():
             weight = np.zeros(len(times))
             weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
-            found |= dict.fromkeys(outputs_of({name: sensor}), weight)
-        return found
+            weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
+        return weights
 
     def information(
-        self, found: Sensitivities, coordinates: np.ndarray, integration: Integration
+        self, run: Sensitivities, coordinates: np.ndarray, integration: Integration
     ) -> Identifiability:
-        """What the sensors can tell, from a run at these coordinates."""
-        return identifiability_from(found, self.parameters, coordinates, self.sensors, integration)
+        """What data of the sensors can tell about the parameters, from a run at their
+        coordinates."""
+        return identifiability_from(run, self.parameters, coordinates, self.sensors, integration)

@@ -1,10 +1,12 @@
-"""Sensors as they are planned: what they measure, when, and how noisy, but no values yet."""
+"""Sensors before they measure: their channels, times and noise, but no values yet."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_names
 from ..model.scene import Scene
@@ -12,23 +14,22 @@ from ..quantities.base import check_quantity
 from ..simulation.batch.reductions import Quantity
 
 
-class Samples(Protocol):
-    """What a measured series has: a channel, times (N,) in s, and noise, one standard deviation, a
-    number or (N,). Its values don't matter here."""
+class SampledChannel(Protocol):
+    """One channel that is sampled, such as a measured `Series`; values are not needed."""
 
     @property
     def channel(self) -> Quantity:
-        """A scalar function of an `Instant`."""
+        """The quantity, a scalar function of an `Instant`."""
         ...
 
     @property
-    def times(self) -> Any:
-        """(N,) s."""
+    def times(self) -> ArrayLike:
+        """Times of the samples, (N,) s, rising."""
         ...
 
     @property
-    def noise(self) -> Any:
-        """A number, or (N,)."""
+    def noise(self) -> ArrayLike:
+        """One standard deviation of each sample in SI, a number or (N,)."""
         ...
 
 
@@ -48,19 +49,19 @@ class Sensor:
     """
 
     channels: tuple[Quantity, ...]
-    times: np.ndarray
-    noise: np.ndarray
+    times: Float[np.ndarray, " N"]
+    noise: Float[np.ndarray, " N"]
 
-    def __init__(self, channels: Any, times: Any, noise: Any):
+    def __init__(self, channels: Quantity | Sequence[Quantity], times: ArrayLike, noise: ArrayLike):
         several = isinstance(channels, list | tuple)
         object.__setattr__(self, "channels", tuple(channels) if several else (channels,))
         object.__setattr__(self, "times", np.asarray(as_number(times)))
-        given = np.asarray(as_number(noise))
-        _check(self.channels, self.times, given)
-        object.__setattr__(self, "noise", given * np.ones(len(self.times)))
+        deviation = np.asarray(as_number(noise))
+        _check(self.channels, self.times, deviation)
+        object.__setattr__(self, "noise", deviation * np.ones(len(self.times)))
 
 
-def _check(channels: tuple[Any, ...], times: np.ndarray, noise: np.ndarray) -> None:
+def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray) -> None:
     functions = len(channels) > 0 and all(callable(channel) for channel in channels)
     expected = "scalar functions of an Instant"
     require(functions, "channels", channels, expected, "pass one or several of cj.quantities")
@@ -75,29 +76,40 @@ def _check(channels: tuple[Any, ...], times: np.ndarray, noise: np.ndarray) -> N
     require(positive, "noise", noise, "finite and positive", remedy)
 
 
-Sensors = Mapping[str, Sensor | Samples]
+class SeriesByName(Protocol):
+    """Series by name, such as `Measurements`."""
+
+    @property
+    def series(self) -> Mapping[str, SampledChannel]:
+        """The series by name."""
+        ...
+
+
+Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
 """Sensors by name; a measured `Series` is one of a single channel."""
 
 
-def as_sensors(sensors: Any, scene: Scene) -> dict[str, Sensor]:
-    """Sensors by name, of a dictionary of `Sensor` or `Series`, or of `Measurements`.
+def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
+    """Sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
 
-    **Raises:** `ValueError` for anything else, and for sensors of what the scene has not.
+    **Raises:** `ValueError` for anything else, and for a sensor of something that is not in the
+    scene.
     """
-    given = getattr(sensors, "series", sensors)
+    by_name = sensors if isinstance(sensors, Mapping) else getattr(sensors, "series", {})
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
-    filled = isinstance(given, Mapping) and len(given) > 0
-    require(filled, "sensors", given, "a dictionary with a sensor at least", remedy)
-    require_names("sensors", given, remedy)
-    found = {}
-    for name, one in given.items():
+    filled = isinstance(by_name, Mapping) and len(by_name) > 0
+    require(filled, "sensors", sensors, "a dictionary with a sensor at least", remedy)
+    require_names("sensors", by_name, remedy)
+    sensor_by_name = {}
+    for name, one in by_name.items():
         is_series = all(hasattr(one, part) for part in ("channel", "times", "noise"))
         fine = isinstance(one, Sensor) or is_series
         require(fine, f"sensors[{name!r}]", type(one).__name__, "a Sensor or a Series", remedy)
-        found[name] = one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
-        for channel in found[name].channels:
+        sensor = one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
+        for channel in sensor.channels:
             check_quantity(f"Sensor {name!r}", channel, scene)
-    return found
+        sensor_by_name[name] = sensor
+    return sensor_by_name
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:

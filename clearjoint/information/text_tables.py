@@ -3,19 +3,21 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table with aligned columns, the first to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip()
-        for row in rows
-    ]
+    """Lines of a table whose first row is the head, with aligned columns: the first to the left,
+    the others to the right."""
+    (corner, *head), *body = rows
+    labels = [label for label, *_ in body]
+    columns = pd.Index(head, name=corner)
+    table = pd.DataFrame([cells for _, *cells in body], labels, columns)
+    return [line.rstrip() for line in table.to_string().splitlines()]
 
 
 def percent(share: float) -> str:
-    """A share with two digits, "-" if there is none."""
+    """A share in percent with two digits, "-" if it is not finite."""
     return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
 
 

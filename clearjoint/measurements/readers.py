@@ -4,20 +4,22 @@ Rows are counted from 1 below the header; blank and comment lines don't count.
 """
 
 import warnings
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
 from ..simulation.batch.reductions import Quantity
 from .series import Measurements, Series
 from .units import to_si
 
+T = TypeVar("T")
 Missing = Literal["refuse", "drop"]
 _OF_A_LINE = (
     "comment",
@@ -39,23 +41,27 @@ _OF_A_LINE = (
 
 @dataclass(frozen=True)
 class Channel:
-    """What a column holds.
+    """The quantity that a column holds, with its noise and unit.
 
     **Arguments:**
 
     - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
-    - `noise`: one standard deviation, in the column's unit: a number, or one a row.
-    - `unit`: the column's, if the table does not tell it.
+    - `noise`: one standard deviation, in the column's unit: a number, or one for each row.
+    - `unit`: of the column, where the table does not give it.
     """
 
     quantity: Quantity
-    noise: Any = None
+    noise: ArrayLike | None = None
     unit: str | None = None
 
 
 @dataclass(frozen=True)
 class _Column:
-    """Values as they stand in a table, where they stand, and the unit that the table gives."""
+    """A column of a table.
+
+    - `place`: what errors call it; `values`: as they stand in the table.
+    - `unit`: that the table gives, ``None`` if it gives none.
+    """
 
     place: str
     values: pd.Series
@@ -87,7 +93,7 @@ def read_csv(
     *,
     time: str = "t",
     time_unit: str = "s",
-    noise: Any = None,
+    noise: ArrayLike | None = None,
     missing: Missing = "refuse",
     **options: Any,
 ) -> Measurements:
@@ -104,8 +110,8 @@ def read_csv(
     - `channels`: `Channel` by column. A header may carry the unit: "probe x [mm]" is the column
       "probe x".
     - `time`, `time_unit`: the column of times, and its unit where the header has none.
-    - `noise`: of the channels that give none.
-    - `missing`: "drop" leaves samples without a number out of their series; else an error.
+    - `noise`: of channels that have none of their own.
+    - `missing`: "drop" leaves samples without a number out of their series; "refuse" raises.
     - `options`: of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
     **Raises:** `ValueError` for a column that is not there, without a unit or in one of another
@@ -126,7 +132,7 @@ def read_csv(
     times = _times(column(time, "time"), time_unit)
     series = {
         name: _series(name, channel, column(name), times, noise, missing)
-        for name, channel in _checked(channels)
+        for name, channel in _valid(channels)
     }
     return Measurements(series)
 
@@ -135,7 +141,7 @@ def from_xarray(
     dataset: xr.Dataset,
     channels: Mapping[str, Channel],
     *,
-    noise: Any = None,
+    noise: ArrayLike | None = None,
     missing: Missing = "refuse",
 ) -> Measurements:
     """Measurements from the variables of a dataset.
@@ -152,7 +158,7 @@ def from_xarray(
         return _Column(place, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
     series = {}
-    for name, channel in _checked(channels):
+    for name, channel in _valid(channels):
         variables = [str(variable) for variable in dataset.data_vars]
         _require_listed("channels", name, variables, "variables of the dataset")
         dims = dataset[name].dims
@@ -190,17 +196,18 @@ def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
             ) from error
 
 
-def _headers(path: str | Path, table: pd.DataFrame, options: dict[str, Any]) -> list[Any]:
-    """The headers as they stand in the file, where pandas numbers those that stand there twice;
-    those that the caller gives, if any."""
+def _headers(path: str | Path, table: pd.DataFrame, options: dict[str, Any]) -> list[Hashable]:
+    """The headers that the caller gives, or those of the file, as they stand there: pandas would
+    put numbers behind headers that stand there twice."""
     if not {"header", "names"}.isdisjoint(options) or not len(table.columns):
         return list(table.columns)
-    kept = {k: v for k, v in options.items() if k in _OF_A_LINE}
-    first = _read(path, {"skipinitialspace": True, **kept, "header": None, "nrows": 1})
+    of_a_line = {k: v for k, v in options.items() if k in _OF_A_LINE}
+    first = _read(path, {"skipinitialspace": True, **of_a_line, "header": None, "nrows": 1})
     return first.iloc[0].tolist()
 
 
-def _checked(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
+def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
+    """Names and channels, each checked to be a channel."""
     remedy = "pass cj.Channel(quantity, noise=...)"
     require_names("channels", channels, remedy)
     for name, channel in channels.items():
@@ -209,7 +216,7 @@ def _checked(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
         yield name, channel
 
 
-def _split(header: Any) -> tuple[str, str | None]:
+def _split(header: Hashable) -> tuple[str, str | None]:
     """Name and unit of a header such as "x [mm]"."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
@@ -231,7 +238,12 @@ def _times(column: _Column, unit: str) -> np.ndarray:
 
 
 def _series(
-    name: str, channel: Channel, column: _Column, times: np.ndarray, noise: Any, missing: Missing
+    name: str,
+    channel: Channel,
+    column: _Column,
+    times: np.ndarray,
+    noise: ArrayLike | None,
+    missing: Missing,
 ) -> Series:
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")
@@ -240,21 +252,22 @@ def _series(
     if missing == "refuse":
         remedy = 'correct it, or pass missing="drop" to leave such samples out'
         column.require_each(there, "a finite number", remedy)
-    noise = channel.noise if channel.noise is not None else noise
+    deviation = channel.noise if channel.noise is not None else noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
-    require(noise is not None, "noise", noise, "one standard deviation", remedy)
-    if np.ndim(noise):
+    require(deviation is not None, "noise", deviation, "one standard deviation", remedy)
+    assert deviation is not None
+    if np.ndim(deviation):
         expected, remedy = f"of shape {there.shape}", "pass one number, or one a row"
-        require(np.shape(noise) == there.shape, "noise", np.shape(noise), expected, remedy)
-        noise = np.asarray(noise)[there]
+        require(np.shape(deviation) == there.shape, "noise", np.shape(deviation), expected, remedy)
+        deviation = np.asarray(deviation)[there]
     unit = _unit(channel, column)
     return _within(
-        column, lambda: Series(channel.quantity, times[there], values[there], noise, unit, name)
+        column, lambda: Series(channel.quantity, times[there], values[there], deviation, unit, name)
     )
 
 
 def _unit(channel: Channel, column: _Column) -> str:
-    """The column's unit, from where it stands."""
+    """The column's unit, from the table or from its channel."""
     unit = column.unit if column.unit is not None else channel.unit
     if unit is None:
         raise ValueError(
@@ -268,8 +281,8 @@ def _unit(channel: Channel, column: _Column) -> str:
     return unit
 
 
-def _within(column: _Column, make: Any) -> Any:
-    """What a function makes of a column, whose errors then tell where it stands."""
+def _within(column: _Column, make: Callable[[], T]) -> T:
+    """The result of a function; its errors name the column."""
     try:
         return make()
     except ValueError as error:

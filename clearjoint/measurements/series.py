@@ -1,13 +1,14 @@
 """Measurements as labelled series: what was measured, when, in which unit, and how noisy."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, concrete, named, require
 from ..fields.readable import AbstractReadable
@@ -22,32 +23,33 @@ class Series(AbstractReadable):
 
     **Arguments:**
 
-    - `channel`: what was measured, a scalar function of an `Instant`: one of
-      `clearjoint.quantities` or a function of one's own. A `period` of it, such as 2 pi of an
-      angle, is that of residuals.
+    - `channel`: the quantity that was measured, a scalar function of an `Instant`: one of
+      `clearjoint.quantities` or a function of one's own. If it has a `period`, such as 2 pi of an
+      angle, residuals are taken modulo this.
     - `times`: (N,) s, each later than the one before.
     - `values`: (N,) in `unit`.
     - `noise`: one standard deviation, in `unit`: a number, or (N,).
-    - `unit`: any that pint knows; that of the channel unless given. A function of one's own has
-      none: it then returns the SI unit of this dimension.
-    - `name`: what errors call the series.
+    - `unit`: of `values` and `noise`, any that pint knows; that of the channel unless given. For a
+      function of one's own, which has no unit, it must be given, and the function must return the
+      SI unit of the same dimension.
+    - `name`: of the series in errors.
 
     **Raises:** `ValueError` for values that no measurement can have.
     """
 
     channel: Quantity = eqx.field(static=True)
-    times: Any = eqx.field(metadata={"unit": "s"})
-    values: Any
-    noise: Any
+    times: Float[np.ndarray, " N"] = eqx.field(metadata={"unit": "s"})
+    values: Float[np.ndarray, " N"]
+    noise: Float[np.ndarray, " N"]
     unit: str = eqx.field(static=True)
     name: str | None = eqx.field(static=True)
 
     def __init__(
         self,
         channel: Quantity,
-        times: Any,
-        values: Any,
-        noise: Any,
+        times: ArrayLike,
+        values: ArrayLike,
+        noise: ArrayLike,
         unit: str | None = None,
         name: str | None = None,
     ):
@@ -87,13 +89,13 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """That of the channel, or ``None``."""
+        """Period of the channel, such as 2 pi of an angle; ``None`` if it has none."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
         return len(self.times)
 
-    def residuals(self, prediction: Any) -> jax.Array:
+    def residuals(self, prediction: ArrayLike) -> Float[jax.Array, " N"]:
         """(Prediction - values) / noise, (N,); of a channel with a period the nearest multiple of
         it is left out, so that -pi and pi agree.
 
@@ -120,7 +122,7 @@ class Series(AbstractReadable):
             return None
         return self._of(self.times[inside], self.values[inside], self.noise[inside])
 
-    def _of(self, times: Any, values: Any, noise: Any) -> "Series":
+    def _of(self, times: ArrayLike, values: ArrayLike, noise: ArrayLike) -> "Series":
         return Series(self.channel, times, values, noise, self.unit, self.name)
 
 
@@ -157,22 +159,22 @@ class Measurements(AbstractReadable):
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 
     def between(self, start: float, end: float) -> "Measurements":
-        """The window with start <= time < end, so that successive windows share no sample; series
-        without any in it are left out.
+        """The samples with start <= time < end, s, so that successive spans share none; series
+        without samples there are left out.
 
         **Raises:** `ValueError` if there is none at all.
         """
-        found = {name: series.between(start, end) for name, series in self.series.items()}
-        kept = {name: series for name, series in found.items() if series is not None}
+        parts = {name: series.between(start, end) for name, series in self.series.items()}
+        inside = {name: series for name, series in parts.items() if series is not None}
         times = self.times()
         require(
-            bool(kept),
+            bool(inside),
             "start, end",
             (start, end),
             "a window with samples in it",
             f"choose it between {times[0]} and {times[-1]} s, the end excluded",
         )
-        return Measurements(kept)
+        return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies and joints that the channels name.
@@ -183,7 +185,7 @@ class Measurements(AbstractReadable):
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """`Series.with_noise`, of all."""
+        """The measurements with normal noise added to each series, of the deviation it states."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> xr.Dataset:

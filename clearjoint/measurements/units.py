@@ -3,9 +3,12 @@
 Units that a user defines there (`pint.get_application_registry().define`) hold here, too.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..fields.checks import require
+
+if TYPE_CHECKING:
+    import pint
 
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
@@ -21,14 +24,14 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     import pint  # a quarter of a second, which only measured data cost
 
     registry = pint.get_application_registry()
-    given = _parsed(registry, unit)
-    target = registry.get_base_units(given)[1] if si is None else registry.Unit(si)
+    own = _pint_unit(registry, unit)
+    target = registry.get_base_units(own)[1] if si is None else registry.Unit(si)
     expected = f"a unit of {'SI' if si is None else si!r}"
-    remedy = f"check the column and its channel; {given} has dimension {given.dimensionality}"
-    require(given.is_compatible_with(target), "unit", unit, expected, remedy)
-    cycles = "hertz" in str(given) and "radian" in str(target)
+    remedy = f"check the column and its channel; {own} has dimension {own.dimensionality}"
+    require(own.is_compatible_with(target), "unit", unit, expected, remedy)
+    cycles = "hertz" in str(own) and "radian" in str(target)
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
-    zero, one, two = (registry.convert(number, given, target) for number in (0.0, 1.0, 2.0))
+    zero, one, two = (registry.convert(number, own, target) for number in (0.0, 1.0, 2.0))
     linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")
     if si is not None:
@@ -36,7 +39,7 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
 
 
-def _parsed(registry: Any, unit: str) -> Any:
+def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
     try:
         return registry.Unit(unit)
     except Exception as error:  # pint raises errors of many kinds, its tokenizer's among them

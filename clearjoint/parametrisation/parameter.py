@@ -66,7 +66,7 @@ class Parameter:
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """The coordinate of the given value, or of the one in the scene.
+        """The coordinate of `value`, or if it is ``None`` of the value that stands in the scene.
 
         **Raises:** `ValueError` for a value outside the scale.
         """

@@ -2,13 +2,14 @@
 
 import abc
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from ..math.vectors import Structured, structured, unpack
 from ..model.bodies import State
@@ -17,33 +18,46 @@ from .parameter import Parameter
 from .scales import AbstractScale
 from .variations import Change
 
+Coordinates = jax.Array | np.ndarray
+"""(p,) coordinates of parameters on their scales."""
+
 
 class AbstractFamily(eqx.Module):
-    """Scenes and initial states over parameters in scaled coordinates.
+    """A scene and its initial state as functions of p parameters.
 
-    `values`: (p,) where the family is looked at.
+    `values`: (p,) coordinates of the parameters at which the functions and their derivatives are
+    taken.
     """
 
-    values: eqx.AbstractVar[Any]
+    values: eqx.AbstractVar[Coordinates]
 
     @abc.abstractmethod
-    def scene(self, values: Any) -> Scene:
-        """The scene, in scalar form."""
+    def scene(self, values: Coordinates) -> Scene:
+        """The scene at coordinates (p,), in scalar form."""
 
     @abc.abstractmethod
-    def start(self, values: Any) -> Any:
-        """The initial state, in scalar form."""
+    def start(self, values: Coordinates) -> State:
+        """The initial state at coordinates (p,), in scalar form."""
 
     def pushed(
-        self, function: Callable[..., tuple[Any, Any]], primals: tuple[Any, ...], tangents: Any
-    ) -> tuple[Any, Any, Any]:
-        """A function of scene and `primals`, that returns a value and more: the value, what more,
-        and the value's derivatives.
+        self,
+        function: Callable[..., tuple[PyTree, PyTree]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[PyTree, PyTree, PyTree]:
+        """The value of a function and its derivatives along the parameters.
 
-        `tangents` are the primals' derivatives, (p, ...) as those of the value.
+        **Arguments:**
+
+        - `function`: of the scene and of `primals`. It returns a pair: the value that is
+          differentiated, and an auxiliary result that is not.
+        - `primals`: the function's arguments behind the scene, which may depend on the parameters.
+        - `tangents`: their derivatives along the parameters, (p, ...) each.
+
+        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
         """
 
-        def along(seed: Any, tangents: Any) -> Any:
+        def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
             return jax.jvp(
                 lambda values, *rest: function(self.scene(values), *rest),
                 (self.values, *primals),
@@ -52,56 +66,63 @@ class AbstractFamily(eqx.Module):
             )
 
         count = len(self.values)
-        value, derivatives, more = jax.vmap(along, out_axes=(None, 0, None))(
+        value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
             jnp.eye(count), tangents
         )
-        return value, more, derivatives
+        return value, auxiliary, derivatives
 
 
 class ParametrisedScene(AbstractFamily):
-    """A scene and its initial state with some of their numbers free."""
+    """A scene and its initial state in which `Parameter`s may change numbers.
 
-    values: Any
+    `base` is what the parameters change; `changes` and `scales` have an entry for each
+    parameter; `patterns` mark the scene's structural zeros and ones (see `structured`).
+    """
+
+    values: Coordinates
     base: tuple[Scene, State]
     changes: tuple[Change, ...] = eqx.field(static=True)
     scales: tuple[AbstractScale, ...] = eqx.field(static=True)
-    patterns: tuple[Any, ...] = eqx.field(static=True)
+    patterns: tuple[PyTree, ...] = eqx.field(static=True)
 
-    def at(self, values: Any) -> "ParametrisedScene":
-        """The family, looked at elsewhere."""
+    def at(self, values: ArrayLike) -> "ParametrisedScene":
+        """The same functions, to be taken at other coordinates (p,)."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
-    def made(self, values: Any) -> tuple[Scene, State]:
-        """Scene and state, in packed form, at the parameters' coordinates."""
+    def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
+        """Scene and initial state at coordinates (p,), in packed form, as users build them."""
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
-    def varied(self) -> Any:
-        """Which leaves of the scene depend on the parameters: booleans in its place."""
-        found: list[bool] = []
+    def varied(self) -> PyTree[bool]:
+        """Which numbers of the scene depend on the parameters: the scene with a boolean in the
+        place of each leaf."""
+        is_traced: list[bool] = []
 
-        def made(values: Any) -> Any:
-            found[:] = [isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self.made(values)[0])]
+        def trace(values: jax.Array) -> jax.Array:
+            leaves = jax.tree.leaves(self.scene_and_state(values)[0])
+            is_traced[:] = [isinstance(leaf, Tracer) for leaf in leaves]
             return values
 
-        jax.eval_shape(made, np.zeros(len(self.changes)))
-        return jax.tree.unflatten(jax.tree.structure(self.base[0]), found)
+        jax.eval_shape(trace, np.zeros(len(self.changes)))
+        return jax.tree.unflatten(jax.tree.structure(self.base[0]), is_traced)
 
-    def scene(self, values: Any) -> Scene:
-        """The scene, in scalar form."""
-        return unpack(Structured(self.made(values)[0], self.patterns))
+    def scene(self, values: Coordinates) -> Scene:
+        """The scene at coordinates (p,), in scalar form, with its structural zeros and ones."""
+        return unpack(Structured(self.scene_and_state(values)[0], self.patterns))
 
-    def start(self, values: Any) -> State:
-        """The initial state, in scalar form."""
-        return unpack(self.made(values)[1])
+    def start(self, values: Coordinates) -> State:
+        """The initial state at coordinates (p,), in scalar form."""
+        return unpack(self.scene_and_state(values)[1])
 
 
 def parametrised(
-    scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Any
+    scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """The family of scenes that parameters span, looked at where their coordinates are `values`."""
+    """A scene and its initial state as functions of parameters, to be taken at their coordinates
+    `values`, (p,)."""
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
     family = ParametrisedScene(values, (scene, state), changes, scales, ())

@@ -4,35 +4,41 @@ A place is a function such as ``lambda scene: scene.joints["pin"].clearance``. I
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from types import EllipsisType
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..fields.checks import as_number, concrete, require
 
-Place = Callable[[Any], Any]
+Place = Callable[[PyTree], PyTree]
+"""From a scene or a state to a number of it, or to several that are tied."""
+Index = int | slice | EllipsisType
+Leaf = jax.Array | np.ndarray | float
+"""A number or an array of a scene or a state."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """Where a number is: index of its leaf in the PyTree, and of its component, if it is one."""
+    """Where a number stands in a scene or a state: which leaf of the PyTree, and for a component
+    of an array the indices that lead to it."""
 
     leaf: int
-    component: tuple[Any, ...] = ()
+    component: tuple[Index, ...] = ()
 
     __iter__ = None
     """Not iterable: the protocol that falls back on indices would never end."""
 
-    def __getitem__(self, key: Any) -> "Number":
+    def __getitem__(self, key: Index) -> "Number":
         return Number(self.leaf, (*self.component, key))
 
 
-def numbers_at(tree: Any, place: Place) -> list[Number]:
+def numbers_at(tree: PyTree, place: Place) -> list[Number]:
     """The numbers that a place names.
 
     **Raises:** `ValueError` if it returns anything else.
@@ -40,21 +46,21 @@ def numbers_at(tree: Any, place: Place) -> list[Number]:
     structure = jax.tree.structure(tree)
     marked = jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
     try:
-        named = place(marked)
-        found: list[Any] = [*named] if isinstance(named, list | tuple) else [named]
+        result = place(marked)
+        numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError, TypeError) as error:
-        found = [error]
+        numbers = [error]
     require(
-        bool(found) and all(isinstance(number, Number) for number in found),
+        bool(numbers) and all(isinstance(number, Number) for number in numbers),
         "place",
-        [n if isinstance(n, Number | Exception) else type(n).__name__ for n in found],
+        [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers],
         "a function that returns numbers stored in the tree, not values computed from them",
         "see parameters(tree) for what there is, e.g. lambda s: s.joints['pin'].clearance",
     )
-    return found
+    return numbers
 
 
-def put(tree: Any, place: Place, value: Any) -> Any:
+def put(tree: PyTree, place: Place, value: Leaf) -> PyTree:
     """The tree with another value at a place; nothing is checked (see `fields.recheck`).
 
     **Raises:** `ValueError` if the value has another shape than what it replaces.
@@ -62,8 +68,8 @@ def put(tree: Any, place: Place, value: Any) -> Any:
     return put_numbers(tree, numbers_at(tree, place), value)
 
 
-def put_numbers(tree: Any, numbers: list[Number], value: Any) -> Any:
-    """`put` for numbers already found."""
+def put_numbers(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
+    """The tree with another value at each of the numbers; as `put`."""
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
     for number in numbers:
@@ -80,14 +86,14 @@ def put_numbers(tree: Any, numbers: list[Number], value: Any) -> Any:
     return jax.tree.unflatten(structure, leaves)
 
 
-def value_at(tree: Any, place: Place) -> Any:
+def value_at(tree: PyTree, place: Place) -> Leaf:
     """The value at a place; of tied numbers, the first's."""
     number = numbers_at(tree, place)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     return leaf[number.component] if number.component else leaf
 
 
-def _shape(leaf: Any, component: tuple[Any, ...]) -> tuple[int, ...]:
+def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
     try:
         return jnp.shape(leaf[component] if component else leaf)
     except IndexError as error:
@@ -97,28 +103,28 @@ def _shape(leaf: Any, component: tuple[Any, ...]) -> tuple[int, ...]:
         ) from error
 
 
-def _replaced(leaf: Any, component: tuple[Any, ...], value: Any) -> Any:
+def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
     if not component:
         return value
     if concrete(leaf) is None or concrete(value) is None:
         return jnp.asarray(leaf).at[component].set(value)
-    changed = np.array(leaf)
-    changed[component] = value
-    return changed
+    array = np.array(leaf)
+    array[component] = value
+    return array
 
 
-def unit_at(tree: Any, place: Place) -> str:
+def unit_at(tree: PyTree, place: Place) -> str:
     """The unit of the numbers at a place, "1" for pure numbers and where none is declared."""
     index = numbers_at(tree, place)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 
 
-def parameters(tree: Any) -> dict[str, tuple[Any, str]]:
+def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
     """All numbers of a scene or state by name: value and unit."""
     return {name: (value, unit) for name, value, unit in _named_leaves(tree, "")}
 
 
-def _named_leaves(tree: Any, name: str, unit: str = "1") -> Any:
+def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Name, value and unit of each leaf, in the order of the PyTree."""
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

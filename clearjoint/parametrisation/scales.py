@@ -3,7 +3,7 @@
 import abc
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,10 +15,10 @@ from ..math.vectors import Scalar
 
 @dataclass(frozen=True)
 class AbstractScale(abc.ABC):
-    """A map from all real numbers to the values that a parameter may have.
+    """A map from all real numbers, the coordinates, to the values that a parameter may have.
 
-    `stride`: the farthest that one step of a fit changes the coordinate. A scale belongs to the
-    form of a fit: its numbers, unlike a scene's, are part of the compiled program.
+    `stride`: the farthest that one step of a fit changes the coordinate. The numbers of a scale,
+    unlike a scene's, are constants of the compiled program: other numbers compile anew.
 
     ```python
     from dataclasses import dataclass
@@ -47,23 +47,24 @@ class AbstractScale(abc.ABC):
         """The parameter at a coordinate."""
 
     @abc.abstractmethod
-    def coordinate(self, value: Any) -> float:
+    def coordinate(self, value: Scalar) -> float:
         """The coordinate of a parameter.
 
         **Raises:** `ValueError` for a value outside the scale.
         """
 
-    def slope(self, coordinate: Any) -> np.ndarray:
-        """Derivative of the value to the coordinate."""
+    def slope(self, coordinate: Scalar) -> np.ndarray:
+        """Derivative of the value to the coordinate, ()."""
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
     def vague(self, coordinate: float) -> float:
-        """Standard deviation of the coordinate beyond which an estimate says nothing: one, the size
-        of coordinates, unless a subclass tells."""
+        """Standard deviation of the coordinate beyond which an estimate says nothing: one, the
+        usual size of coordinates, unless a subclass overrides it."""
         return 1.0
 
     def called(self, name: str) -> str:
-        """What the coordinate of a parameter is called; the name unless a subclass tells."""
+        """Label of the coordinate of a parameter of this name: the name itself, unless a subclass
+        overrides it."""
         return name
 
 
@@ -78,11 +79,11 @@ class Linear(AbstractScale):
         require_positive("unit", self.unit, "give the size of a typical change")
 
     def value(self, coordinate: Scalar) -> Scalar:
-        """unit times coordinate."""
+        """The unit times the coordinate."""
         return self.unit * coordinate
 
-    def coordinate(self, value: Any) -> float:
-        """value over unit."""
+    def coordinate(self, value: Scalar) -> float:
+        """The value over the unit."""
         return _finite(value) / self.unit
 
     def vague(self, coordinate: float) -> float:
@@ -90,7 +91,7 @@ class Linear(AbstractScale):
         return max(1.0, abs(float(coordinate)))
 
     def called(self, name: str) -> str:
-        """In the unit."""
+        """The name over the unit, such as "length/0.01"; the name alone if the unit is 1."""
         return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
 
 
@@ -101,17 +102,17 @@ class Log(AbstractScale):
     stride: ClassVar[float] = 1.0
 
     def value(self, coordinate: Scalar) -> Scalar:
-        """exp(coordinate)."""
+        """The exponential of the coordinate."""
         return jnp.exp(coordinate)
 
-    def coordinate(self, value: Any) -> float:
-        """log(value)."""
+    def coordinate(self, value: Scalar) -> float:
+        """The natural logarithm of the value."""
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
         return math.log(number)
 
     def called(self, name: str) -> str:
-        """A logarithm."""
+        """The name behind "log"."""
         return f"log {name}"
 
 
@@ -134,7 +135,7 @@ class Bounded(AbstractScale):
         """low + (high - low)/(1 + exp(-coordinate))."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
-    def coordinate(self, value: Any) -> float:
+    def coordinate(self, value: Scalar) -> float:
         """log((value - low)/(high - value))."""
         number = _finite(value)
         inside = self.low < number < self.high
@@ -143,14 +144,15 @@ class Bounded(AbstractScale):
         return math.log((number - self.low) / (self.high - number))
 
     def vague(self, coordinate: float) -> float:
-        """That of a value which may be anywhere between the bounds alike: pi/sqrt(3)."""
+        """The standard deviation pi/sqrt(3) that the coordinate of a value has which may lie
+        anywhere between the bounds with equal probability."""
         return math.pi / math.sqrt(3.0)
 
     def called(self, name: str) -> str:
-        """A logit."""
+        """The name behind "logit"."""
         return f"logit {name}"
 
 
-def _finite(value: Any) -> float:
+def _finite(value: Scalar) -> float:
     require_shape("value", value, (), "pass a single number")
     return float(value)

@@ -4,14 +4,17 @@ something from which a function makes both."""
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+
+from jaxtyping import PyTree
 
 from ..fields.checks import require
+from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
 from .places import Number, Place, numbers_at, put_numbers, unit_at
 
-Change = Callable[[Scene, State, Any], tuple[Scene, State]]
+Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
+"""From a scene, its initial state and a value to both with that value in them."""
 
 
 @dataclass(frozen=True)
@@ -20,15 +23,15 @@ class AbstractVariation(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def function(self) -> Callable[..., Any]:
-        """The user's function that tells what varies."""
+    def function(self) -> Callable[..., PyTree]:
+        """The user's function that says what varies: a place, or one that makes the scene."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
         """The unit of the value."""
 
     @abc.abstractmethod
-    def setter(self, scene: Scene, state: State, example: Any) -> Change:
+    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """A function that puts values like the example into scenes and states of the structure of
         these. Setters of equal variations into like structures are equal.
 
@@ -48,14 +51,14 @@ class SceneNumber(AbstractVariation):
 
     @property
     def function(self) -> Place:
-        """The place."""
+        """The place of the number, a function of the tree that it stands in."""
         return self.place
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The given unit, or that of the place."""
         return unit_at(scene, self.place) if self.unit is None else self.unit
 
-    def setter(self, scene: Scene, state: State, example: Any) -> Change:
+    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
         setter = _Setter(tuple(numbers_at(scene, self.place)), True)
         setter(scene, state, example)
@@ -74,14 +77,14 @@ class StateNumber(AbstractVariation):
 
     @property
     def function(self) -> Place:
-        """The place."""
+        """The place of the number, a function of the tree that it stands in."""
         return self.place
 
     def unit_in(self, scene: Scene, state: State) -> str:
         """The given unit, or that of the place."""
         return unit_at(state, self.place) if self.unit is None else self.unit
 
-    def setter(self, scene: Scene, state: State, example: Any) -> Change:
+    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
         setter = _Setter(tuple(numbers_at(state, self.place)), False)
         setter(scene, state, example)
@@ -100,15 +103,15 @@ class MadeByFunction(AbstractVariation):
 
     @property
     def function(self) -> Change:
-        """The function."""
+        """The user's `make(scene, state, value)`."""
         return self.make
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The given unit."""
+        """The unit that the user gave, whatever the scene."""
         return self.unit
 
-    def setter(self, scene: Scene, state: State, example: Any) -> Change:
-        """The function."""
+    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
+        """`make` itself: it fits every scene."""
         del scene, state, example
         return self.make
 
@@ -120,11 +123,11 @@ class _Setter:
     numbers: tuple[Number, ...]
     in_scene: bool
 
-    def __call__(self, scene: Scene, state: State, value: Any) -> tuple[Scene, State]:
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
         if self.in_scene:
             return put_numbers(scene, list(self.numbers), value), state
         return scene, put_numbers(state, list(self.numbers), value)
 
 
-def _require_function(argument: str, value: Any, remedy: str) -> None:
+def _require_function(argument: str, value: object, remedy: str) -> None:
     require(callable(value), argument, value, "a function", remedy)

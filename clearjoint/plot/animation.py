@@ -1,18 +1,18 @@
 """Pictures of the journal in its bearing: a sequence of frames, and an animation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
 from ..model.joints.clearance import BASES
 from ..simulation.observe import Observation
-from .journal import eccentricity_vectors
+from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
@@ -28,7 +28,7 @@ def journal_frames(
     clearance: float,
     instants: Instants,
     *,
-    section: Mapping[str, Any] | None = None,
+    section: CrossSection | None = None,
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
@@ -75,7 +75,7 @@ def animate_journal(
     file: str | Path,
     instants: Instants,
     *,
-    section: Mapping[str, Any] | None = None,
+    section: CrossSection | None = None,
     frames_per_second: int = 15,
 ) -> None:
     """Write an animation of both bases of the journal in the bearing, as a GIF.
@@ -99,7 +99,7 @@ def animate_journal(
         axes.set_title(f"base {base}", fontsize=10)
         shows.append((Picture(axes), *_drawn(observation, joint, base, clearance, section)))
 
-    def draw(index: int) -> list[Any]:
+    def draw(index: int) -> list[Artist]:
         for picture, offsets, touching in shows:
             picture.show(offsets[index], touching[index])
         clock.set_text(f"{observation.times[index] * 1e3:.1f} ms")
@@ -135,7 +135,7 @@ def _drawn(
     joint: str,
     base: str,
     clearance: float,
-    section: Mapping[str, Any] | None,
+    section: CrossSection | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offsets as drawn, (N, 2) in bearing radii, and whether the base touches, (N,)."""
     vectors = eccentricity_vectors(observation, joint, base, section)

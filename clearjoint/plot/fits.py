@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..identification.fit import Fit
-from .labels import shown
+from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
 
 ROW = 1.9
@@ -50,8 +50,8 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
 
 def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
-    times = shown(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
-    data = shown(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
+    times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
+    data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
     above.plot(times.values, data.values, ".", color=GREY, markersize=3, label="measured")
     fit_line = fit.predictions[name] * data.factor
     above.plot(times.values, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")

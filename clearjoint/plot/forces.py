@@ -7,7 +7,7 @@ from ..model.joints.clearance import BASES
 from ..simulation.impact_table import Impacts
 from ..simulation.observe import Observation
 from . import observed
-from .style import Window, axes_or_new, dress, inside, lines, show
+from .style import TimeSpan, axes_or_new, dress, inside, lines, show
 
 
 def contact_and_reaction(
@@ -15,7 +15,7 @@ def contact_and_reaction(
     contact: tuple[str, str],
     reaction: tuple[str, str],
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Normal force of a contact and magnitude of an ideal joint's reaction over time (Fig. 13a).
@@ -30,10 +30,10 @@ def contact_and_reaction(
     **Returns:** the axes; time in ms, forces in N.
     """
     axes = axes_or_new(axes)
-    shown = inside(observation.times, window)
-    times = observation.times[shown] * 1e3
-    force = observed.contact(observation, *contact).normal_force[shown]
-    load = np.linalg.norm(observed.reaction(observation, *reaction).force[shown], axis=1)
+    inside_span = inside(observation.times, window)
+    times = observation.times[inside_span] * 1e3
+    force = observed.contact(observation, *contact).normal_force[inside_span]
+    load = np.linalg.norm(observed.reaction(observation, *reaction).force[inside_span], axis=1)
     curves = {
         f"contact force at base {contact[1]}: peak {force.max():.0f} N": force,
         f"reaction at the {reaction[0]}: peak {load.max():.0f} N": load,
@@ -49,7 +49,7 @@ def contact_forces(
     observation: Observation,
     joint: str,
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Normal forces of all contacts of a joint over time.
@@ -64,15 +64,15 @@ def contact_forces(
     """
     axes = axes_or_new(axes)
     times = observation.times * 1e3
-    shown = show(axes, times, None if window is None else (1e3 * window[0], 1e3 * window[1]))
-    family = observed.contacts(observation, joint)
-    forces = {name: np.asarray(seen.normal_force)[shown] for name, seen in family.items()}
+    inside_span = show(axes, times, None if window is None else (1e3 * window[0], 1e3 * window[1]))
+    contacts = observed.contacts(observation, joint)
+    forces = {name: np.asarray(one.normal_force)[inside_span] for name, one in contacts.items()}
     peak = max(force.max(initial=0.0) for force in forces.values())
     factor, unit = (1e-3, "kN") if peak >= 1e4 else (1.0, "N")
     for (name, force), (colour, style) in zip(forces.items(), lines(), strict=False):
         label = f"base {name}" if name in BASES else name
         look = {"color": colour, "linestyle": style, "linewidth": 1.2}
-        axes.plot(times[shown], force * factor, label=label, **look)
+        axes.plot(times[inside_span], force * factor, label=label, **look)
     axes.set_ylim(bottom=0.0)
     columns = min(len(forces), 4)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
@@ -115,6 +115,6 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
     seen = observed.contact(observation, impacts.joint[index], impacts.contact[index])
-    shown = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
-    depth = np.maximum(seen.penetration[shown], 0.0)
-    return np.pad(depth, 1), np.pad(seen.normal_force[shown], 1)
+    inside_span = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
+    depth = np.maximum(seen.penetration[inside_span], 0.0)
+    return np.pad(depth, 1), np.pad(seen.normal_force[inside_span], 1)

@@ -20,11 +20,11 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     times, deviations = report.times * 1e3, report.over_time()
     for k, (name, (colour, style)) in enumerate(zip(report.names, lines(), strict=False)):
-        found = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
-        told = np.where(found <= report.limits[k], found, np.nan)
-        axes.plot(times, found, color=colour, linewidth=0.8, alpha=0.4)
+        finite = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
+        identifiable = np.where(finite <= report.limits[k], finite, np.nan)
+        axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
         label = report.scales[k].called(name)
-        axes.plot(times, told, color=colour, linestyle=style, linewidth=2, label=label)
+        axes.plot(times, identifiable, color=colour, linestyle=style, linewidth=2, label=label)
     for k, limit in enumerate(np.unique(report.limits)):
         label = "not identifiable above" if k == 0 else None
         axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", label=label)

@@ -1,17 +1,20 @@
 """Eccentricities of the journal's bases, over time and in the bearing's cross-section."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 from ..model.joints.clearance import BASES
 from ..simulation.observe import Observation
 from .observed import contact
-from .style import BLUE, DARK, Window, axes_or_new, dress, inside, lines
+from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines
 
-XY: Mapping[str, Any] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
+CrossSection = Mapping[str, ArrayLike]
+"""Two perpendicular unit vectors by their labels: the first points to the right in a figure, the
+second upwards. (3,) each in global axes, or (N, 3) for a bearing that moves."""
+XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is Z."""
 OWN = ("the bearing's x", "the bearing's y")
 """What points to the right and upwards in the bearing's own cross-section."""
@@ -22,7 +25,7 @@ def eccentricities(
     joint: str,
     clearance: float,
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Magnitude of the eccentricity of both bases over time (Fig. 16).
@@ -36,10 +39,10 @@ def eccentricities(
     **Returns:** the axes; time in ms, eccentricity in mm.
     """
     axes = axes_or_new(axes)
-    shown = inside(observation.times, window)
-    times = observation.times[shown] * 1e3
+    inside_span = inside(observation.times, window)
+    times = observation.times[inside_span] * 1e3
     for base, (colour, style) in zip(BASES, lines(), strict=False):
-        values = np.asarray(contact(observation, joint, base).eccentricity)[shown] * 1e3
+        values = np.asarray(contact(observation, joint, base).eccentricity)[inside_span] * 1e3
         axes.plot(times, values, color=colour, linestyle=style, linewidth=1.5, label=f"base {base}")
     axes.axhline(clearance * 1e3, color="black", linewidth=1.0, label="clearance")
     axes.set_xlim(times[0], times[-1])
@@ -49,7 +52,7 @@ def eccentricities(
 
 
 def eccentricity_vectors(
-    observation: Observation, joint: str, base: str, section: Mapping[str, Any] | None = None
+    observation: Observation, joint: str, base: str, section: CrossSection | None = None
 ) -> np.ndarray:
     """Vector from the bearing's axis to a base, in the bearing's cross-section, (N, 2) m.
 
@@ -61,8 +64,8 @@ def eccentricity_vectors(
     if section is None:
         return np.asarray(seen.offset)[:, :2]
     vectors = seen.normal * np.asarray(seen.eccentricity)[:, None]
-    along = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
-    return np.stack(along, axis=1)
+    components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
+    return np.stack(components, axis=1)
 
 
 def journal_orbit(
@@ -70,8 +73,8 @@ def journal_orbit(
     joint: str,
     clearance: float,
     *,
-    section: Mapping[str, Any] | None = None,
-    window: Window | None = None,
+    section: CrossSection | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Paths of both bases' centres in the bearing's cross-section, within the clearance circle.
@@ -86,9 +89,9 @@ def journal_orbit(
     **Returns:** the axes, of equal scale, in mm.
     """
     axes = axes_or_new(axes, (4.8, 5.0))
-    shown = inside(observation.times, window)
+    inside_span = inside(observation.times, window)
     for base, (colour, style) in zip(BASES, lines(), strict=False):
-        orbit = eccentricity_vectors(observation, joint, base, section)[shown] * 1e3
+        orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * 1e3
         axes.plot(*orbit.T, color=colour, linestyle=style, linewidth=1.2, label=f"base {base}")
     return _dress_orbit(axes, clearance, section)
 
@@ -99,8 +102,8 @@ def orbit_in_contact(
     base: str,
     clearance: float,
     *,
-    section: Mapping[str, Any] | None = None,
-    window: Window | None = None,
+    section: CrossSection | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Path of one base's centre in the bearing's cross-section, dark and thick where it touches.
@@ -110,9 +113,9 @@ def orbit_in_contact(
     **Returns:** the axes, of equal scale, in mm.
     """
     axes = axes_or_new(axes, (4.8, 5.0))
-    shown = inside(observation.times, window)
-    orbit = eccentricity_vectors(observation, joint, base, section)[shown] * 1e3
-    touching = contact(observation, joint, base).penetration[shown] > 0.0
+    inside_span = inside(observation.times, window)
+    orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * 1e3
+    touching = contact(observation, joint, base).penetration[inside_span] > 0.0
     pressed = np.where(touching[:, None], orbit, np.nan)
     axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
     axes.plot(*pressed.T, color=DARK, linewidth=1.8, label="in contact")
@@ -129,7 +132,7 @@ def clearance_circle(axes: Axes, clearance: float) -> Axes:
     return axes
 
 
-def _dress_orbit(axes: Axes, clearance: float, section: Mapping[str, Any] | None) -> Axes:
+def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
     clearance_circle(axes, clearance)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     right, up = OWN if section is None else section

@@ -21,7 +21,7 @@ MANY_DECADES = 500.0
 """Likewise, from which on ticks are powers of ten."""
 
 
-class Shown(NamedTuple):
+class ScaledValues(NamedTuple):
     """Numbers to draw: `values` are those of the data set times `factor`; `label` has the unit."""
 
     values: np.ndarray
@@ -29,27 +29,27 @@ class Shown(NamedTuple):
     factor: float
 
 
-def shown(data: xr.DataArray, drawn: str = "") -> Shown:
+def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     """A variable's values with the SI prefix that brings the largest between 1 and 1000.
 
-    **Arguments:** `drawn`: the label of an axis on which values are drawn already. Of the same unit
-    they keep its prefix, and the label has both names.
+    **Arguments:** `present`: label of an axis on which other values of the same unit are drawn
+    already: its prefix is used, and the new label has both names.
 
     **Raises:** `ValueError` if that axis is in another unit.
     """
     values = np.asarray(data.values, dtype=float)
-    given = data.attrs.get("units", "1")
-    exponent, unit = _shown_unit(values, given)
+    si = data.attrs.get("units", "1")
+    exponent, unit = _prefixed(values, si)
     name = str(data.name).replace("_", " ")
-    if drawn:
-        names, exponent, unit = _drawn_unit(drawn, given)
+    if present:
+        names, exponent, unit = _present_unit(present, si)
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
-    return Shown(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
+    return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
 
 
-def _drawn_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """Names in an axis' label, the power of ten of the prefix of its unit, and this unit."""
+def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
+    """From an axis' label: its names, the power of ten of its unit's prefix, and the unit."""
     text = unit.replace("^2", "²").replace("^3", "³")
     if text == "1":
         return label, 0, text
@@ -60,23 +60,22 @@ def _drawn_unit(label: str, unit: str) -> tuple[str, int, str]:
     return names, exponents[there], there
 
 
-def chosen(dataset: xr.Dataset, variable: str, axis: str) -> str:
-    """What to call one output of a sweep in a legend: its name, and where other axes of the sweep
-    have been selected."""
+def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
+    """Label of an output of a sweep in a legend: its name, and the values at which other axes of
+    the sweep have been selected."""
     places = [c for name, c in dataset.coords.items() if c.ndim == 0 and name != axis]
-    marks = [shown(place) for place in places]
-    texts = [_at(mark) for mark in marks]
+    texts = [_at(scaled(place)) for place in places]
     return ", ".join([variable.replace("_", " "), *texts])
 
 
-def _at(place: Shown) -> str:
+def _at(place: ScaledValues) -> str:
     """A coordinate's name, value and unit."""
     name, _, unit = place.label.partition(", ")
     return f"{name} {float(place.values):.4g} {unit}".strip()
 
 
-def _shown_unit(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """The power of ten that the prefix stands for, and the unit with the prefix."""
+def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
+    """The power of ten of the prefix that suits values in a unit, and the unit with the prefix."""
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
@@ -94,8 +93,8 @@ def suits_logarithm(values: np.ndarray) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """Make each axis logarithmic if that suits its values, with ticks that a reader can read; one
-    that is so already linear if they are not all positive."""
+    """Make each axis logarithmic if that suits its values, with ticks in plain numbers, or linear
+    if some of them are not positive."""
     for axis, values in ((axes.xaxis, x), (axes.yaxis, y)):
         scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
         if suits_logarithm(values):

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
-from .labels import chosen, scale_axes, shown
+from .labels import legend_label, scale_axes, scaled
 from .outcomes import ended_well, mark_failed, of_lanes, only_axis
 from .style import axes_or_new, dress, next_colour
 
@@ -40,9 +40,9 @@ def against(
     axis = only_axis(dataset, axis)
     axes = axes_or_new(axes)
     colour = next_colour(axes) if colour is None else colour
-    label = chosen(dataset, variable, axis) if label is None else label
-    x = shown(dataset[axis], axes.get_xlabel())
-    y = shown(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    label = legend_label(dataset, variable, axis) if label is None else label
+    x = scaled(dataset[axis], axes.get_xlabel())
+    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
     axes.plot(
         x.values,
         y.values,

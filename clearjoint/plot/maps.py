@@ -1,17 +1,26 @@
 """Outputs of a sweep over two of its parameters."""
 
-from typing import Any
+from typing import TypedDict
 
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from .labels import scale_axes, shown, suits_logarithm, tick_logarithm
+from .labels import scale_axes, scaled, suits_logarithm, tick_logarithm
 from .outcomes import of_lanes
 from .style import axes_or_new, dress
 
-MISSING: Any = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
+
+class Fill(TypedDict):
+    """Look of an area: colours of its face and hatching, and the pattern of this."""
+
+    facecolor: str
+    edgecolor: str
+    hatch: str
+
+
+MISSING = Fill(facecolor="0.85", edgecolor="0.55", hatch="////")
 
 
 def parameter_map(
@@ -27,8 +36,8 @@ def parameter_map(
     **Returns:** the axes, and colours, logarithmic where values spread over a decade.
     """
     axes = axes_or_new(axes)
-    right, up = shown(dataset[x]), shown(dataset[y])
-    values, label, _ = shown(of_lanes(dataset, variable, (y, x)))
+    right, up = scaled(dataset[x]), scaled(dataset[y])
+    values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
     norm = LogNorm() if suits_logarithm(values) else Normalize()
     mesh = axes.pcolormesh(right.values, up.values, values, norm=norm, shading="nearest")
     scale_axes(axes, right.values, up.values)

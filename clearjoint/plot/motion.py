@@ -9,7 +9,7 @@ from ..fields.checks import require
 from ..simulation.observe import Observation
 from ..simulation.solution import Trajectory
 from .observed import acceleration_of, centre_of
-from .style import Window, axes_or_new, dress, inside, lines, show
+from .style import TimeSpan, axes_or_new, dress, inside, lines, show
 
 COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
 
@@ -19,7 +19,7 @@ def position(
     body: str,
     component: str = "Y",
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """One coordinate of a body's centre of mass over time (Fig. 14a).
@@ -46,7 +46,7 @@ def acceleration(
     body: str,
     component: str = "Y",
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """One component of the acceleration of a body's centre of mass over time (Fig. 14b).
@@ -76,7 +76,7 @@ def path(
     body: str,
     plane: tuple[str, str] = ("X", "Y"),
     *,
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Path of a body's centre of mass, projected on a plane of the global frame (Fig. 15).
@@ -109,7 +109,7 @@ def path(
 def _over_time(
     curves: Mapping[str, tuple[np.ndarray, np.ndarray]],
     axes: Axes | None,
-    window: Window | None,
+    window: TimeSpan | None,
     width: float = 1.5,
 ) -> Axes:
     axes = axes_or_new(axes)

@@ -1,4 +1,4 @@
-"""What there is of a body, a contact or a reaction, by names that may be wrong."""
+"""Contacts, reactions and bodies of an observation by name, with an error for a wrong one."""
 
 from collections.abc import Collection
 
@@ -10,7 +10,7 @@ from ..simulation.solution import Trajectory
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """What was observed of all contacts of a joint.
+    """Observations of all contacts of a joint, by the contact's name.
 
     **Raises:** `ValueError` that lists what there is.
     """
@@ -19,17 +19,17 @@ def contacts(observation: Observation, joint: str) -> dict[str, ContactObservati
 
 
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
-    """What was observed of one contact of a joint.
+    """Observations of one contact of a joint.
 
     **Raises:** `ValueError` that lists what there is.
     """
-    family = contacts(observation, joint)
-    _require_known("contact", label, family)
-    return family[label]
+    by_name = contacts(observation, joint)
+    _require_known("contact", label, by_name)
+    return by_name[label]
 
 
 def reaction(observation: Observation, joint: str, body: str) -> Load:
-    """What an ideal joint does to a body.
+    """Force and moment of an ideal joint on a body.
 
     **Raises:** `ValueError` that lists what there is.
     """

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 
 from .journal import clearance_circle
 from .outcomes import require_names
-from .style import BLUE, Window, axes_or_new, dress, inside
+from .style import BLUE, TimeSpan, axes_or_new, dress, inside
 
 
 def orbit(
@@ -14,7 +14,7 @@ def orbit(
     clearance: float,
     *,
     channels: tuple[str, str] = ("x", "y"),
-    window: Window | None = None,
+    window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Path of the journal's centre, or of a base, across its bearing, in the clearance circle.

@@ -1,4 +1,4 @@
-"""Which lanes of a sweep there is something to draw of, and marks for the others."""
+"""Lanes of a sweep that ran to their end, which are drawn, and marks for the others."""
 
 import numpy as np
 import xarray as xr

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
-from .labels import shown
+from .labels import scaled
 from .outcomes import ended_well, mark_failed, of_lanes, only_axis
 from .style import axes_or_new, dress, inside, next_colour
 
@@ -28,23 +28,25 @@ def convergence(
     **Arguments:**
 
     - `dataset`, `variable`, `axis`: as in `against`; failed lanes are crosses likewise.
-    - `within`: where the rate is fitted and its line drawn; over all lanes unless given.
-    - `label`, `colour`: what to call these points in front of the rate, and their colour, one that
-      the axes do not have yet unless given; pass axes already drawn to compare.
+    - `within`: values of the parameter between which the rate is fitted and its line drawn; all
+      unless given.
+    - `label`: of these points in the legend, in front of the rate.
+    - `colour`: of the points; unless given, one that the axes do not have yet.
+    - `axes`: pass those of another call to compare.
 
     **Returns:** the axes, logarithmic both ways.
     """
     axis = only_axis(dataset, axis)
     axes = axes_or_new(axes)
     colour = next_colour(axes) if colour is None else colour
-    x = shown(dataset[axis], axes.get_xlabel())
-    y = shown(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
-    chosen = inside(dataset[axis].values, within)
-    rate, factor = _power_law(x.values[chosen], y.values[chosen])
+    x = scaled(dataset[axis], axes.get_xlabel())
+    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    used = inside(dataset[axis].values, within)
+    rate, factor = _power_law(x.values[used], y.values[used])
     text = f"rate {round(rate, 2) + 0.0:.2f}"
     text = text if label is None else f"{label}: {text}"
     axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
-    ends = np.array([x.values[chosen].min(), x.values[chosen].max()])
+    ends = np.array([x.values[used].min(), x.values[used].max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
     axes.set(xscale="log", yscale="log")
     mark_failed(axes, x.values, ended_well(dataset).values, colour)
@@ -62,13 +64,13 @@ def power_law_exponent(
     **Raises:** `ValueError` for fewer than two positive values.
     """
     axis = only_axis(dataset, axis)
-    chosen = inside(dataset[axis].values, within)
+    used = inside(dataset[axis].values, within)
     values = of_lanes(dataset, variable, (axis,)).values
-    return _power_law(dataset[axis].values[chosen], values[chosen])[0]
+    return _power_law(dataset[axis].values[used], values[used])[0]
 
 
 def _power_law(places: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Exponent and factor."""
+    """Exponent and factor of the power law through positive values."""
     there = (places > 0.0) & (values > 0.0)
     require(there.sum() >= 2, "within", values, "where two values are positive", "widen it")
     exponent, logarithm = np.polyfit(np.log(places[there]), np.log(values[there]), 1)

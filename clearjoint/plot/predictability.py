@@ -8,50 +8,50 @@ from ..information.horizon import Horizon
 from .style import DARK, GREY, axes_or_new, dress, lines
 
 
-def growth(found: Horizon, *, axes: Axes | None = None) -> Axes:
+def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     """Displacements of the bodies per unit of each parameter's coordinate, and per m/s of initial
     velocity, over time; with the times beyond which a fit by a single run fails.
 
-    **Arguments:** `found`: from `horizon`.
+    **Arguments:** `horizon`: from `clearjoint.horizon`.
 
     **Returns:** the axes; time in ms, displacements in m, logarithmic.
     """
     axes = axes_or_new(axes)
-    times, labels = found.times * 1e3, [*found.information.labels, f"{DISTURBANCE}, m/s"]
+    times, labels = horizon.times * 1e3, [*horizon.information.labels, f"{DISTURBANCE}, m/s"]
     for k, (label, (colour, style)) in enumerate(zip(labels, lines(), strict=False)):
-        size = np.where(found.growth[:, k] > 0.0, found.growth[:, k], np.nan)
+        size = np.where(horizon.growth[:, k] > 0.0, horizon.growth[:, k], np.nan)
         axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=label)
-    _mark_limits(found, axes)
+    _mark_limits(horizon, axes)
     axes.set_yscale("log")
     axes.legend(frameon=False, title="displacement per unit of", loc="lower right")
     return dress(axes, "time, ms", "displacement, m")
 
 
-def integration_error(found: Horizon, *, axes: Axes | None = None) -> Axes:
+def integration_error(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     """Error of the integration over the noise, and relative error of the derivatives, over time.
 
-    **Arguments:** `found`: from `horizon`.
+    **Arguments:** `horizon`: from `clearjoint.horizon`.
 
     **Returns:** the axes; time in ms, errors logarithmic.
     """
     axes = axes_or_new(axes)
     curves = {
-        "error of the run over the noise": found.error,
-        "relative error of derivatives": found.derivative_error,
+        "error of the run over the noise": horizon.error,
+        "relative error of derivatives": horizon.derivative_error,
     }
     for (label, error), (colour, style) in zip(curves.items(), lines(), strict=False):
         there = np.where(error > 0.0, error, np.nan)
-        axes.plot(found.times * 1e3, there, color=colour, linestyle=style, label=label)
-    _mark_limits(found, axes)
+        axes.plot(horizon.times * 1e3, there, color=colour, linestyle=style, label=label)
+    _mark_limits(horizon, axes)
     axes.set_yscale("log")
     axes.legend(frameon=False, loc="lower right")
     return dress(axes, "time, ms", "error")
 
 
-def _mark_limits(found: Horizon, axes: Axes) -> None:
+def _mark_limits(horizon: Horizon, axes: Axes) -> None:
     limits = {
-        "guesses go astray": (found.convergence, DARK),
-        "integration fails": (found.numerical, GREY),
+        "guesses go astray": (horizon.convergence, DARK),
+        "integration fails": (horizon.numerical, GREY),
     }
     for label, (time, colour) in limits.items():
         if np.isfinite(time):

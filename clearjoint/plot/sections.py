@@ -1,13 +1,13 @@
 """Poincaré sections of a sweep: bifurcation diagrams."""
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
-from .labels import scale_axes, shown, tick_logarithm
+from .labels import scale_axes, scaled, tick_logarithm
 from .outcomes import ended_well, mark_failed, only_axis, require_names
 from .style import DARK, axes_or_new, dress
 
@@ -42,13 +42,13 @@ def bifurcation(
     well = ended_well(dataset)
     crossings = f"{section}_number"
     recorded = dataset[variable].where(well).transpose(*dataset[axis].dims, crossings)
-    x, y = shown(dataset[axis]), shown(recorded.rename(channel))
+    x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
     places, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
-    colours: Any = (
-        {"c": numbers, "cmap": "turbo_r", "norm": LogNorm()} if number else {"color": DARK}
-    )
-    dots = axes.scatter(places, y.values, s=3, linewidths=0, **colours)
-    if number:
+    draw = partial(axes.scatter, places, y.values, s=3, linewidths=0)
+    if not number:
+        draw(color=DARK)
+    else:
+        dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
         tick_logarithm(bar.ax.yaxis, numbers)
     scale_axes(axes, x.values, y.values)

@@ -12,7 +12,7 @@ LINES = ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-."), (PURPLE, ":"))
 """Colours (after M. Okabe and K. Ito, told apart by colour-blind people) with line styles."""
 SIZE = (6.4, 4.0)
 """Width and height of a new figure, inches."""
-Window = tuple[float, float]
+TimeSpan = tuple[float, float]
 """First and last instant to show, s."""
 
 
@@ -46,7 +46,7 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
     return axes
 
 
-def show(axes: Axes, times: np.ndarray, window: Window | None) -> np.ndarray:
+def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     """Let axes over time end at the window; which of the (N,) rising times to draw, those next to
     it included, so that curves reach its edges. All of them without one.
 
@@ -60,7 +60,7 @@ def show(axes: Axes, times: np.ndarray, window: Window | None) -> np.ndarray:
     return (number >= first) & (number <= last)
 
 
-def inside(times: np.ndarray, window: Window | None) -> np.ndarray:
+def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     """Which of the (N,) times lie in the window; all of them without one."""
     if window is None:
         return np.full(np.shape(times), True)

@@ -2,10 +2,11 @@
 
 import abc
 from collections.abc import Collection
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require
 from ..math.smoothing import norm_and_direction
@@ -50,7 +51,7 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, now: Instant) -> Scalar:
-        """The value, in scalar form."""
+        """The quantity at an instant, in the SI unit `unit`."""
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
@@ -60,11 +61,12 @@ class AbstractQuantity(eqx.Module):
         """
 
 
-def check_quantity(place: str, function: Any, scene: Scene) -> None:
-    """Check that a scene has what a quantity names; of other functions nothing is known.
+def check_quantity(place: str, function: object, scene: Scene) -> None:
+    """Check that a scene has what a quantity names. Other functions of an instant pass, since they
+    don't say what they need.
 
-    **Raises:** `ValueError` that says where the quantity stands, by `place`, and lists what there
-    is.
+    **Raises:** `ValueError` that begins with `place`, where the user passed the quantity, and lists
+    the names that the scene has.
     """
     if isinstance(function, AbstractQuantity):
         try:
@@ -73,23 +75,28 @@ def check_quantity(place: str, function: Any, scene: Scene) -> None:
             raise ValueError(f"{place}: {error}") from error
 
 
-def require_known(argument: str, name: Any, known: Collection[str]) -> None:
+def require_known(argument: str, name: str, known: Collection[str]) -> None:
     """Check that a name is one of those that a scene has."""
     expected = f"one of the scene's {sorted(known)}"
     require(name in known, argument, name, expected, "correct the name, or add it to the scene")
 
 
-def require_component(component: Any, *, magnitude: bool = False) -> None:
-    """Check for "x", "y" or "z", or ``None`` where the magnitude may be asked for."""
+def require_component(component: str | None, *, magnitude: bool = False) -> None:
+    """Check for "x", "y" or "z"; with `magnitude` also for ``None``, which stands for it."""
     allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
     require(component in allowed, "component", component, f"one of {allowed}", "name one of them")
 
 
-def numbers(values: Any) -> Any:
-    """A row of numbers as a tuple, which compares and hashes by value; ``None`` as it is."""
-    return None if values is None else tuple(np.atleast_1d(as_number(values)).tolist())
+def numbers(values: ArrayLike) -> tuple[float, ...]:
+    """A row of numbers as a tuple, which compares and hashes by value."""
+    return tuple(np.atleast_1d(as_number(values)).tolist())
+
+
+def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
+    """`numbers`, or ``None``."""
+    return None if values is None else numbers(values)
 
 
 def part(vector: Vector, component: Component | None) -> Scalar:
-    """A component, or the magnitude."""
+    """A component of a vector, or for ``None`` its magnitude."""
     return norm_and_direction(vector)[0] if component is None else getattr(vector, component)

@@ -1,7 +1,7 @@
 """Quantities of bodies and their points: what cameras, encoders and accelerometers see."""
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,7 +12,15 @@ from ..math.rotations import transverse_axes, unit
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import GROUND
 from ..model.scene import Scene
-from .base import AbstractQuantity, Component, numbers, part, require_component, require_known
+from .base import (
+    AbstractQuantity,
+    Component,
+    numbers,
+    optional_numbers,
+    part,
+    require_component,
+    require_known,
+)
 from .instant import Instant
 
 
@@ -23,7 +31,8 @@ class AbstractBodyQuantity(AbstractQuantity):
     of_ground: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
-        """The body must be there."""
+        """Check that the scene has a body of this name, or that it is the ground where the ground
+        has the quantity."""
         bodies = [GROUND, *scene.bodies] if self.of_ground else scene.bodies
         require_known("body", self.body, bodies)
 
@@ -39,7 +48,7 @@ class Position(AbstractBodyQuantity):
         require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The coordinate."""
+        """The global coordinate of the centre of mass, m."""
         return getattr(now.motions[self.body].position, self.component)
 
 
@@ -54,7 +63,7 @@ class Velocity(AbstractBodyQuantity):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The velocity."""
+        """The velocity of the centre of mass, m/s."""
         return part(now.motions[self.body].velocity, self.component)
 
 
@@ -70,14 +79,14 @@ class Acceleration(AbstractBodyQuantity):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The acceleration."""
+        """The acceleration of the centre of mass, m/s^2."""
         return part(now.dynamics.accelerations[self.body].linear, self.component)
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
     """A quantity of a point of a body; `point` is (3,) m in body axes."""
 
-    point: eqx.AbstractVar[Any]
+    point: eqx.AbstractVar[tuple[float, ...]]
 
     def __check_init__(self):
         require_point("point", self.point)
@@ -90,7 +99,7 @@ class PointPosition(AbstractPointQuantity):
     """
 
     body: str = eqx.field(static=True)
-    point: Any = eqx.field(static=True, converter=numbers)
+    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     component: Component = eqx.field(static=True)
     unit: ClassVar[str | None] = "m"
 
@@ -98,7 +107,7 @@ class PointPosition(AbstractPointQuantity):
         require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The coordinate."""
+        """The global coordinate of the point, m."""
         return getattr(now.motions[self.body].point(Vector(*self.point)), self.component)
 
 
@@ -109,7 +118,7 @@ class PointVelocity(AbstractPointQuantity):
     """
 
     body: str = eqx.field(static=True)
-    point: Any = eqx.field(static=True, converter=numbers)
+    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     component: Component | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "m/s"
 
@@ -117,7 +126,7 @@ class PointVelocity(AbstractPointQuantity):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The velocity."""
+        """The velocity of the point, m/s."""
         return part(now.motions[self.body].velocity_at(Vector(*self.point)), self.component)
 
 
@@ -135,7 +144,7 @@ class PointAcceleration(AbstractPointQuantity):
     """
 
     body: str = eqx.field(static=True)
-    point: Any = eqx.field(static=True, converter=numbers)
+    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     component: Component | None = eqx.field(default=None, static=True)
     axes: Literal["global", "body"] = eqx.field(default="global", static=True)
     gravity: bool = eqx.field(default=False, static=True)
@@ -148,7 +157,8 @@ class PointAcceleration(AbstractPointQuantity):
         require(self.axes in known, "axes", self.axes, f"one of {known}", "name one of them")
 
     def __call__(self, now: Instant) -> Scalar:
-        """That of the centre of mass, and what spin and its rate add."""
+        """The acceleration of the point, m/s^2: that of the centre of mass, and what the body's
+        spin and angular acceleration add."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
         local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
         turning = acceleration.angular.cross(local) + spin.cross(spin.cross(local))
@@ -162,21 +172,27 @@ class PointAcceleration(AbstractPointQuantity):
 class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
-    It is that of the direction's projection across the axis.
+    The direction is projected on the plane across the axis first.
 
     **Arguments:**
 
-    - `body`: its name; `about`: (3,) the axis, in global axes, any length.
-    - `reference`: (3,) global, the direction whose angle is zero; by default that of `axis` on a
-      body whose frame is parallel to the global one.
-    - `axis`: (3,) the body's direction, in its own axes; by default one across `about` on such a
-      body, so that a body that only turns about it has the angle that it has turned.
+    - `body`: its name.
+    - `about`: (3,) the fixed axis, in global axes, of any length.
+    - `axis`: (3,) the body's direction, in body axes. Unless given, one across `about` in a body
+      whose axes are parallel to the global ones, so that a body that only turns about the fixed
+      axis has the angle by which it has turned.
+    - `reference`: (3,) the direction whose angle is zero, in global axes. Unless given, it has the
+      components of `axis`.
     """
 
     body: str = eqx.field(static=True)
-    about: Any = eqx.field(static=True, converter=numbers)
-    reference: Any = eqx.field(default=None, static=True, converter=numbers)
-    axis: Any = eqx.field(default=None, static=True, converter=numbers)
+    about: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    reference: tuple[float, ...] | None = eqx.field(
+        default=None, static=True, converter=optional_numbers
+    )
+    axis: tuple[float, ...] | None = eqx.field(
+        default=None, static=True, converter=optional_numbers
+    )
     unit: ClassVar[str | None] = "rad"
     period: ClassVar[float | None] = 2.0 * math.pi
 
@@ -192,7 +208,7 @@ class Angle(AbstractBodyQuantity):
                 require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
     def __call__(self, now: Instant) -> Scalar:
-        """The angle."""
+        """The angle, rad within (-pi, pi]."""
         about = unit(Vector(*self.about))
         start, _ = transverse_axes(about)
         axis = start if self.axis is None else Vector(*self.axis)

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+
+from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.contact_events import Reaches, reaches
@@ -17,18 +18,20 @@ from ..model.scene import Scene
 
 
 class Instant:
-    """A scene at a time, in scalar form. What is not asked for is not computed.
+    """A scene at one time of a run, in scalar form. Properties are computed when they are used.
 
-    `time` s; `work[name]` integrals of the energy ledger, J. At the end of a step, `middle` is the
-    instant half-way through it. All elements go by their own names, whether or not the run has put
-    alike ones together.
+    - `time`: s. `work[name]`: integrals of the energy ledger, J.
+    - `middle`: the instant half-way through the step that ends here.
+
+    Bodies, joints and contacts have their own names, also where the run computes several alike
+    ones as a group.
     """
 
     def __init__(
         self,
         system: System,
         time: Scalar,
-        variables: Any,
+        variables: PyTree,
         memory: Memory,
         work: dict[str, Scalar],
         middle: "Callable[[], Instant] | None" = None,
@@ -39,7 +42,7 @@ class Instant:
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene with each element by itself."""
+        """The scene, groups of alike elements taken apart."""
         return self._system.ungrouped()
 
     @cached_property
@@ -49,7 +52,10 @@ class Instant:
 
     @cached_property
     def middle(self) -> "Instant":
-        """The middle of the step that ends here, by the solver's dense output."""
+        """The instant half-way through the step that ends here, by the solver's dense output.
+
+        **Raises:** `ValueError` for an instant that ends no step.
+        """
         if self._middle is None:
             raise ValueError("Only an instant that ends a step has a `middle`.")
         return self._middle()
@@ -70,18 +76,18 @@ class Instant:
 
     @cached_property
     def reaches(self) -> Reaches:
-        """How deep each contact is from where its force begins, and how fast."""
+        """Depth of each contact, m, from where its force begins, and the rate of it, m/s."""
         return by_name(reaches(self._system.scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
-        found = self._system.dynamics(self._variables, self._memory, self.time)
-        return replace(found, contact_forces=by_name(found.contact_forces))
+        solved = self._system.dynamics(self._variables, self._memory, self.time)
+        return replace(solved, contact_forces=by_name(solved.contact_forces))
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
-        """The same in absolute coordinates, where every ideal joint has its multipliers."""
+        """`dynamics` in absolute coordinates, in which every ideal joint has its multipliers."""
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics

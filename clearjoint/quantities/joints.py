@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection
-from typing import Any, ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
-from ..model.joints.base import AbstractConstraint
+from ..model.joints.base import AbstractConstraint, Motions, Row
 from ..model.joints.clearance import BASES, ClearanceJoint
 from ..model.scene import Scene
 from .base import AbstractQuantity, Component, part, require_component, require_known
@@ -18,48 +18,49 @@ from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):
-    """A quantity of one joint."""
+    """A quantity of one joint, `joint` by name."""
 
     joint: eqx.AbstractVar[str]
 
     def check(self, scene: Scene) -> None:
-        """The joint must be there."""
+        """Check that the scene has a joint of this name that has the quantity."""
         require_known("joint", self.joint, self.joints(scene))
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the scene's joints that have the quantity; all unless a subclass tells."""
+        """Names of the scene's joints that have the quantity; all unless a subclass overrides
+        it."""
         return scene.joints
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """A quantity of one contact of a joint, "V" say."""
+    """A quantity of one contact of a joint, `contact` by name, "V" say."""
 
-    contact: eqx.AbstractVar[Any]
+    contact: eqx.AbstractVar[str | None]
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Those with contacts."""
+        """Names of the joints with contacts."""
         return scene.contact_joints()
 
     def check(self, scene: Scene) -> None:
-        """The contact must be there, too."""
+        """Check that the scene has the joint, and the joint the contact."""
         super().check(scene)
         if self.contact is not None:
             require_known("contact", self.contact, scene.laws()[self.joint])
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact of a joint, or the largest of its contacts, N."""
+    """Normal force of a contact of a joint, N; without `contact` the largest of the joint's."""
 
     joint: str = eqx.field(static=True)
     contact: str | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "N"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The force."""
-        family = now.contacts[self.joint]
-        chosen = family.values() if self.contact is None else [family[self.contact]]
+        """The normal force, N."""
+        contacts = now.contacts[self.joint]
+        forces = contacts.values() if self.contact is None else [contacts[self.contact]]
         largest: Scalar = 0.0
-        for force in chosen:
+        for force in forces:
             largest = jnp.maximum(largest, force.normal_force)
         return largest
 
@@ -72,7 +73,7 @@ class FrictionForce(AbstractContactQuantity):
     unit: ClassVar[str | None] = "N"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The force."""
+        """The magnitude of the friction force, N."""
         friction = now.contacts[self.joint][self.contact].friction
         return 0.0 if friction is None else norm_and_direction(friction)[0]
 
@@ -85,7 +86,7 @@ class Penetration(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The penetration."""
+        """The penetration, m; negative in flight."""
         return now.contacts[self.joint][self.contact].contact.gap.depth
 
 
@@ -97,19 +98,20 @@ class PenetrationRate(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The rate."""
+        """The rate of the penetration, m/s; positive while the bodies approach."""
         return now.contacts[self.joint][self.contact].contact.gap.rate
 
 
 class EntrySpeed(AbstractContactQuantity):
-    """Entry speed of a contact while it lasts, m/s; zero in flight. Of a law with memory."""
+    """Speed at which a contact closed, m/s, while it lasts; zero in flight. Only contacts whose law
+    uses its entry speed have it."""
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The entry speed."""
+        """The entry speed, m/s; zero in flight."""
         return now.memory[self.joint][self.contact]
 
 
@@ -119,11 +121,12 @@ class AbstractJournalQuantity(AbstractJointQuantity):
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """The clearance joints."""
+        """Names of the clearance joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, ClearanceJoint)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """From the bearing's centre, in its frame, m."""
+        """Vector from the bearing's centre to the journal's, or to that of a base, in the bearing's
+        frame, m."""
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, ClearanceJoint)
         return joint.journal_offset(now.motions, base)
@@ -145,7 +148,7 @@ class JournalOffset(AbstractJournalQuantity):
         _require_base(self.base)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The component."""
+        """The component of the offset, m."""
         return getattr(self.offset(now, self.base), self.component)
 
 
@@ -160,7 +163,7 @@ class Eccentricity(AbstractJournalQuantity):
         _require_base(self.base)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The distance."""
+        """The distance from the bearing's axis, m."""
         offset = self.offset(now, self.base)
         return norm_and_direction(Vector(offset.x, offset.y, 0.0))[0]
 
@@ -175,7 +178,7 @@ class Multiplier(AbstractJointQuantity):
     row: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The multiplier."""
+        """The multiplier of the row, N or N m."""
         return now.dynamics.multipliers[self.joint][self.row]
 
 
@@ -195,16 +198,16 @@ class Reaction(AbstractJointQuantity):
         require_component(self.component, magnitude=True)
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """The ideal ones."""
+        """Names of the ideal joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
     def check(self, scene: Scene) -> None:
-        """The body must be one of the joint's."""
+        """Check that the scene has the joint, and that the joint holds the body."""
         super().check(scene)
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def __call__(self, now: Instant) -> Scalar:
-        """The rows' directions times their multipliers."""
+        """The force, N: the sum of the constraint rows' directions times their multipliers."""
         dynamics, force = now.absolute_dynamics, ZERO
         for label, row in dynamics.rows[self.joint].items():
             if self.body in row.jacobian:
@@ -216,9 +219,10 @@ class Reaction(AbstractJointQuantity):
 class JointAngle(AbstractJointQuantity):
     """Angle of a joint's second body about its first, rad within (-pi, pi], right-handed.
 
-    Of a revolute, cylindrical or clearance joint: about the first body's axis, zero where both
-    bodies' frames are parallel if both name the axis by the same components. Of a driver: its own.
-    A joint of one's own has it if it has a method `turn` as these.
+    - Of a revolute, cylindrical or clearance joint: about the axis in the first body. It is zero
+      where the bodies' frames are parallel, if the axis has the same components in both.
+    - Of a driver or a drive torque: the angle that it drives.
+    - Of a joint of one's own: if it has a method ``turn(motions)`` like these.
     """
 
     joint: str = eqx.field(static=True)
@@ -226,18 +230,27 @@ class JointAngle(AbstractJointQuantity):
     period: ClassVar[float | None] = 2.0 * math.pi
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Those that turn, drives among the forces included."""
-        return [name for name, element in _elements(scene).items() if hasattr(element, "turn")]
+        """Names of the joints and forces that have an angle."""
+        return _turning(scene)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The angle."""
-        return _elements(now.scene)[self.joint].turn(now.motions).value
+        """The angle, rad within (-pi, pi]."""
+        return _turning(now.scene)[self.joint].turn(now.motions).value
 
 
-def _require_base(base: Any) -> None:
+@runtime_checkable
+class _Turning(Protocol):
+    """A joint or a force that has an angle."""
+
+    def turn(self, motions: Motions) -> Row: ...
+
+
+def _require_base(base: str | None) -> None:
     known = (*BASES, None)
     require(base in known, "base", base, f"one of {known}", "name one of them")
 
 
-def _elements(scene: Scene) -> dict[str, Any]:
-    return {**scene.joints, **scene.forces}
+def _turning(scene: Scene) -> dict[str, _Turning]:
+    """The joints and forces that have an angle."""
+    elements = {**scene.joints, **scene.forces}
+    return {name: one for name, one in elements.items() if isinstance(one, _Turning)}

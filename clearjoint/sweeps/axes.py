@@ -1,12 +1,13 @@
-"""What a sweep varies, and the lanes that come of it."""
+"""Axes of a sweep, and the scenes and states of its lanes."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float, PyTree
+from numpy.typing import ArrayLike
 
 from ..dynamics.assembly import check_names
 from ..fields.cautions import quiet
@@ -28,36 +29,38 @@ from .store.notes import describe
 
 @dataclass(frozen=True, eq=False, init=False)
 class Axis:
-    """Values of a number of the scene.
+    """A number of the scene and the values that a sweep gives it.
 
     **Arguments:**
 
-    - `place`: where in the scene it is, such as ``lambda scene: scene.joints["pin"].clearance``. A
-      place that returns several numbers ties them. Or another
-      variation (`clearjoint.parametrisation.variations`).
+    - `place`: of the number, such as ``lambda scene: scene.joints["pin"].clearance``. A place that
+      returns several numbers gives all of them the same value. Or a variation
+      (`clearjoint.parametrisation.variations`).
     - `values`: (n,), in the unit of the place.
     - `unit`: a label; that of the place unless given.
 
-    `Axis.initial` takes a place in the initial state, and `Axis.change` a function that makes scene
-    and state of a value, for parameters that move several numbers, such as lengths.
+    `Axis.initial` takes a place in the initial state. `Axis.change` takes a function that makes
+    scene and state from a value, for parameters on which several numbers depend, such as lengths.
     """
 
     variation: AbstractVariation
-    values: np.ndarray
+    values: Float[np.ndarray, " n"]
 
-    def __init__(self, place: Place | AbstractVariation, values: Any, unit: str | None = None):
+    def __init__(
+        self, place: Place | AbstractVariation, values: ArrayLike, unit: str | None = None
+    ):
         variation = place if isinstance(place, AbstractVariation) else SceneNumber(place, unit)
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "values", _row(values))
 
     @staticmethod
-    def initial(place: Place, values: Any, unit: str | None = None) -> "Axis":
-        """Values of a number of the initial state."""
+    def initial(place: Place, values: ArrayLike, unit: str | None = None) -> "Axis":
+        """A number of the initial state and its values (n,)."""
         return Axis(StateNumber(place, unit), values)
 
     @staticmethod
-    def change(make: Change, values: Any, unit: str = "1") -> "Axis":
-        """Values from which ``make(scene, state, value)`` makes the lane's scene and state."""
+    def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
+        """Values (n,) from which ``make(scene, state, value)`` makes the lane's scene and state."""
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -69,11 +72,11 @@ class Axis:
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """What is varied, for a reader."""
+        """The kind of variation and its function, as text."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
-def _row(values: Any) -> np.ndarray:
+def _row(values: ArrayLike) -> np.ndarray:
     row = np.asarray(as_number(values))
     require(row.ndim == 1 and row.size > 0, "values", row, "a row of numbers", "pass shape (n,)")
     require_finite("values", row)
@@ -84,26 +87,28 @@ def _row(values: Any) -> np.ndarray:
 class Lanes:
     """The scenes and states of all lanes.
 
-    - `scene`, `state`: those of the base; `varied`: which leaves of the scene vary (booleans).
-    - `scenes`: the scene with the varied leaves only, lanes in front, ``None`` for the others;
-      `states`: all leaves, lanes in front.
-    - `bad`: message by lane of those whose values no scene can have.
+    - `scene`, `state`: those that the axes vary.
+    - `varied`: the scene with a boolean in the place of each leaf: whether it differs between
+      lanes.
+    - `scenes`: the scene with the varied leaves only, lanes in front, and ``None`` for the others.
+    - `states`: the state with all leaves, lanes in front.
+    - `bad`: the error message by lane, of lanes whose values no scene can have.
     """
 
     scene: Scene
     state: State
-    varied: Any
-    scenes: Any
-    states: Any
+    varied: PyTree[bool]
+    scenes: PyTree
+    states: PyTree
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """The joints with contacts, in scalar form; numbers that vary have the lanes' values."""
+        """The joints with contacts, in scalar form; numbers that vary are arrays (lanes,)."""
 
-        def scalar(base: Any, all_of: Any) -> Any:
-            if all_of is None:
+        def scalar(base: PyTree, in_lanes: np.ndarray | None) -> PyTree:
+            if in_lanes is None:
                 return None if base is None else unpack(np.asarray(base))
-            return Vector(*all_of.T) if all_of.shape[1:] == (3,) else all_of
+            return Vector(*in_lanes.T) if in_lanes.shape[1:] == (3,) else in_lanes
 
         names = self.scene.contact_joints()
         scenes = {name: self.scenes.joints[name] for name in names}
@@ -112,7 +117,7 @@ class Lanes:
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""
         scene = jax.tree.map(
-            lambda base, all_of: base if all_of is None else all_of[lane],
+            lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
             self.scene,
             self.scenes,
             is_leaf=lambda node: node is None,
@@ -123,11 +128,11 @@ class Lanes:
 def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
-    """Scene and state of every lane; `values[name]` are the lanes' values of each axis."""
+    """Scene and state of every lane; `values[name]` (lanes,) are those of the axis of that name."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     count = len(next(iter(values.values())))
     bad: dict[int, str] = {}
-    rows: list[list[Any]] = []
+    rows: list[list[PyTree]] = []
     base, structure = jax.tree.flatten((scene, state))
     for lane in range(count):
         here = scene, state
@@ -143,11 +148,12 @@ def lanes_of(
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
-    return _stacked(scene, state, rows, base, bad)
+    return _lanes_from_rows(scene, state, rows, base, bad)
 
 
-def touched(lanes: Lanes, axes: Mapping[str, Axis]) -> Any:
-    """Which leaves of the scene vary or would with further values, as booleans."""
+def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
+    """The scene with a boolean in the place of each leaf: whether the axes can change it, be it by
+    values that no lane has yet."""
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():
         with suppress(ValueError):
@@ -157,7 +163,7 @@ def touched(lanes: Lanes, axes: Mapping[str, Axis]) -> Any:
     )
 
 
-def _require_like(same: bool, leaves: list[Any], base: list[Any]) -> None:
+def _require_like(same: bool, leaves: list[PyTree], base: list[PyTree]) -> None:
     """Check that nothing but numbers has changed."""
     pairs = zip(leaves, base, strict=False)
     require(
@@ -169,9 +175,14 @@ def _require_like(same: bool, leaves: list[Any], base: list[Any]) -> None:
     )
 
 
-def _stacked(
-    scene: Scene, state: State, rows: Sequence[list[Any]], base: list[Any], bad: dict[int, str]
+def _lanes_from_rows(
+    scene: Scene,
+    state: State,
+    rows: Sequence[list[PyTree]],
+    base: list[PyTree],
+    bad: dict[int, str],
 ) -> Lanes:
+    """Lanes from the leaves of each lane's scene and state; `base` are those of the sweep's."""
     columns = list(zip(*rows, strict=True))
     varies = [
         any(leaf is not own and not np.array_equal(leaf, own) for leaf in column)

@@ -31,20 +31,27 @@ from concurrent.futures import (
 )
 from functools import lru_cache, partial
 from threading import Lock
-from typing import Any
-
-import numpy as np
+from typing import Protocol
 
 from ..fields.checks import require
 from ..runtime import adopt, in_force
+from .layout import LaneArrays
 from .pickling import encoded
 
-Results = dict[str, np.ndarray]
-Task = Callable[[int], Results]
+ChunkFunction = Callable[[int], LaneArrays]
+"""From the number of a chunk to its results."""
 RETRIES = 3
 """How often Dask repeats a chunk that raised an error before the sweep fails."""
 QUEUED = 2
 """Chunks handed out for each worker: one that it computes and one that it finds waiting."""
+
+
+class AbstractSubmitter(Protocol):
+    """A `concurrent.futures.Executor` or a `dask.distributed.Client`."""
+
+    def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
+        """Have a function called elsewhere; a future of its result."""
+        ...
 
 
 class ChunkError(RuntimeError):
@@ -56,7 +63,10 @@ class ChunkError(RuntimeError):
 
 
 def run_chunks(
-    task: Task, chunks: Iterable[int], executor: Any, on_done: Callable[[int, Results], None]
+    task: ChunkFunction,
+    chunks: Iterable[int],
+    executor: AbstractSubmitter,
+    on_done: Callable[[int, LaneArrays], None],
 ) -> None:
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
@@ -101,22 +111,21 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a client of Dask, and what it has to call."""
+    """An executor or a client of Dask, and the function that it calls."""
 
-    def __init__(self, executor: Any, task: Task):
+    def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
         _check(executor)
-        self._given = executor
-        self._is_client = hasattr(executor, "get_executor")
-        self._executor = (
-            executor.get_executor(pure=False, retries=RETRIES) if self._is_client else executor
-        )
+        make = getattr(executor, "get_executor", None)
+        self._threads = getattr(executor, "nthreads", None)
+        self._executor = executor if make is None else make(pure=False, retries=RETRIES)
         in_process = isinstance(executor, ThreadPoolExecutor)
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """How many chunks may be handed out at a time; a cluster's workers come and go."""
-        if self._is_client:
-            workers = sum(self._given.nthreads().values())
+        """Number of chunks that may be handed out at a time. It changes as a cluster's workers come
+        and go."""
+        if self._threads is not None:
+            workers = sum(self._threads().values())
         else:
             workers = getattr(self._executor, "_max_workers", None) or os.cpu_count() or 1
         return QUEUED * max(workers, 1)
@@ -131,7 +140,7 @@ class _Pool:
             return broken
 
 
-def _check(executor: Any) -> None:
+def _check(executor: AbstractSubmitter) -> None:
     require(
         hasattr(executor, "submit"),
         "executor",
@@ -149,8 +158,9 @@ def _check(executor: Any) -> None:
     )
 
 
-def _payload(task: Task) -> bytes:
-    """The task behind the settings under which it has to be decoded."""
+def _payload(task: ChunkFunction) -> bytes:
+    """The runtime settings and the encoded function; a worker takes over the settings before it
+    decodes the function."""
     return pickle.dumps((in_force(), encoded(task)))
 
 
@@ -158,13 +168,13 @@ _decoding = Lock()
 
 
 @lru_cache(maxsize=1)
-def _decoded(payload: bytes) -> Task:
+def _decoded(payload: bytes) -> ChunkFunction:
     values, task = pickle.loads(payload)
     adopt(values)
     return pickle.loads(task)
 
 
-def _call(payload: bytes, chunk: int) -> Results:
+def _call(payload: bytes, chunk: int) -> LaneArrays:
     """Compute a chunk in a worker, one thread of which decodes the task for all."""
     with _decoding:
         task = _decoded(payload)
@@ -177,8 +187,8 @@ def _call(payload: bytes, chunk: int) -> Results:
 
 
 def _travels(error: Exception) -> bool:
-    """Whether an error arrives whole: one of a script's class, or one made of several arguments,
-    may not, and its arrival then breaks a pool of processes."""
+    """Whether an error can be pickled and unpickled. Where it can't, as with classes of a script or
+    constructors of several arguments, its arrival would break a pool of processes."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

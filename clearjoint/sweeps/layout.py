@@ -1,4 +1,4 @@
-"""What a sweep produces, known before it runs, and its results with labels.
+"""Shape and labels of a sweep's results, known before it runs, and the results with these labels.
 
 A sweep's lanes are numbered. Its axes give each lane its values: all combinations of them, the last
 axis fastest, or one value of each ("zipped"). Lanes are computed and stored in chunks of equal size
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_count, require_finite, require_names
 
@@ -19,18 +20,21 @@ LANE = "lane"
 RESULT = "result"
 PENDING = -1
 """Result code of a lane that has not been computed."""
+LaneArrays = dict[str, np.ndarray]
+"""Results of a lane, or of several with lanes in front, by variable."""
+Note = str | int | float | bool
 
 
 class Coordinate(NamedTuple):
     """Labels along a dimension: `values` (n,), numbers or texts, in `unit` ("1" if none)."""
 
     name: str
-    values: Any
+    values: np.ndarray
     unit: str = "1"
 
     @property
     def attributes(self) -> dict[str, str]:
-        """The unit, of numbers, by the CF conventions."""
+        """The attribute "units" of the CF conventions, for numbers; none for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
@@ -49,10 +53,10 @@ class Variable(NamedTuple):
     attrs: Mapping[str, Any] = {}
 
     @property
-    def fill(self) -> Any:
-        """The value of what has not been computed."""
-        kind = np.dtype(self.dtype).kind
-        return {"b": False, "i": PENDING}.get(kind, np.nan)
+    def fill(self) -> bool | int | float:
+        """The value that stands for what has not been computed."""
+        fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
+        return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -71,11 +75,12 @@ class Layout:
     - `variables`: what is computed, by name. One is ``"result"``: a signed integer for each lane,
       zero or positive. Its presence marks a chunk as done.
     - `coordinates`: labels of the variables' own dimensions.
-    - `settings`: whatever else decides the numbers; texts, numbers and truth values. Infinities
-      and NaN, which JSON lacks, become texts.
-    - `zipped`: whether the axes run side by side and have one length, the number of lanes.
-    - `notes`: texts, numbers and truth values that tell a reader what was run. They decide nothing:
-      other names of functions, say, make no other sweep.
+    - `settings`: what else the numbers depend on: texts, numbers and truth values by name.
+      Infinities and NaN, which JSON lacks, become texts.
+    - `zipped`: whether lanes take the axes' values side by side, all axes equally long, and not all
+      combinations.
+    - `notes`: texts, numbers and truth values for readers. Sweeps that differ in these only are the
+      same: say, in the name of a function.
 
     **Raises:** `ValueError` if these don't fit together.
     """
@@ -84,9 +89,9 @@ class Layout:
     chunk: int
     variables: Mapping[str, Variable]
     coordinates: tuple[Coordinate, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Note] = field(default_factory=dict)
     zipped: bool = False
-    notes: Mapping[str, Any] = field(default_factory=dict)
+    notes: Mapping[str, Note] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in ("settings", "notes"):
@@ -142,12 +147,12 @@ class Layout:
 
     @property
     def lanes(self) -> int:
-        """Number of lanes."""
+        """Number of lanes of the whole sweep."""
         return int(np.prod(self.shape))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks."""
+        """Number of chunks, the last of which may be shorter."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
@@ -168,19 +173,22 @@ class Layout:
             for name, v in self.variables.items()
         }
 
-    def checked(self, lanes: int, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        """The results of so many lanes, found to have the names, shapes and types announced."""
+    def checked(self, lanes: int, arrays: Mapping[str, ArrayLike]) -> LaneArrays:
+        """The results of so many lanes.
+
+        **Raises:** `ValueError` unless they have the names, shapes and types of the variables.
+        """
         expected = set(self.variables)
         require(set(arrays) == expected, "arrays", sorted(arrays), str(sorted(expected)), "rename")
-        found = {name: np.asarray(arrays[name]) for name in self.variables}
+        results = {name: np.asarray(arrays[name]) for name in self.variables}
         for name, variable in self.variables.items():
-            shape, given = (lanes, *variable.shape), found[name]
-            same = given.shape == shape and given.dtype == np.dtype(variable.dtype)
-            what, wanted = f"{given.dtype}{given.shape}", f"{variable.dtype}{shape}"
-            require(same, f"arrays: {name}", what, wanted, "return what the layout announces")
-        codes = found[RESULT]
+            shape, array = (lanes, *variable.shape), results[name]
+            same = array.shape == shape and array.dtype == np.dtype(variable.dtype)
+            actual, announced = f"{array.dtype}{array.shape}", f"{variable.dtype}{shape}"
+            require(same, f"arrays: {name}", actual, announced, "return what the layout announces")
+        codes = results[RESULT]
         require(bool((codes >= 0).all()), "arrays: result", codes, "codes >= 0", "-1 is pending")
-        return found
+        return results
 
 
 def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
@@ -206,17 +214,17 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
     return xr.Dataset(data, coordinates, {**layout.settings, **layout.notes})
 
 
-def check_array_names(argument: str, given: Mapping[str, Any], remedy: str) -> None:
+def check_array_names(argument: str, by_name: Mapping[str, object], remedy: str) -> None:
     """Check for a dictionary whose names can be those of arrays in a store's folder."""
-    require_names(argument, given, remedy)
-    for name in given:
+    require_names(argument, by_name, remedy)
+    for name in by_name:
         fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
         expected = 'named without a slash, and with neither "." nor "__" in front'
         require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:
-    """Its values as an array of numbers, or of texts of fixed length."""
+    """The coordinate with its values as an array of numbers, or of texts of fixed length."""
     name, values, unit = coordinate
     values = np.asarray(values)
     if values.dtype.kind in "bif":
@@ -236,7 +244,7 @@ def _with_pending(code: Variable) -> Variable:
     return code._replace(attrs={**code.attrs, **flags})
 
 
-def _setting(name: str, value: Any) -> str | int | float | bool:
+def _setting(name: str, value: Any) -> Note:
     if isinstance(value, np.generic):
         value = value.item()
     plain = isinstance(value, str | int | float | bool)

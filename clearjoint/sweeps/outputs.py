@@ -1,10 +1,10 @@
-"""What a sweep keeps of each lane beside reductions: states at chosen times, and sections."""
+"""Outputs of a sweep beside reductions: quantities at chosen times, and Poincaré sections."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
@@ -29,7 +29,7 @@ class Saved:
     - `channels`: quantity and unit by name.
     """
 
-    times: Any
+    times: ArrayLike | Callable[[Scene], ArrayLike]
     channels: Channels
 
     def __post_init__(self) -> None:
@@ -40,10 +40,9 @@ class Saved:
         _check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
-        """The times of a lane."""
-        times = self.times(scene) if isinstance(self.times, Callable) else self.times
-        times = np.asarray(times)
-        times = times if times.dtype.kind == "f" else np.asarray(as_number(times))
+        """The times of a lane, (K,) s."""
+        chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
+        times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
         require(
             fine and bool((np.diff(times) >= 0).all()),

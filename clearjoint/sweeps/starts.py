@@ -1,7 +1,6 @@
 """Whether the lanes of a sweep can begin: what `simulate` checks of its initial state."""
 
 from dataclasses import replace
-from typing import Any
 
 from ..dynamics.assembly import is_assembled, require_certain, require_freedom
 from ..dynamics.constraint_report import constraint_reports
@@ -10,12 +9,13 @@ from .axes import Lanes
 
 
 def checked_starts(
-    lanes: Lanes, start_time: Any, coordinates: AbstractCoordinates
+    lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
 ) -> tuple[Lanes, bool]:
-    """The lanes, where those are bad too whose constraints nearly depend on each other; and whether
-    constraints depend on each other in any lane that runs.
+    """The lanes with those marked as bad whose constraints are nearly redundant, so that they can't
+    be told from redundant ones; and whether any lane that runs has redundant constraints.
 
-    A lane that is not assembled gets a result code of its own where it begins.
+    Lanes that are not assembled are not judged here: their runs end with a result code of their
+    own.
 
     **Raises:** `ValueError` if nothing is left to move.
     """

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
-from typing import Any
 
 import diffrax
 import jax
@@ -31,9 +30,9 @@ from ..simulation.dense_output import require_dense
 from ..simulation.method import Scheme, make_formulation, make_scheme
 from ..simulation.run_checks import check_precision, check_values
 from ..simulation.spans import checked_times
-from .axes import Axis, Lanes, lanes_of, touched
-from .executors import run_chunks
-from .layout import RESULT, Coordinate, Layout, check_array_names
+from .axes import Axis, Lanes, lanes_of, variable_leaves
+from .executors import AbstractSubmitter, run_chunks
+from .layout import RESULT, Coordinate, LaneArrays, Layout, check_array_names
 from .outputs import Output, Saved, Section, check_outputs
 from .progress import lane_progress
 from .starts import checked_starts
@@ -42,7 +41,7 @@ from .store.notes import describe, number_notes, structure_note, versions
 from .store.program import RUN, programs
 from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
-from .work import Chunks, Results, Work, joined
+from .work import Chunks, Device, Work, joined
 
 CHUNK = 256
 
@@ -56,8 +55,8 @@ def sweep(
     *,
     zipped: bool = False,
     path: str | PathLike | None = None,
-    executor: Any = None,
-    devices: Sequence[Any] | None = None,
+    executor: AbstractSubmitter | None = None,
+    devices: Sequence[Device] | None = None,
     chunk: int = CHUNK,
     start_time: float = 0.0,
     rtol: float = 1e-6,
@@ -145,14 +144,16 @@ def sweep(
     formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
     scheme = make_scheme(solver, controller, formulation, landing_tolerance, rtol, atol)
     common = _common(lanes, scheme, outputs, start_time, max_steps)
-    tasks = _tasks(lanes, end_time, start_time, first_step, outputs.get(common.saved))
+    saved = outputs.get(common.saved)
+    saved = saved if isinstance(saved, Saved) else None
+    tasks = _tasks(lanes, end_time, start_time, first_step, saved)
     if path is None:
         trace, store = None, SweepMemory(layout)
     else:
         trace = _trace(common, axes, lanes)
-        found = trace()
-        common = replace(common, programs=tuple(found.items()))
-        store = SweepStore.open(path, layout, _identity(found, common, lanes, tasks))
+        digests = trace()
+        common = replace(common, programs=tuple(digests.items()))
+        store = SweepStore.open(path, layout, _identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     _compute(work, store, trace, executor, devices, progress)
     results = store.dataset()
@@ -164,7 +165,7 @@ def sweep(
 def _common(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
-    """What the lanes share: how they are run, and what is kept of them."""
+    """What the lanes share: how they are run, and which outputs they have."""
     saved = next((name for name, o in outputs.items() if isinstance(o, Saved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
@@ -196,7 +197,7 @@ def _check_axes(axes: Mapping[str, Axis]) -> None:
 
 def _lane_notes(lanes: Lanes, axes: Mapping[str, Axis]) -> dict[str, str]:
     """What the lanes have in common, and what makes them differ."""
-    states = jax.tree.map(lambda all_of: bool((all_of != all_of[0]).any()), lanes.states)
+    states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     return {
         **{f"axis {name}": axis.described() for name, axis in axes.items()},
         "structure": structure_note(lanes.scene),
@@ -206,27 +207,35 @@ def _lane_notes(lanes: Lanes, axes: Mapping[str, Axis]) -> dict[str, str]:
 
 
 def _trace(common: Common, axes: Mapping[str, Axis], lanes: Lanes) -> Callable[[], dict[str, str]]:
-    """A function that tells what the lanes run, in the process that calls it."""
-    form = structured(lanes.scene, touched(lanes, axes))
+    """A function that returns digests of the programs that the lanes run, as the process that calls
+    it traces them."""
+    form = structured(lanes.scene, variable_leaves(lanes, axes))
     start_time = float(common.start_time)
     return partial(programs, common.plan, form, lanes.state, start_time, common.channels)
 
 
-def _identity(found: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:
-    """By what the store knows the sweep."""
+def _identity(
+    of_programs: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task
+) -> Identity:
+    """Digests by which a store recognises the sweep."""
     digests = {RUN: run_digests(lanes, tasks)}
     if tasks.save_at is not None:
         digests[common.saved] = row_digests([tasks.save_at])
-    return Identity(found, digests)
+    return Identity(of_programs, digests)
 
 
 def _tasks(
-    lanes: Lanes, end_time: Any, start_time: float, first_step: float | None, saved: Any
+    lanes: Lanes,
+    end_time: float | Callable[[Scene], float],
+    start_time: float,
+    first_step: float | None,
+    saved: Saved | None,
 ) -> Task:
+    """What each lane has for itself: scene, state, end, first step and times to save at."""
     count = len(jax.tree.leaves(lanes.states)[0])
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
-    ends = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
-    ends = np.asarray(ends, dtype=float)
+    given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
+    ends = np.asarray(given, dtype=float)
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     require(
         not wrong.size,
@@ -244,7 +253,7 @@ def _tasks(
 def _save_times(
     saved: Saved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
 ) -> np.ndarray | None:
-    """(lanes, K) s."""
+    """Times (lanes, K), s, at which to save; ``None`` if nothing is to be saved."""
     if saved is None:
         return None
     rows = [saved.at(scene) for scene in scenes]
@@ -258,27 +267,27 @@ def _compute(
     work: Work,
     store: SweepMemory | SweepStore,
     trace: Callable[[], Mapping[str, str]] | None,
-    executor: Any,
-    devices: Sequence[Any] | None,
+    executor: AbstractSubmitter | None,
+    devices: Sequence[Device] | None,
     progress: bool,
 ) -> None:
-    """Run what the store lacks."""
+    """Run the lanes that the store lacks, and write their results to it."""
     missing = store.missing()
     left = sum(map(len, missing.values()))
     with lane_progress(len(work), len(work) - left, progress) as bar:
         if executor is not None:
 
-            def on_done(chunk: int, results: Results) -> None:
+            def on_done(chunk: int, results: LaneArrays) -> None:
                 store.write(chunk, missing[chunk], results)
                 bar.update(len(missing[chunk]))
 
             run_chunks(Chunks(work, missing, trace), missing, executor, on_done)
         elif missing:
             chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
-            collected: dict[int, dict[int, Results]] = {chunk: {} for chunk in missing}
+            collected: dict[int, dict[int, LaneArrays]] = {chunk: {} for chunk in missing}
             done = len(work) - left
 
-            def on_ended(lane: int, results: Results) -> None:
+            def on_ended(lane: int, results: LaneArrays) -> None:
                 nonlocal done
                 done += 1
                 chunk = chunk_of[lane]

@@ -1,27 +1,28 @@
 """Names, shapes and units of what a sweep reports of its lanes."""
 
 from collections.abc import Mapping
-from typing import Any
+
+import numpy as np
 
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..results import result_numbers
 from ..simulation.batch.reductions import AbstractReduction
 from .layout import RESULT, Coordinate, Variable
-from .outputs import Saved, Section
+from .outputs import Output, Saved, Section
 from .work import FINAL, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
 
 
 def variables_of(
-    scene: Scene, outputs: Mapping[str, Any]
+    scene: Scene, outputs: Mapping[str, Output]
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
     """The variables of a sweep with the given outputs, and the labels of their dimensions."""
     variables = _always(scene)
     coordinates = [
-        Coordinate("body", list(scene.bodies)),
-        *(Coordinate(name, labels) for name, labels in LABELS.items()),
+        Coordinate("body", np.array(list(scene.bodies), dtype=str)),
+        *(Coordinate(name, np.array(labels)) for name, labels in LABELS.items()),
     ]
     for name, output in outputs.items():
         reduces = isinstance(output, AbstractReduction)
@@ -49,11 +50,9 @@ def _always(scene: Scene) -> dict[str, Variable]:
 
 
 def _reduced(name: str, output: AbstractReduction) -> dict[str, Variable]:
-    described = type(output).__name__
+    kind = type(output).__name__
     return {
-        variable_name(name, key): Variable(
-            unit=unit, description=f"{described}, {key}" if key else described
-        )
+        variable_name(name, key): Variable(unit=unit, description=f"{kind}, {key}" if key else kind)
         for key, unit in output.units().items()
     }
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..results import RESULTS, result_number
 from ..runtime import busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
 from ..simulation.batch.scheduler import Batch, Ended
-from .layout import RESULT, Variable
+from .layout import RESULT, LaneArrays, Variable
 
 ON_CPU = Extent(pool=256, places=64)
 ON_ACCELERATOR = Extent(pool=8192, places=8192)
@@ -20,17 +20,26 @@ FINAL = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-Results = dict[str, np.ndarray]
+
+
+class Device(Protocol):
+    """A device of JAX, as `jax.devices()` lists them."""
+
+    @property
+    def platform(self) -> str:
+        """The kind of device: "cpu", "gpu" or "tpu"."""
+        ...
 
 
 @dataclass(frozen=True)
 class Work:
     """All lanes of a sweep.
 
-    - `common`, `tasks`: what they share, and each one's own (host arrays, lanes in front).
+    - `common`: what the lanes share; `tasks`: what each has for itself, host arrays with lanes in
+      front.
     - `bodies`: names in the order of the variables' dimension "body".
-    - `bad`: numbers of those whose parameters no scene can have; they are not run.
-    - `variables`: what is reported of a lane.
+    - `bad`: numbers of the lanes whose parameters no scene can have; they are not run.
+    - `variables`: the results of a lane, by name.
     """
 
     common: Common
@@ -45,9 +54,9 @@ class Work:
     def run(
         self,
         lanes: Sequence[int],
-        on_ended: Callable[[int, Results], None],
+        on_ended: Callable[[int, LaneArrays], None],
         *,
-        devices: Sequence[Any] | None = None,
+        devices: Sequence[Device] | None = None,
         on_progress: Callable[[float], None] = lambda lanes: None,
     ) -> Batch:
         """Run lanes; `on_ended` gets the number and the results of each."""
@@ -63,16 +72,16 @@ class Work:
         )
         return batch
 
-    def _refused(self, lane: int) -> Results:
+    def _refused(self, lane: int) -> LaneArrays:
         results = {name: np.full(v.shape, v.fill, v.dtype) for name, v in self.variables.items()}
         results[RESULT] = np.asarray(result_number(RESULTS.bad_parameters), np.int8)
         results["time_reached"] = np.asarray(float(self.common.start_time))
         return results
 
-    def _results(self, ended: Ended) -> Results:
+    def _results(self, ended: Ended) -> LaneArrays:
         """The results of a lane by variable; what was not recorded is NaN."""
         outcome = ended.outcome
-        results: Results = {
+        results: LaneArrays = {
             RESULT: result_number(outcome.result),
             "time_reached": outcome.time,
             "attempts": outcome.attempts,
@@ -101,42 +110,42 @@ class Work:
 class Chunks:
     """The work in chunks.
 
-    - `lanes`: numbers of those to run in each.
-    - `trace`: tells the digests of the programs that this process would run; unless they are those
-      of `work`, it runs other code than the process that made the work.
+    - `lanes`: numbers of the lanes to run, by chunk.
+    - `trace`: returns digests of the programs that this process would run. If they differ from
+      those of `work`, it has other code than the process that made the work.
     """
 
     work: Work
     lanes: Mapping[int, Sequence[int]]
     trace: Callable[[], Mapping[str, str]] | None = None
 
-    def __call__(self, chunk: int) -> Results:
+    def __call__(self, chunk: int) -> LaneArrays:
         """The results of a chunk's lanes, computed on this process's devices.
 
         **Raises:** `RuntimeError` in a process that runs other code.
         """
         self._require_same_code()
-        found: dict[int, Results] = {}
-        self.work.run(self.lanes[chunk], lambda lane, results: found.update({lane: results}))
-        return joined([found[lane] for lane in self.lanes[chunk]])
+        by_lane: dict[int, LaneArrays] = {}
+        self.work.run(self.lanes[chunk], lambda lane, results: by_lane.update({lane: results}))
+        return joined([by_lane[lane] for lane in self.lanes[chunk]])
 
     def _require_same_code(self) -> None:
         expected = self.work.common.programs
-        if self.trace is None or expected in _seen:
+        if self.trace is None or expected in _own_programs:
             return
         if tuple(self.trace().items()) != expected:
             raise RuntimeError(
                 "This worker would run other code than the process that made the sweep, for "
                 "example since a file was edited meanwhile: start both anew."
             )
-        _seen.add(expected)
+        _own_programs.add(expected)
 
 
-_seen: set[tuple[tuple[str, str], ...]] = set()
-"""Programs that this process has traced too."""
+_own_programs: set[tuple[tuple[str, str], ...]] = set()
+"""Digests of programs that this process has traced and found to be its own."""
 
 
-def extent(devices: Sequence[Any] | None = None) -> Extent:
+def extent(devices: Sequence[Device] | None = None) -> Extent:
     """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
     return ON_CPU if (devices or busy_devices())[0].platform == "cpu" else ON_ACCELERATOR
 
@@ -146,6 +155,6 @@ def variable_name(output: str, key: str) -> str:
     return f"{output}_{key}" if key else output
 
 
-def joined(results: Sequence[Results]) -> Results:
-    """Results of several lanes, lanes in front."""
+def joined(results: Sequence[LaneArrays]) -> LaneArrays:
+    """LaneArrays of several lanes, lanes in front."""
     return {name: np.stack([lane[name] for lane in results]) for name in results[0]}

@@ -10,9 +10,10 @@ from scipy import stats
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
-from clearjoint.identification.fit import Search, Window
 from clearjoint.identification.levenberg_marquardt import Iteration
-from clearjoint.identification.residuals import Evaluated
+from clearjoint.identification.residuals import RunMisfit
+from clearjoint.identification.searches import Search, WindowSearch
+from clearjoint.information import fisher_information as information
 
 COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)
@@ -33,7 +34,7 @@ def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.
     series = cj.Series(cj.quantities.Position("arm 2", "x"), TIMES, data, noise)
     measurements = cj.Measurements({"laser": series})
     jacobian = columns / noise if jacobian is None else jacobian
-    best = Evaluated(
+    best = RunMisfit(
         at,
         (predicted - data) / noise,
         jacobian,
@@ -43,7 +44,7 @@ def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.
         10,
     )
     iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
-    search = Search(at, (Window(2.0, (iteration,), ending),), best)
+    search = Search(at, (WindowSearch(2.0, (iteration,), ending),), best)
     units = {name: p.variation.unit for name, p in parameters.items()}
     scene, state = cj.double_pendulum()
     return cj.Fit(scene, state, parameters, units, measurements, (search,), search)
@@ -157,7 +158,7 @@ def test_covariance_is_the_inverse_of_the_information():
     found = statistics.covariance(jacobian)
     deviations = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
-        found / np.outer(deviations, deviations), statistics.correlation(expected), atol=1e-9
+        found / np.outer(deviations, deviations), information.correlation(expected), atol=1e-9
     )
 
 

@@ -13,13 +13,13 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint.identification.identify import _held
+from clearjoint.identification.identify import _with_prior
 from clearjoint.identification.residuals import (
     UNREACHED,
-    evaluate,
     experiment,
     predictions,
     residuals,
+    run_misfit,
     samples,
 )
 from clearjoint.parametrisation.parameter import coordinates_of
@@ -107,9 +107,9 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
 def test_jacobian_is_that_of_the_residuals(problem):
     """Central differences of the residuals themselves, and JAX's rule."""
     runs, data, at = problem
-    found = evaluate(runs, data, END, at)
+    found = run_misfit(runs, data, END, at)
     for k, step in enumerate(1e-4 * np.eye(3)):
-        ahead, behind = (evaluate(runs, data, END, at + s).residuals for s in (step, -step))
+        ahead, behind = (run_misfit(runs, data, END, at + s).residuals for s in (step, -step))
         difference = (ahead - behind) / 2e-4
         size = np.abs(found.jacobian[:, k]).max()
         assert np.abs(difference - found.jacobian[:, k]).max() < 1e-4 * size
@@ -123,7 +123,7 @@ def test_jacobian_is_that_of_the_residuals(problem):
 @pytest.mark.slow
 def test_gradient_and_batches(problem):
     runs, data, at = problem
-    found = evaluate(runs, data, END, at)
+    found = run_misfit(runs, data, END, at)
 
     def cost(u):
         return 0.5 * jnp.sum(residuals(u, runs, data, END) ** 2)
@@ -137,12 +137,12 @@ def test_gradient_and_batches(problem):
 def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     runs, data, at = problem
     stopped = eqx.tree_at(lambda r: r.max_steps, runs, jnp.asarray(300, int))
-    found = evaluate(stopped, data, END, at)
+    found = run_misfit(stopped, data, END, at)
     assert found.result == cj.RESULTS.max_steps_reached and 0.0 < found.time < END
     late = np.tile(np.asarray(runs.times) > found.time, 2) & (data.weights.ravel() > 0.0)
     assert late.any() and np.all(found.residuals[late] == UNREACHED)
     assert np.all(found.jacobian[late] == 0.0) and np.all(np.isfinite(found.jacobian))
-    whole = evaluate(runs, data, END, at)
+    whole = run_misfit(runs, data, END, at)
     np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
 
     failing = fitted(draws[0], integration=cj.Integration(max_steps=300), max_iterations=3)
@@ -201,8 +201,8 @@ def test_windows_hold_to_where_they_began(problem):
     """As one more measurement of each coordinate, with the stride for noise."""
     runs, data, at = problem
     centre, strides = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
-    plain = evaluate(runs, data, END, at)
-    held = _held(partial(evaluate, runs, data, END), centre, strides, at)
+    plain = run_misfit(runs, data, END, at)
+    held = _with_prior(partial(run_misfit, runs, data, END), centre, strides, at)
     np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
     np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
     np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)

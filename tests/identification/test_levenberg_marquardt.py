@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint.identification.levenberg_marquardt import decrement, search
+from clearjoint.identification.levenberg_marquardt import decrement, search_with_damping
 from clearjoint.identification.residuals import UNREACHED
 
 TIMES = np.linspace(0.0, 3.0, 31)
@@ -15,7 +15,7 @@ FREE = np.full(2, np.inf)
 
 
 @dataclass
-class Evaluation:
+class LinearisedMisfit:
     coordinates: np.ndarray
     residuals: np.ndarray
     jacobian: np.ndarray
@@ -25,7 +25,7 @@ def decay(at, data=0.0):
     """Residuals of amplitude times exp(-rate * t), in the logarithms of both."""
     amplitude, rate = np.exp(at)
     curve = amplitude * np.exp(-rate * TIMES)
-    return Evaluation(
+    return LinearisedMisfit(
         at, 100.0 * (curve - data), 100.0 * np.column_stack([curve, -rate * TIMES * curve])
     )
 
@@ -37,7 +37,9 @@ def noisy():
 
 def run(evaluate, start, strides=FREE, tolerance=1e-6, limit=100):
     told = []
-    found = search(evaluate, np.array(start, float), strides, tolerance, limit, told.append)
+    found = search_with_damping(
+        evaluate, np.array(start, float), strides, tolerance, limit, told.append
+    )
     assert tuple(told) == found[1]
     return found
 
@@ -56,7 +58,7 @@ def test_units_of_the_coordinates_do_not_matter():
 
     def scaled(at):
         found = decay(at / units, data)
-        return Evaluation(at, found.residuals, found.jacobian / units)
+        return LinearisedMisfit(at, found.residuals, found.jacobian / units)
 
     start = np.log([0.3, 6.0])
     plain, other = run(lambda at: decay(at, data), start), run(scaled, start * units)
@@ -94,7 +96,7 @@ def test_endings():
 
     def lying(at):
         found = decay(at, data)
-        return Evaluation(at, found.residuals, -found.jacobian)
+        return LinearisedMisfit(at, found.residuals, -found.jacobian)
 
     best, iterations, ending = run(lying, np.log([0.3, 6.0]))
     assert ending is cj.Ending.STALLED
@@ -107,7 +109,7 @@ def test_a_parameter_without_effect_stays_where_it_is():
 
     def one(at):
         found = decay(np.array([at[0], np.log(1.5)]), data)
-        return Evaluation(at, found.residuals, found.jacobian * [1.0, 0.0])
+        return LinearisedMisfit(at, found.residuals, found.jacobian * [1.0, 0.0])
 
     best, _, ending = run(one, [0.0, 7.0])
     assert ending is cj.Ending.CONVERGED and best.coordinates[1] == 7.0

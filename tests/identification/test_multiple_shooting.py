@@ -87,7 +87,7 @@ def test_boundaries_that_cut_nothing_are_refused(boundaries):
 def test_a_window_out_of_reach_is_reached_in_halves(monkeypatch):
     arguments = *_oscillator(), _measured(), PARAMETERS, CUTS
     ends = []
-    real = multiple_shooting.search
+    real = multiple_shooting.search_in_whole_steps
 
     def first_fails(evaluate, at, tolerance, most, tell):
         found, iterations, ending = real(evaluate, at, tolerance, most, tell)
@@ -96,7 +96,7 @@ def test_a_window_out_of_reach_is_reached_in_halves(monkeypatch):
         last = dataclasses.replace(iterations[-1], decrement=2.0) if far else iterations[-1]
         return found, (*iterations[:-1], last), ending
 
-    monkeypatch.setattr(multiple_shooting, "search", first_fails)
+    monkeypatch.setattr(multiple_shooting, "search_in_whole_steps", first_fails)
     pieces = cj.identify_by_shots(*arguments, progress=False)
     reached = [window.end_time for window in pieces.fit.best.windows]
     assert reached == pytest.approx([0.7, 1.4, 1.05, 1.4, 2.2, 3.0])
@@ -112,7 +112,7 @@ def _valley(at):
 
 def test_whole_steps_leave_a_steep_valley_and_come_back():
     """By hand: the first step goes to x = 1 and leaves the valley, the second goes back to it."""
-    found, iterations, ending = gauss_newton.search(
+    found, iterations, ending = gauss_newton.search_in_whole_steps(
         _valley, np.array([-1.2, 1.44]), 1e-6, 20, lambda one: None
     )
     assert ending is cj.Ending.CONVERGED
@@ -127,7 +127,7 @@ def test_a_search_returns_to_the_best_where_steps_lead_nowhere():
         value = 1e3 * np.sqrt(np.abs(at))
         return Found(np.array(at), value, np.diag(0.5 * value / at))
 
-    found, iterations, ending = gauss_newton.search(
+    found, iterations, ending = gauss_newton.search_in_whole_steps(
         root, np.array([1.0]), 1e-3, 300, lambda one: None
     )
     assert ending is cj.Ending.CONVERGED

@@ -118,9 +118,9 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
                 for s in (step, -step)
             ]
             closed |= (near[0] < near[1] * (1.0 - 1e-9)) & (near[0] > 1.0)
-        assert (closed == guess.closed).mean() > 0.98
-        assert guess.since == (found.times[guess.closed.argmax()] if closed.any() else np.inf)
-    assert 0.02 < np.mean([guess.closed for guess in found.guesses]) < 0.98
+        assert (closed == guess.blocked).mean() > 0.98
+        assert guess.since == (found.times[guess.blocked.argmax()] if closed.any() else np.inf)
+    assert 0.02 < np.mean([guess.blocked for guess in found.guesses]) < 0.98
 
 
 def test_ways_of_an_oscillation():
@@ -132,7 +132,7 @@ def test_ways_of_an_oscillation():
         return np.cumsum((1e3 * (np.sin(w * times) - np.sin(true * times))) ** 2)
 
     w = true + off
-    here = ways.closed(
+    here = ways.blocked(
         {"x": 1e3 * np.sin(true * times)},
         {"x": 1e3 * np.sin(w * times)},
         {"x": 1e3 * off * times * np.cos(w * times)},
@@ -148,7 +148,7 @@ def test_ways_of_an_oscillation():
 def test_a_run_that_fails_closes_the_way():
     times = np.linspace(0.1, 1.0, 10)
     short = {"x": 1.1 * times[:4]}
-    closed = ways.closed({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
+    closed = ways.blocked({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
     assert closed.tolist() == [False] * 4 + [True] * 6
 
 

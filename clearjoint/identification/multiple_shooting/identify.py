@@ -1,19 +1,18 @@
-"""Multiple shooting: records too long for a single run.
+"""Multiple shooting: fits of records that are too long for a single run.
 
-Small errors of a guess grow from impact to impact, until the run meets other impacts than the data
-tell of, and least squares lead astray. So the record is cut into windows, each short enough to be
-followed, with starts of their own that are estimated too. H. G. Bock, *Recent advances in parameter
-identification techniques for ODE* (1983).
+Small errors of a guess grow from impact to impact, until the run meets other impacts than the
+measured motion, and least squares lead astray. So the record is cut into windows, each short enough
+for a run to follow the data, and the states at the starts of the windows are estimated as well.
+H. G. Bock, *Recent advances in parameter identification techniques for ODE* (1983).
 
-The motion grows window by window. The first one is fitted by itself, like a short record. Each
-further one begins where the one before leads, so that there is no gap at first, and its own samples
-say little new: a few iterations bring all windows together to the data again, while their ends stay
-tied as closely as in the end. What one is tempted to do instead, to let all windows follow the data
-by themselves and to tie them afterwards, ends where neighbours have met different impacts. A window
-that can't be reached in one go is reached in halves. Windows meet in flight: a start that may or
-may not touch makes the misfit jump.
+Windows are added one by one. The first one is fitted by itself, like a short record. Each further
+one begins at the end of the run of the one before, so that there is no gap at first, and a few
+iterations fit all windows so far, their ends tied from the outset. (Where all windows are first
+fitted by themselves and tied afterwards, neighbours may have met different impacts, and the search
+stalls.) If the search ends far off, the window is approached in halves. Windows meet in flight: a
+start that may or may not touch makes the misfit jump.
 
-Ties weigh a thousand times as much as samples, so steps are whole ones of Gauss and Newton
+Ties weigh a thousand times as much as samples, so the search takes whole Gauss-Newton steps
 (`gauss_newton`).
 """
 
@@ -22,6 +21,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+from jaxtyping import Float
 
 from ...fields.checks import require_count, require_positive
 from ...measurements.series import Measurements
@@ -29,33 +29,36 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
 from ...simulation.settings import Integration
-from ..fit import Fit, Search, Window
-from ..gauss_newton import search
-from ..identify import Tell, TellOf, shown
+from ..fit import Fit
+from ..gauss_newton import search_in_whole_steps
+from ..identify import OnFitIteration, OnIteration, iteration_callback
+from ..searches import Search, WindowSearch
 from ..starts import Guess, start_coordinates
-from .problem import AllEvaluated, Shooting
+from .problem import Shooting, WindowsMisfit
 
 BEFORE_LAST = 0.1
-"""Tolerance, in standard deviations, of what is not fitted for the last time."""
+"""Tolerance, in standard deviations, of all searches but the last."""
 FAR = 1.0
-"""Gauss-Newton step, in standard deviations, with which a further window had better not begin."""
+"""Length of the Gauss-Newton step, in standard deviations, from which on a search has ended too far
+off for a further window to begin."""
 HALVINGS = 1
-"""How often the way to the end of a window is halved if the search for it ends so far off."""
+"""How often the part that a search adds to the last window is halved if it ends so far off."""
 
 
 @dataclass(frozen=True)
 class ShootingFit:
-    """A fit by windows.
+    """A fit by multiple shooting.
 
-    - `fit`: estimates and what they are worth, as of a single run; its chi squared counts the gaps.
-    - `boundaries`: (K,) s, where the windows meet.
-    - `gaps`: (K, d) differences of the variables and entry speeds there, in m and rad, m/s and
-      rad/s: what is left of them shows how far the pieces are one motion.
+    - `fit`: the estimates with their errors and tests, as from `identify`; its chi squared includes
+      the gaps.
+    - `boundaries`: (K,) s, at which windows meet.
+    - `gaps`: (K, d) jumps of the variables and entry speeds at the boundaries, in m, rad, m/s and
+      rad/s. The smaller they are, the better the windows make up one motion.
     """
 
     fit: Fit
-    boundaries: np.ndarray
-    gaps: np.ndarray
+    boundaries: Float[np.ndarray, " K"]
+    gaps: Float[np.ndarray, "K d"]
 
     def __str__(self) -> str:
         largest = float(np.abs(self.gaps).max())
@@ -76,23 +79,24 @@ def identify_by_shots(
     integration: Integration | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-3,
-    progress: bool | Tell = True,
+    progress: bool | OnIteration = True,
 ) -> ShootingFit:
-    """Estimate parameters and the states at the boundaries between windows.
+    """Estimate parameters, and with them the states at the boundaries between windows.
 
     **Arguments:**
 
     - `scene`, `state`, `measurements`, `parameters`, `start_time`, `guess`, `integration`,
       `max_iterations`, `tolerance`, `progress`: as in `identify`. An iteration runs all windows.
-    - `boundaries`: rising times, s, inside the record, at which windows meet: shorter ones than the
-      convergence horizon (see `horizon`), longer ones than it takes to see the state. Each is moved
-      to the sample in the later half of its window at which all contacts are farthest open. The
-      first window is fitted as a record by itself: from a guess far off fit it by `identify`, with
-      `grow`, and pass what it finds as the guess.
+    - `boundaries`: rising times, s, inside the record, at which windows meet. Windows should be
+      shorter than the convergence horizon (see `horizon`), but long enough for their samples to
+      determine the state. Each boundary is moved to the sample in the later half of its window at
+      which all contacts are farthest open. The first window is fitted as a record by itself: if
+      the guess is far off, fit that by `identify` with `grow`, and pass the estimates as the guess.
     - `continuity`: gap in m that counts as one standard deviation of a measurement; in velocities,
-      a hundred times as much in m/s. Integrate more closely than that.
+      a hundred times as much in m/s. Choose tolerances of the integration below it.
 
-    **Returns:** a `ShootingFit`; its covariance is that of the parameters, all starts estimated.
+    **Returns:** a `ShootingFit`. The covariance of the parameters allows for the starts, which are
+    estimated with them.
 
     **Raises:** `ValueError` for arguments that no fit can use.
     """
@@ -103,36 +107,37 @@ def identify_by_shots(
     problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
     at = problem.begin(row)
-    with shown(progress, parameters, 1) as tell:
-        seek = _Seek(problem, continuity, tolerance, max_iterations, tell)
-        best = seek.reach(at, problem.ends[0])
+    with iteration_callback(progress, parameters, 1) as on_iteration:
+        searches = _Searches(problem, continuity, tolerance, max_iterations, on_iteration)
+        best = searches.reach(at, problem.ends[0])
         for end in problem.ends[1:]:
             problem.add(best)
-            best = seek.reach(best.coordinates, end)
-    found = problem.condensed(best)
-    whole = Search(row, tuple(seek.windows), found)
+            best = searches.reach(best.coordinates, end)
+    misfit = problem.of_parameters(best)
+    whole = Search(row, tuple(searches.windows), misfit)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    made = problem.base.made(found.coordinates)
-    fit = Fit(*made, dict(parameters), units, measurements, (whole,), whole)
+    fitted = problem.base.scene_and_state(misfit.coordinates)
+    fit = Fit(*fitted, dict(parameters), units, measurements, (whole,), whole)
     starts = [piece.start for piece in problem.pieces[1:]]
     return ShootingFit(fit, np.array(starts), best.gaps)
 
 
 @dataclass
-class _Seek:
-    """The searches, one after the other."""
+class _Searches:
+    """Searches over more and more of the record, and in `windows` how each of them went."""
 
     problem: Shooting
     continuity: float
     tolerance: float
     max_iterations: int
-    tell: TellOf
-    windows: list[Window] = field(default_factory=list)
+    on_iteration: OnFitIteration
+    windows: list[WindowSearch] = field(default_factory=list)
 
-    def reach(self, at: np.ndarray, end: float, halvings: int = HALVINGS) -> AllEvaluated:
-        """The best with the last window up to an end, s, from unknowns `at`."""
-        _, reached = self.problem.reached
-        best = self._searched(at, end)
+    def reach(self, at: np.ndarray, end: float, halvings: int = HALVINGS) -> WindowsMisfit:
+        """The best fit of all windows, the last one up to `end`, s, from unknowns `at`; in halves
+        if the search ends far off."""
+        _, reached = self.problem.last_span
+        best = self._search(at, end)
         if self.windows[-1].iterations[-1].decrement < FAR or halvings == 0:
             return best
         for until in (0.5 * (reached + end), end):
@@ -140,15 +145,15 @@ class _Seek:
             at = best.coordinates
         return best
 
-    def _searched(self, at: np.ndarray, end: float) -> AllEvaluated:
+    def _search(self, at: np.ndarray, end: float) -> WindowsMisfit:
         problem = self.problem
         problem.extend(end)
-        best, iterations, ending = search(
-            partial(problem.evaluate, size=self.continuity),
+        best, iterations, ending = search_in_whole_steps(
+            partial(problem.misfit, size=self.continuity),
             at,
             self.tolerance if end == problem.ends[-1] else max(BEFORE_LAST, self.tolerance),
             self.max_iterations,
-            lambda one: self.tell(problem.count, problem.of_parameters(one)),
+            lambda one: self.on_iteration(problem.count, problem.without_starts(one)),
         )
-        self.windows.append(Window(float(end), iterations, ending))
+        self.windows.append(WindowSearch(float(end), iterations, ending))
         return best

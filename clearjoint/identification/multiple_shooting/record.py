@@ -15,7 +15,12 @@ from ..residuals import Samples, check_start, samples
 
 @dataclass(frozen=True)
 class Piece:
-    """A window: its span, s, the times that are looked at, (T,), padded, and their samples."""
+    """A window of the record.
+
+    - `start`, `end`: s.
+    - `times`: (T,) s, those of its samples, padded by `end`; `count` of them are samples' times.
+    - `data`: the samples at these times.
+    """
 
     start: float
     end: float
@@ -24,8 +29,11 @@ class Piece:
     count: int
 
 
-class Record:
-    """The measurements, cut into windows on demand, with equally many padded times in each."""
+class DividedRecord:
+    """Measurements of which windows are cut on demand, all padded to the same number of times.
+
+    `cuts`: (K + 2,) s, the start, the boundaries that the user chose, and the last sample.
+    """
 
     def __init__(self, measurements: Measurements, boundaries: Sequence[float], start_time: float):
         self._times = measurements.times()
@@ -47,12 +55,12 @@ class Record:
         return (self._times >= start) & ((self._times < end) | last)
 
     def piece(self, start: float, end: float) -> Piece:
-        """The window from one time to another."""
+        """The window from `start` to `end`, s; the end is excluded, but for the last sample's."""
         inside = self._inside(start, end)
         count, whole = int(inside.sum()), self.data
-        padded = np.full(self._length, end)
-        padded[:count] = self._times[inside]
+        times = np.full(self._length, end)
+        times[:count] = self._times[inside]
         values, weights = (np.zeros((len(whole.periods), self._length)) for _ in range(2))
         values[:, :count], weights[:, :count] = whole.values[:, inside], whole.weights[:, inside]
         data = Samples(values, weights, whole.periods)
-        return Piece(start, end, jnp.asarray(padded), data, count)
+        return Piece(start, end, jnp.asarray(times), data, count)

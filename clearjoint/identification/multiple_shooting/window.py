@@ -1,11 +1,11 @@
-"""One window of multiple shooting: a run from a free start, and where it leads."""
+"""One window of multiple shooting: a run from a start that is estimated, and its end."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Float, PyTree
 
 from ...dynamics.contact_forces import Memory
 from ...dynamics.coordinates import AbstractCoordinates
@@ -13,7 +13,7 @@ from ...math.rotations import normalised
 from ...math.vectors import EulerParameters, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...parametrisation.parametrised_scene import AbstractFamily, ParametrisedScene
+from ...parametrisation.parametrised_scene import AbstractFamily, Coordinates, ParametrisedScene
 from ...simulation.batch.reductions import Quantity
 from ...simulation.method import Scheme
 from ...simulation.sensitivities import Sampled, followed
@@ -21,25 +21,28 @@ from ...simulation.step_state import Step
 
 
 class FreeStart(AbstractFamily):
-    """A scene over its parameters and over the state that a window starts from.
+    """A scene and the state that a window starts from as functions of all that is estimated.
 
-    `values`: (p + 2 n + m,) coordinates of the parameters; small motions and changes of speed along
-    the n speeds of the system (m, rad; m/s, rad/s), away from the `nominal` variables; logarithms
-    of the factors by which the m entry speeds differ from the nominal `memory`.
+    `values`, (p + 2 n + m,), are in this order
+
+    - the coordinates of the p parameters,
+    - displacements along the n speeds of the system, m or rad, from the `nominal` variables,
+    - changes of these speeds, m/s or rad/s,
+    - logarithms of the ratios of the m entry speeds to those in the nominal `memory`.
     """
 
-    values: Any
+    values: Coordinates
     base: ParametrisedScene
     coordinates: AbstractCoordinates
-    nominal: Any
+    nominal: PyTree
     memory: Memory
 
-    def scene(self, values: Any) -> Scene:
-        """The scene of the parameters."""
+    def scene(self, values: Coordinates) -> Scene:
+        """The scene, which depends on the parameters only."""
         return self.base.scene(values[: len(self.base.changes)])
 
-    def start(self, values: Any) -> State:
-        """The start, moved and kicked away from the nominal one."""
+    def start(self, values: Coordinates) -> State:
+        """The nominal state, displaced and with its speeds changed."""
         scene, rest = self.scene(values), list(values[len(self.base.changes) :])
         entries, structure = jax.tree.flatten(self.memory)
         factors = rest[len(rest) - len(entries) :]
@@ -51,42 +54,45 @@ class FreeStart(AbstractFamily):
         return State(bodies, jax.tree.unflatten(structure, memory))
 
 
-class Shot(eqx.Module):
-    """A window's run: what was measured on it, and variables and memory at its ends.
+class WindowRun(eqx.Module):
+    """The run of a window.
 
-    `start` and `end` are (d,) rows, with derivatives (d, P) along all of the window's unknowns.
-    `reached` holds variables and memory at the end, from which a window may start.
+    - `sampled`: the outputs at its samples.
+    - `start`, `end`: variables and memory at its ends, in a row.
+    - `start_along`, `end_along`: derivatives of these along the window's P unknowns.
+    - `final`: variables and memory at the end as the run has them, from which the next window may
+      start.
     """
 
     sampled: Sampled
-    start: jax.Array
-    start_along: jax.Array
-    end: jax.Array
-    end_along: jax.Array
-    reached: tuple[Any, Memory]
+    start: Float[jax.Array, " d"]
+    start_along: Float[jax.Array, "d P"]
+    end: Float[jax.Array, " d"]
+    end_along: Float[jax.Array, "d P"]
+    final: tuple[PyTree, Memory]
 
 
 @eqx.filter_jit
-def shot(
+def run_window(
     scheme: Scheme,
     family: AbstractFamily,
     outputs: Mapping[str, Quantity],
-    times: Any,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
-    max_steps: Any,
-) -> Shot:
-    """Run a window from its start to its end."""
-    found, first, last = followed(scheme, family, outputs, times, t0, t_end, first_step, max_steps)
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
+) -> WindowRun:
+    """Run a window from `t0` to `t_end`, s, with derivatives along all of its unknowns."""
+    run, first, last = followed(scheme, family, outputs, times, t0, t_end, first_step, max_steps)
     ends = [_row(family, step) for step in (first, last)]
-    return Shot(found, *ends[0], *ends[1], (last.y.motion, last.memory))
+    return WindowRun(run, *ends[0], *ends[1], (last.y.motion, last.memory))
 
 
 def _row(family: AbstractFamily, step: Step) -> tuple[jax.Array, jax.Array]:
     """Variables and memory in a row, Euler parameters of unit norm, and the row's derivatives."""
 
-    def row(scene: Scene, motion: Any, memory: Memory) -> tuple[jax.Array, None]:
+    def row(scene: Scene, motion: PyTree, memory: Memory) -> tuple[jax.Array, None]:
         del scene
         unit = jax.tree.map(_of_unit_norm, motion, is_leaf=_is_orientation)
         parts: list[Scalar] = jax.tree.leaves((unit, memory))
@@ -98,9 +104,9 @@ def _row(family: AbstractFamily, step: Step) -> tuple[jax.Array, jax.Array]:
     return value, derivatives.T
 
 
-def _is_orientation(node: Any) -> bool:
+def _is_orientation(node: object) -> bool:
     return isinstance(node, EulerParameters)
 
 
-def _of_unit_norm(node: Any) -> Any:
+def _of_unit_norm(node: PyTree) -> PyTree:
     return normalised(node) if _is_orientation(node) else node

@@ -108,7 +108,7 @@ class SideBySide:
 @eqx.filter_jit
 def _made(runs: Experiment, varied: Any, coordinates: np.ndarray) -> tuple[Any, Any]:
     """What varies of the scenes, and the initial states, with lanes in front."""
-    scenes, states = jax.vmap(runs.family.made)(coordinates)
+    scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from ...simulation.settings import Integration
 from .. import goodness_of_fit as statistics
-from ..fit import Search
 from ..residuals import Experiment, Samples
+from ..searches import Search
 from .misfit_curves import SideBySide
 from .screening import Screened, Screening, screen
 
