@@ -30,6 +30,7 @@ from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..results import RESULTS
 from ..simulation.batch.reductions import Quantity
 from ..simulation.method import Scheme
+from ..simulation.run_ends import default_first_step
 from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled
 from ..simulation.settings import Integration
 from ..simulation.spans import check_span, checked_times
@@ -97,7 +98,7 @@ def experiment(
         dict(outputs),
         jnp.asarray(padded(rising, end_time)),
         jnp.asarray(start_time, float),
-        jnp.asarray(1e-6 * (end_time - start_time), float),
+        jnp.asarray(default_first_step(start_time, end_time), float),
         jnp.asarray(integration.max_steps, int),
         tuple(outputs),
     )

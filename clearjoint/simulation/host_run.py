@@ -15,7 +15,8 @@ from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
-from .segments import Progress, Row, Saved, named, rewound, segment
+from .run_ends import final_result, final_state, named
+from .segments import Progress, Row, Saved, rewound, segment
 from .solution import Solution, Trajectory
 from .step_state import Step
 
@@ -34,13 +35,10 @@ class AbstractRun:
     def _solution(
         self, step: Step, saved: Trajectory | None, count: Any, steps: Any, impacts: Any
     ) -> Solution:
-        unfinished = (step.t < self._end) & (step.result == RESULTS.successful)
-        result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
-        bodies = self._scheme.unpacked(self._form).decode(step.y.motion)
         return Solution(
             step.t,
-            pack(named(State(bodies, step.memory, step.y.work))),
-            result,
+            pack(final_state(self._scheme.unpacked(self._form), step)),
+            final_result(step, self._end),
             step.attempts,
             step.accepted,
             saved,

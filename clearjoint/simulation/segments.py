@@ -11,14 +11,14 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.system import System
-from ..math.groups import by_name, gathered
-from ..math.vectors import Scalar, Structured, unpack
+from ..math.vectors import Scalar, Structured
 from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .dense_output import look_inside
 from .method import Scheme
-from .step_state import Attempt, Method, Step, Variables
-from .stepping import not_tried, running, start
+from .run_ends import begun, named, state_of
+from .step_state import Attempt, Method, Step, choose
+from .stepping import not_tried, running
 
 BLOCK_ROWS = 64
 
@@ -107,10 +107,7 @@ def begin(
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
     method, system = scheme.method, scheme.unpacked(form)
-    motion = system.encode(unpack(state.bodies))
-    y = Variables(motion, state.work if system.formulation.ledger else {})
-    memory = gathered(state.memory, system.scene.joints)
-    step = start(method, system, t0, t_end, first_step, y, memory)
+    step = begun(method, system, state, t0, t_end, first_step)
     last = record = None
     if saves:
         last = not_tried(method, system, step, t_end)
@@ -141,7 +138,7 @@ def segment(
     def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
         now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
-        state = _state(system, *look_inside(method, system, now.last, time))
+        state = state_of(system, *look_inside(method, system, now.last, time))
         return now, Saved(named(state), time <= now.step.t)
 
     return loops.each(save_next, progress, save_times)
@@ -204,7 +201,7 @@ def _run(
         tried = loops.attempt(method, system, now.step, t_end)
         last, record = now.last, now.record
         if last is not None:
-            last = jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, last)
+            last = choose(tried.kept, tried, last)
         if record is not None:
             record = record.with_row(_row(system, tried.step), tried.kept)
         return Progress(tried.step, last, record)
@@ -213,16 +210,7 @@ def _run(
 
 
 def _row(system: System, step: Step) -> Row:
-    return Row(step.t, _state(system, step.y, step.memory))
-
-
-def _state(system: System, y: Variables, memory: Any) -> State:
-    return State(system.decode(y.motion), memory, y.work)
-
-
-def named(state: State) -> State:
-    """A state of the condensed scene by the elements' own names."""
-    return State(by_name(state.bodies), by_name(state.memory), state.work)
+    return Row(step.t, state_of(system, step.y, step.memory))
 
 
 def _buffer(row: Any, length: int) -> Any:

@@ -29,10 +29,11 @@ from ..results import RESULTS
 from .batch.reductions import Quantity
 from .dense_output import corrected, look_inside
 from .method import Scheme
+from .run_ends import default_first_step, final_result
 from .settings import Integration
 from .solution import SimulationError
 from .spans import check_span, checked_times
-from .step_state import Attempt, Method, Step, Variables
+from .step_state import Attempt, Method, Step, Variables, choose
 from .stepping import attempt, not_tried, running
 from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
@@ -78,7 +79,7 @@ def followed(
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
         tried = attempt(method, system, now[0], t_end, systems)
-        return tried.step, jax.tree.map(lambda a, b: jnp.where(tried.kept, a, b), tried, now[1])
+        return tried.step, choose(tried.kept, tried, now[1])
 
     def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
         time, is_new = row
@@ -96,8 +97,7 @@ def followed(
     (step, _), (*found, reached) = jax.lax.scan(sample, (first, last), (times, is_new))
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
-    unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
-    result = RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)
+    result = final_result(step, t_end)
     sampled = Sampled(values, derivatives, reached, step.t, result, step.attempts, step.accepted)
     return sampled, first, step
 
@@ -199,7 +199,10 @@ def sensitivities(
     asked = checked_times(start_time, end_time, times, "times")
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
-    span = (jnp.asarray(t, float) for t in (start_time, end_time, 1e-6 * (end_time - start_time)))
+    span = (
+        jnp.asarray(t, float)
+        for t in (start_time, end_time, default_first_step(start_time, end_time))
+    )
     found = jax.device_get(
         sampled_compiled(
             scheme,

@@ -21,6 +21,7 @@ from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
 from .method import make_formulation, make_scheme
 from .run_checks import check_precision, check_structure, check_values
+from .run_ends import default_first_step
 from .segments import begin
 from .solution import SimulationError, Solution
 from .spans import check_span, checked_times
@@ -124,7 +125,7 @@ def simulate(
     formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
     scheme = make_scheme(solver, controller, formulation, landing_tolerance, rtol, atol)
     if first_step is None:
-        first_step = 1e-6 * (end_time - start_time)
+        first_step = default_first_step(start_time, end_time)
     record = (record_steps or record_impacts) and not traced
     form = structured(scene)
     now = begin_compiled(

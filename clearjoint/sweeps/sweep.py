@@ -29,6 +29,7 @@ from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.dense_output import require_dense
 from ..simulation.method import Scheme, make_formulation, make_scheme
 from ..simulation.run_checks import check_precision, check_values
+from ..simulation.run_ends import default_first_step
 from ..simulation.spans import checked_times
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .executors import AbstractSubmitter, run_chunks
@@ -244,7 +245,10 @@ def _tasks(
         f"finite and after start_time = {start_time}",
         "give times in s",
     )
-    steps = 1e-6 * (ends - start_time) if first_step is None else np.full(count, float(first_step))
+    if first_step is None:
+        steps = default_first_step(start_time, ends)
+    else:
+        steps = np.full(count, float(first_step))
     return Task(
         lanes.scenes, lanes.states, ends, steps, _save_times(saved, scenes, start_time, ends)
     )

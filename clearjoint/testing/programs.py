@@ -20,8 +20,7 @@ import numpy as np
 from jax.sharding import Mesh
 
 from ..dynamics.system import System
-from ..math.groups import gathered
-from ..math.vectors import Scalar, Structured, structured, unpack
+from ..math.vectors import Scalar, Structured, structured
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
@@ -31,10 +30,11 @@ from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
 from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
 from ..simulation.method import Scheme
+from ..simulation.run_ends import begun, default_first_step
 from ..simulation.sensitivities import Sampled, sampled_compiled
 from ..simulation.settings import Integration
 from ..simulation.step_state import Method, Step, Variables
-from ..simulation.stepping import attempt, start
+from ..simulation.stepping import attempt
 from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
 from ..sweeps.work import Work, extent
@@ -156,10 +156,7 @@ class RunProgram(eqx.Module):
         form = structured(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
-            system = scheme.unpacked(form)
-            motion = system.encode(unpack(state.bodies))
-            memory = gathered(state.memory, system.scene.joints)
-            step = start(scheme.method, system, *span, Variables(motion, {}), memory)
+            step = begun(scheme.method, scheme.unpacked(form), state, *span)
             return RunProgram(scheme, form, step, None)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
@@ -265,5 +262,5 @@ def compiled_sensitivities(
     family = parametrised(scene, state, parameters, coordinates)
     scheme, end = integration.scheme(scene, state), jnp.asarray(end_time)
     limit = jnp.asarray(integration.max_steps, int)
-    span = (end[None], jnp.zeros(()), end, 1e-6 * end, limit)
+    span = (end[None], jnp.zeros(()), end, default_first_step(0.0, end), limit)
     return lambda: sampled_compiled(scheme, family, dict(outputs), *span)

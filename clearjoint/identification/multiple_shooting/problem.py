@@ -18,6 +18,7 @@ from ...quantities.joints import Penetration
 from ...results import RESULTS
 from ...simulation.batch.reductions import Quantity
 from ...simulation.method import Scheme
+from ...simulation.run_ends import default_first_step
 from ...simulation.settings import Integration
 from ..levenberg_marquardt import SINGULAR, Iteration
 from ..residuals import RunMisfit
@@ -153,8 +154,8 @@ class Shooting:
                 variables,
                 memory,
             )
-        span = piece.end - piece.start
-        numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, 1e-6 * span))
+        first_step = default_first_step(piece.start, piece.end)
+        numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
         limit = jnp.asarray(self.max_steps)
         outputs = self.outputs | self.watched
         return run_window(self.scheme, family, outputs, piece.times, *numbers, limit)

@@ -18,6 +18,7 @@ from ...runtime import busy_devices
 from ...simulation.batch.device_pool import Common, Task
 from ...simulation.batch.lane import Plan
 from ...simulation.batch.scheduler import Batch, Ended
+from ...simulation.run_ends import default_first_step
 from ...sweeps.work import extent
 from ..residuals import UNREACHED, Experiment, Samples
 
@@ -89,7 +90,7 @@ class SideBySide:
             varied,
             states,
             np.full(lanes, end_time),
-            np.full(lanes, 1e-6 * (end_time - start_time)),
+            np.full(lanes, default_first_step(start_time, end_time)),
             np.tile(times, (lanes, 1)),
         )
 

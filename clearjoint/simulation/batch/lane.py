@@ -17,7 +17,6 @@ from ...dynamics.equations_of_motion import flattened
 from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
-from ...math.groups import gathered
 from ...math.vectors import EulerParameters, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -25,9 +24,9 @@ from ...quantities.instant import Instant
 from ...results import RESULTS
 from ..dense_output import on_constraints
 from ..method import Scheme
-from ..segments import named
-from ..step_state import Attempt, Method, Step, Variables
-from ..stepping import attempt, running, start
+from ..run_ends import begun, final_result, final_state
+from ..step_state import Attempt, Method, Step, choose
+from ..stepping import attempt, running
 from .recording import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
 from .reductions import AbstractReduction
 
@@ -101,10 +100,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     """The lane before its first step."""
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
-    motion = system.encode(unpack(state.bodies))
-    y = Variables(motion, state.work if system.formulation.ledger else {})
-    memory = gathered(state.memory, system.scene.joints)
-    step = start(plan.method, system, start_time, orders.end_time, orders.first_step, y, memory)
+    step = begun(plan.method, system, state, start_time, orders.end_time, orders.first_step)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
@@ -128,10 +124,10 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     tried = attempt(plan.method, system, lane.step, orders.end_time)
     goes = _goes(plan, lane, orders)
     kept = goes & tried.kept
-    step = _choose(goes, tried.step, lane.step)
+    step = choose(goes, tried.step, lane.step)
     lane = eqx.tree_at(lambda a: a.step, lane, step)
     if plan.looks_inside():
-        bracket = _choose(kept, Bracket.of(tried), lane.bracket)
+        bracket = choose(kept, Bracket.of(tried), lane.bracket)
         lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
 
     def middle() -> Instant:
@@ -148,14 +144,12 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     system = plan.scheme.system(scene)
     step = lane.step
     now = Row(step.t, step.y, step.memory).instant(system)
-    unfinished = (step.t < end_time) & (step.result == RESULTS.successful)
-    bodies = system.decode(step.y.motion)
     return Outcome(
         step.t,
-        RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result),
+        final_result(step, end_time),
         step.attempts,
         step.accepted,
-        named(State(bodies, step.memory, step.y.work)),
+        final_state(system, step),
         {
             name: reduction.results(lane.tallies[name], now)
             for name, reduction in plan.reductions.items()
@@ -215,7 +209,7 @@ def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
 
 def _with_tallies(plan: Plan, lane: Lane, now: Instant, kept: Scalar) -> Lane:
     tallies = {
-        name: _choose(kept, reduction.update(lane.tallies[name], now), lane.tallies[name])
+        name: choose(kept, reduction.update(lane.tallies[name], now), lane.tallies[name])
         for name, reduction in plan.reductions.items()
     }
     return Lane(lane.step, tallies, lane.bracket, lane.saved, lane.crossings, lane.levels)
@@ -278,7 +272,3 @@ def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
     alike = [jnp.abs(one - other) for one, other in pairs]
     opposite = [jnp.abs(one + other) for one, other in pairs]
     return jnp.minimum(reduce(jnp.maximum, alike), reduce(jnp.maximum, opposite))
-
-
-def _choose(condition: Scalar, first: Any, second: Any) -> Any:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

@@ -17,7 +17,7 @@ from ...dynamics.system import System
 from ...math.vectors import Scalar
 from ...quantities.instant import Instant
 from ..dense_output import require_dense
-from ..step_state import Attempt, Method, Variables
+from ..step_state import Attempt, Method, Variables, choose
 from ..unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
 from .reductions import Quantity
 
@@ -79,11 +79,8 @@ class Bracket(eqx.Module):
         length = self.end.t - self.start.t
         x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t
-        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), self.end.y, self.inside(method, x))
-        memory = jax.tree.map(
-            lambda a, b: jnp.where(ends, a, b), self.end.memory, self.start.memory
-        )
-        return Row(t, y, memory)
+        y = choose(ends, self.end.y, self.inside(method, x))
+        return Row(t, y, choose(ends, self.end.memory, self.start.memory))
 
 
 class Ring(eqx.Module):
