@@ -38,9 +38,9 @@ class Series(AbstractReadable):
     """
 
     channel: Quantity = eqx.field(static=True)
-    times: Float[np.ndarray, " N"] = eqx.field(metadata={"unit": "s"})
-    values: Float[np.ndarray, " N"]
-    noise: Float[np.ndarray, " N"]
+    times: Float[np.ndarray | jax.Array, " N"] = eqx.field(metadata={"unit": "s"})
+    values: Float[np.ndarray | jax.Array, " N"]
+    noise: Float[np.ndarray | jax.Array, " N"]
     unit: str = eqx.field(static=True)
     name: str | None = eqx.field(static=True)
 
