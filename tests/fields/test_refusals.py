@@ -9,6 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
+from clearjoint.simulation.spans import checked_times
 from clearjoint.sweeps.layout import Layout, Variable
 from clearjoint.sweeps.outputs import Saved, Section
 
@@ -243,9 +244,9 @@ def test_mappings_serve_as_dictionaries():
     ],
 )
 def test_times_outside_by_rounding_are_those_of_the_span(start, end, times):
-    found = cj.spans.checked_times(start, end, times, "save_at")
+    found = checked_times(start, end, times, "save_at")
     assert found.dtype == np.float64
     assert float(start) <= found[0] and found[-1] == float(end)
     np.testing.assert_allclose(found, np.asarray(times, float), rtol=1e-6)
     with pytest.raises(ValueError, match="`save_at` must be between start_time"):
-        cj.spans.checked_times(start, end, [0.0, 1.00001 * float(end)], "save_at")
+        checked_times(start, end, [0.0, 1.00001 * float(end)], "save_at")

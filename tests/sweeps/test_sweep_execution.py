@@ -161,7 +161,7 @@ def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes)
 UNGUARDED = """
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
-from clearjoint.sweeps.execution import ChunkError, run_chunks
+from clearjoint.sweeps.executors import ChunkError, run_chunks
 
 with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
     try:

@@ -165,7 +165,7 @@ import sys, time
 sys.path.insert(0, ".")
 import tests.conftest, jax, numpy as np
 from tests.support import rotor
-from clearjoint.sweeps.store import SweepStore
+from clearjoint.sweeps.store.store import SweepStore
 write = SweepStore.write
 def slowly(store, chunk, *results):
     write(store, chunk, *results)
