@@ -3,7 +3,7 @@
 The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
 1. `simulation/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
    of its arrays (`unpack` in `math/vectors.py`).
-2. `dynamics/equations_of_motion.py`: `evaluate`, in every stage of a step, asks for the forces of
+2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
 3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
 4. `model/joints/clearance.py`: `ClearanceJoint.contacts` subtracts the clearance from the journal's
    eccentricity (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
