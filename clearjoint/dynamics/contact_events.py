@@ -1,10 +1,9 @@
-"""Impact onsets: the step that lands on them, and the memory of the entry speed.
+"""Begin and end of contacts, and the memory of the entry speed.
 
-A contact exists where its penetration, measured from where the force begins, is positive. A step
-that begins in flight and ends deeper than the landing tolerance is rejected and tried again to the
-root of the gap's Hermite interpolant; likewise one that leaves a contact. The memory is then set
-by one Newton step back to the instant where the gap is zero, so that value and derivative are those
-of the event.
+A contact exists where its penetration, measured from where the force begins, is positive. Its
+memory is set at the end of the step that lands on its begin, by one Newton step back to the instant
+where the gap is zero, so that value and derivative are those of the event. The steps that land
+there are in `clearjoint.simulation.landing`.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,6 @@
-"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+"""Forces of contacts at an instant: normal force, its elastic part, and friction.
 
-Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
-friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+Without friction in a joint no slip is computed.
 """
 
 from dataclasses import dataclass

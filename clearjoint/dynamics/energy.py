@@ -1,7 +1,6 @@
-"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+"""Energies of a scene, and the powers of its energy ledger.
 
-Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
-friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+Those that a scene cannot have are left out, and so absent from the compiled program.
 """
 
 from ..math.groups import total

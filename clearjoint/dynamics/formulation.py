@@ -1,8 +1,4 @@
-"""The equations of motion (eqs 27-32) of a scene, in scalar form.
-
-Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
-friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
-"""
+"""How the equations of motion are set up: the choices that are not the scene's."""
 
 import equinox as eqx
 

@@ -1,9 +1,5 @@
-"""Coordinates: from what is integrated to the motion of each body, and back from accelerations.
-
-Everything else (forces, laws, joints) is written once for bodies. A coordinate system turns its
-variables into `Motion`s, with twists V = H u for its speeds u, and projects the equations of motion
-onto them: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraints J H.
-"""
+"""Constraint rows and their multipliers: the change of the rates that makes rows take given values
+(eqs 30 and 32), unrolled in scalar form or, for large systems, in arrays."""
 
 from collections.abc import Sequence
 

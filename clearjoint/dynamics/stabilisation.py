@@ -1,8 +1,5 @@
-"""The equations of motion (eqs 27-32) of a scene, in scalar form.
-
-Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
-friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
-"""
+"""What keeps constraints satisfied in spite of the integration's error: Baumgarte's feedback
+(eq. 32), projection at the end of each step, or nothing."""
 
 import abc
 from collections.abc import Callable

@@ -1,10 +1,8 @@
-"""Impact onsets: the step that lands on them, and the memory of the entry speed.
+"""Steps that land on the begin and end of contacts.
 
-A contact exists where its penetration, measured from where the force begins, is positive. A step
-that begins in flight and ends deeper than the landing tolerance is rejected and tried again to the
-root of the gap's Hermite interpolant; likewise one that leaves a contact. The memory is then set
-by one Newton step back to the instant where the gap is zero, so that value and derivative are those
-of the event.
+A step that begins in flight and ends deeper than the landing tolerance is rejected and tried again
+to the root of the gap's Hermite interpolant; likewise one that leaves a contact. How deep contacts
+are, and what they remember, is in `clearjoint.dynamics.contact_events`.
 """
 
 from typing import Any

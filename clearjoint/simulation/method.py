@@ -1,4 +1,4 @@
-"""Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
+"""How a run is computed: solver, controller and landing, with the formulation of its equations."""
 
 from typing import Any
 

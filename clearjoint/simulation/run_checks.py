@@ -1,4 +1,4 @@
-"""Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
+"""What is checked of a scene, a state and the settings before a run is compiled."""
 
 from typing import Any
 
