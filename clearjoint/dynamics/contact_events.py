@@ -19,16 +19,10 @@ from ..model.scene import Scene
 from .contact_forces import Closed, Memory
 from .coordinates import Motions
 
-NEWTON_STEPS = 4
 SLOWEST = 1e-12
 """m/s: the smallest entry speed on record."""
-LATEST = 1e-11
-"""s past an event, at its rate, within which a step must land. The depth landed at holds energy
-that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
 TOUCHING = 1e-12
 """m: a start so near the wall is at the wall, on whichever side rounding puts it."""
-CLOSEST = 1e-4
-"""Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 
 
 @jax.tree_util.register_dataclass

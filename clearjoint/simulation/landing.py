@@ -11,9 +11,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..dynamics.contact_events import CLOSEST, LATEST, NEWTON_STEPS, Reach, Reaches
+from ..dynamics.contact_events import Reach, Reaches
 from ..math.groups import least
 from ..math.vectors import Scalar
+
+NEWTON_STEPS = 4
+LATEST = 1e-11
+"""s past an event, at its rate, within which a step must land. The depth landed at holds energy
+that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
+CLOSEST = 1e-4
+"""Of the landing tolerance: what is asked of however slow a contact, since gaps are rounded."""
 
 
 class Landing(eqx.Module):
