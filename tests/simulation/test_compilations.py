@@ -8,8 +8,8 @@ import clearjoint as cj
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
-PROGRAMS_OF_A_RUN = 2
-"""The start, and the segments."""
+PROGRAMS_OF_A_RUN = 3
+"""The start, the segments, and what empties the record between them."""
 PROGRAMS_OF_A_SWEEP = 4
 """The start, the slices, what comes of them, and new lanes in the places of old ones."""
 
@@ -78,8 +78,8 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
     np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
 
 
-def test_an_option_compiles_the_two_programs_of_a_run_and_going_back_none(damped, compiled):
-    """The start and the segments, since other things are integrated or kept in them."""
+def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
+    """Other things are integrated or kept in them."""
     scene, state = damped
     plain = {"save_at": [0.1, 0.2]}
     options = ({"ledger": True}, {"record_steps": True}, {"stabilisation": cj.Projection()})
