@@ -150,8 +150,8 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    require_freedom(scene, state, coordinates)
-    _, held = _held(scene, state, coordinates)
+    variables, held = _held(scene, state, coordinates)
+    _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
         apart = min(np.abs(turn - other).max(), np.abs(turn + other).max())
@@ -166,8 +166,12 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
 
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates have something left to move."""
+    """Check that the coordinates have something left to move; nothing is compiled for it."""
     variables, _ = eqx.filter_eval_shape(_held.__wrapped__, scene, state, coordinates)
+    _require_something_moves(variables, coordinates)
+
+
+def _require_something_moves(variables: Any, coordinates: AbstractCoordinates) -> None:
     require(
         bool(jax.tree.leaves(variables)),
         "coordinates",
