@@ -5,10 +5,13 @@ through the comparison, and nothing in a run tells. So the element's program is 
 it compares, rounds or clips anything that depends on time.
 """
 
+from collections.abc import Hashable
+from functools import lru_cache
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 
 from ..fields.checks import require
@@ -37,13 +40,27 @@ def require_declared(scene: Scene) -> None:
         for name, element in members.items():
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
-                not (silent and decides_by_time(unpack(element))),
+                not (silent and _decides_as_before(element)),
                 f"scene.{family}[{name!r}]",
                 type(element).__name__,
                 "smooth in time, or declare where it isn't, for derivatives to be right",
                 "give its class a method `breakpoints` that returns the times in s at which what "
                 "it compares with time changes, or () if nothing jumps or has a kink there",
             )
+
+
+def _decides_as_before(element: AbstractElement) -> bool:
+    """`decides_by_time` of an element in packed form, traced once for the same class and numbers:
+    a call of `sensitivities` that compiles nothing would else trace as long as it runs."""
+    leaves, structure = jax.tree.flatten(element)
+    rows = [np.asarray(leaf) for leaf in leaves]
+    return _decides_of(structure, tuple((row.shape, row.dtype.str, row.tobytes()) for row in rows))
+
+
+@lru_cache(maxsize=256)
+def _decides_of(structure: Hashable, rows: tuple[tuple[tuple[int, ...], str, bytes], ...]) -> bool:
+    leaves = [np.frombuffer(content, kind).reshape(shape) for shape, kind, content in rows]
+    return decides_by_time(unpack(jax.tree.unflatten(structure, leaves)))
 
 
 def decides_by_time(element: AbstractElement) -> bool:
