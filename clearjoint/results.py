@@ -44,6 +44,11 @@ class RESULTS(eqx.Enumeration):
         "its angle has a step, which nothing can follow, or kinks that its `breakpoints` don't "
         "declare; or the tolerances are too loose for the stabilisation to hold it."
     )
+    force_jumped = (
+        "A force of a class of one's own jumped where the motion decides, and the derivatives from "
+        "there on would lack the jump's term. Let it change over a width, make it a contact law "
+        "that jumps at its onset only, or take differences of runs."
+    )
 
 
 def result_number(result: RESULTS) -> np.ndarray:

@@ -36,6 +36,7 @@ from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin
 from clearjoint.simulation.step_state import Method
 from clearjoint.simulation.stepping import attempt
+from clearjoint.simulation.unseen_jumps import may_jump_unseen
 from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -230,6 +231,28 @@ def test_jumps_and_breakpoints_are_looked_for_only_where_there_may_be_some():
     ):
         assert fewer - more == Counter()
         assert more["cond"] == fewer["cond"] + 1
+
+
+class Gate(AppliedLoad):
+    """A load of an own class that compares a place."""
+
+    def wrenches(self, motions, t):
+        loads = super().wrenches(motions, t)
+        open_ = motions["rod"].position.x > 0.0
+        return {name: jax.tree.map(lambda part: part * open_, load) for name, load in loads.items()}
+
+
+def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_the_motion():
+    plain, own = AppliedLoad("rod", (1, 0, 0)), Switched("rod", (1, 0, 0))
+    for of in (
+        FREE,
+        scene(pin(DAMPED)),
+        scene(forces={"push": plain}),
+        scene(forces={"push": own}),
+    ):
+        assert not may_jump_unseen(unpack(of))
+    assert may_jump_unseen(unpack(scene(forces={"push": Gate("rod", (1, 0, 0))})))
+    assert may_jump_unseen(unpack(scene(pin(Jumping(1e9)))))
 
 
 def test_ground_is_not_in_the_state():

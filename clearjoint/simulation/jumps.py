@@ -60,7 +60,7 @@ def across_contacts(
         none = jax.tree.map(jnp.zeros_like, times)
         return _moved(y, jax.jvp(rates, (none,), (times,))[1])
 
-    changes = _any_changed(system.scene, before, system.reaches(y.motion))
+    changes = any_changes(system.scene, before, system.reaches(y.motion))
     return jax.lax.cond(lands & changes, pushed, lambda y: y, y)
 
 
@@ -77,7 +77,8 @@ def _changed(before: Reach, after: Reach) -> Scalar:
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
-def _any_changed(scene: Scene, before: Reaches, after: Reaches) -> Scalar:
+def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Scalar:
+    """Whether a contact whose force may jump then begins or ends between two instants."""
     found: Scalar = jnp.asarray(False)
     for name, labels in _jumping(scene).items():
         for label in labels:

@@ -187,9 +187,9 @@ def sensitivities(
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
-    something with time but declare no `breakpoints`: derivatives would lack the jumps there. A
-    force of one's own that jumps where the motion decides can't be told from others: the
-    derivatives across such a jump lack its term. Make it a contact law.
+    something with time but declare no `breakpoints`: derivatives would lack the jumps there;
+    `SimulationError` for a run that fails. A force of a class of one's own that jumps where the
+    motion decides ends the run there, with `RESULTS.force_jumped`.
     """
     check_outputs(outputs, scene)
     check_parameters(parameters)

@@ -10,10 +10,10 @@ from ..dynamics.stabilisation import AbstractStabilisation
 from ..fields.checks import require, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
+from .decisions import require_declared
 from .dense_output import require_dense
 from .method import Scheme, make_formulation, make_scheme
 from .run_checks import check_precision, check_structure, check_values
-from .time_decisions import require_declared
 
 LANDING_TOLERANCE = 1e-13
 """m. An onset found this closely leaves no error in the derivative of the entry speed."""

@@ -37,6 +37,7 @@ from .switches import across_breakpoints, joints_have_breakpoints
 from .systems import SystemFamily
 from .trial_step import Trial, graded_step, may_jump, term_of, tried
 from .unrolled_runge_kutta import UnrolledExplicit
+from .unseen_jumps import jumped_unseen, may_jump_unseen
 
 TANGENT_TOLERANCE = 10.0
 """Tolerances of the tangents in those of the state: at rtol 1e-9 derivatives along the double
@@ -141,6 +142,9 @@ def attempt(
         ahead = _tangents_after(family, step, trial, y1_along, seconds)
         tangents = choose(keep, ahead, step.tangents)
         inside = TangentsInside(step.tangents.memory, trial.tangents.information)
+        if may_jump_unseen(system.scene):
+            jumps = keep & jumped_unseen(method, system, step, trial, after)
+            result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     advanced = Step(
         jnp.where(keep, t1, step.t),
         verdict.t_next,

@@ -12,7 +12,7 @@ import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
-from clearjoint.simulation.time_decisions import decides_by_time
+from clearjoint.simulation.decisions import decides_by_time
 from tests.support.planes import Plane
 
 Q = cj.quantities
@@ -22,16 +22,19 @@ INTEGRATION = cj.Integration(rtol=1e-10)
 
 class Buffer(cj.AbstractContactLaw):
     """A spring, a damper beside it and a preload: max(K d + D d' + P, 0). It jumps at the onset by
-    what the damper and the preload push there, and at the separation by the preload."""
+    what the damper and the preload push there, and at the separation by the preload; and where the
+    body turns, if only a part of the force is left in `restitution`."""
 
     stiffness: Any = quantity("N/m")
     damping: Any = quantity("N s/m", default=0.0)
     preload: Any = quantity("N", default=0.0)
+    restitution: Any = quantity("1", default=1.0)
     has_memory = False
 
     def force(self, gap, entry_speed):
         pushed = self.elastic_force(gap) + self.damping * gap.rate
-        return jnp.where(gap.depth > 0.0, jnp.maximum(pushed, 0.0), 0.0)
+        share = jnp.where(gap.rate > 0.0, 1.0, self.restitution)
+        return jnp.where(gap.depth > 0.0, share * jnp.maximum(pushed, 0.0), 0.0)
 
     def elastic_force(self, gap):
         spring = self.stiffness * gap.depth + self.preload
@@ -232,6 +235,60 @@ class Varying(cj.AbstractForce):
 )
 def test_what_decides_by_time_is_found(function, decides):
     assert decides_by_time(unpack(Varying(function))) is decides
+
+
+class Threshold(cj.AbstractForce):
+    """A force along X that changes in several ways where the ball passes a place, 1 m, or a speed,
+    1 m/s."""
+
+    step: Any = quantity("N")
+    kink: Any = quantity("N/m")
+    ramp: Any = quantity("N")
+    step_by_speed: Any = quantity("N")
+
+    def body_names(self):
+        return ("ball",)
+
+    def wrenches(self, motions, t):
+        x, v = motions["ball"].position.x - 1.0, motions["ball"].velocity.x - 1.0
+        force = jnp.where(x > 0.0, self.step + self.kink * x, 0.0) + self.ramp * jnp.tanh(x / 1e-3)
+        return {"ball": Wrench(Vector(force + self.step_by_speed * (v > 0.0), 0.0, 0.0), ZERO)}
+
+
+NONE = 1e-20
+
+
+@pytest.mark.parametrize(
+    ("threshold", "place"),
+    [
+        (Threshold(0.5, NONE, NONE, NONE), 1.0),
+        (Threshold(0.02, NONE, NONE, NONE), 1.0),
+        (Threshold(NONE, 50.0, NONE, NONE), None),
+        (Threshold(NONE, NONE, 0.5, NONE), None),
+        (Threshold(NONE, NONE, NONE, 0.5), 0.25),
+    ],
+    ids=["step", "small step", "kink", "ramp", "step by speed"],
+)
+def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, place):
+    scene, state = pushed(Push("ball", 4.0, 0.0))
+    scene = cj.Scene(scene.bodies, forces={**scene.forces, "threshold": threshold})
+    parameters = {"force": cj.Parameter(lambda s: s.forces["push 0"].force)}
+    outputs = {"x": Q.Position("ball", "x")}
+    found = cj.sensitivities(scene, state, 1.5, parameters, outputs, [0.2, 1.5], throw=False)
+    if place is None:
+        assert found.result == cj.RESULTS.successful
+    else:
+        assert found.result == cj.RESULTS.force_jumped
+        np.testing.assert_allclose(found.time, np.sqrt(place), rtol=1e-3)
+        np.testing.assert_allclose(found.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
+
+
+def test_a_law_of_ones_own_that_jumps_inside_a_contact_ends_the_derivatives():
+    scene, state = dropped(Buffer(*LAWS["damper"], 0.5))
+    outputs = {"x": Q.Position("ball", "x")}
+    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], throw=False)
+    assert found.result == cj.RESULTS.force_jumped
+    assert 0.0102 < found.time < 0.0125
 
 
 def test_derivatives_need_landing():

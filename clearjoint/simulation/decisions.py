@@ -1,4 +1,4 @@
-"""Elements that change at instants which they don't declare.
+"""Elements that decide: by time, at instants which they don't declare, or by the motion.
 
 A force that is switched on at t_s is constant before and after: no derivative along t_s passes
 through the comparison, and nothing in a run tells. So the element's program is looked at: whether
@@ -25,9 +25,10 @@ from ..model.joints.base import (
 )
 from ..model.scene import Scene
 
-KINKED = frozenset(["abs", "ceil", "clamp", "floor", "max", "min", "rem", "round", "sign", "sort"])
-"""Primitives whose result has a jump or a kink; besides those that make no real numbers, such as
-comparisons."""
+JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
+"""Primitives whose result jumps; besides those that make no real numbers, such as comparisons."""
+KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
+"""Primitives whose result has a jump or a kink."""
 
 
 def require_declared(scene: Scene) -> None:
@@ -65,14 +66,26 @@ def _decides_of(structure: Hashable, rows: tuple[tuple[tuple[int, ...], str, byt
 
 def decides_by_time(element: AbstractElement) -> bool:
     """Whether anything that an element (in scalar form) says depends on a comparison with time."""
+    program = _program_of(element)
+    return _decides(_needed(program), {program.invars[0]}, KINKED)
+
+
+def may_jump_by_motion(element: AbstractElement) -> bool:
+    """Whether anything that an element (in scalar form) says depends on a comparison of the
+    motion's numbers; there it may jump, or have no more than a kink."""
+    program = _program_of(element)
+    return _decides(_needed(program), {program.invars[1]}, JUMPING)
+
+
+def _program_of(element: AbstractElement) -> Jaxpr:
+    """What an element says, of a time and of a number that stands for all those of the motion."""
 
     def said(t: Scalar, number: Scalar) -> Any:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
         return _said(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
 
-    program = jax.make_jaxpr(said)(0.0, 1.0).jaxpr
-    return _decides(_needed(program), {program.invars[0]})
+    return jax.make_jaxpr(said)(0.0, 1.0).jaxpr
 
 
 def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> Any:
@@ -94,21 +107,23 @@ def _needed(program: Jaxpr) -> list[Any]:
     return kept[::-1]
 
 
-def _decides(equations: list[Any], timed: set[Any]) -> bool:
-    """Whether any equation decides by a variable that depends on time; `timed` are such."""
+def _decides(equations: list[Any], causes: set[Any], deciding: frozenset[str]) -> bool:
+    """Whether any equation decides by a variable that depends on one of `causes`, by one of the
+    `deciding` primitives or by a comparison."""
+    causes = set(causes)
     for equation in equations:
-        which = [not isinstance(v, Literal) and v in timed for v in equation.invars]
+        which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
         if not any(which):
             continue
         real = all(jnp.issubdtype(v.aval.dtype, jnp.inexact) for v in equation.outvars)
-        if equation.primitive.name in KINKED or not real:
+        if equation.primitive.name in deciding or not real:
             return True
         for inner in _inner(equation):
             passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
-            inner_timed = {v for v, mine in zip(inner.invars, passed, strict=True) if mine}
-            if _decides(_needed(inner), inner_timed):
+            inner_causes = {v for v, mine in zip(inner.invars, passed, strict=True) if mine}
+            if _decides(_needed(inner), inner_causes, deciding):
                 return True
-        timed.update(equation.outvars)
+        causes.update(equation.outvars)
     return False
 
 
