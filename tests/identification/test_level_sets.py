@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clearjoint.identification.screening.level_sets import among, apart, evenly, level, reach
+from clearjoint.identification.screening.level_sets import among, apart, level, reach
 
 RANDOM = np.random.default_rng(2)
 
@@ -16,12 +16,6 @@ def test_the_reach_of_straight_curves_is_where_their_spread_is_the_excess():
     assert reach(curves, 1, 0.0) == 10.0 and reach(curves, 3, 21.0) == 10.0
     np.testing.assert_allclose(level(curves, 3.5), 3.5 * np.arange(5.0))
     np.testing.assert_allclose(level(curves, 10.0), 10.0 * np.arange(5.0))
-
-
-def test_points_are_one_in_each_layer():
-    drawn = evenly(50, 3, RANDOM)
-    layers = np.sort(np.floor(25.0 * (drawn + 1.0)), axis=0)
-    np.testing.assert_array_equal(layers, np.tile(np.arange(50)[:, None], 3))
 
 
 def test_distances_do_not_depend_on_units():

@@ -40,12 +40,6 @@ def _gap(values: np.ndarray, keep: int) -> np.ndarray:
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
-def evenly(number: int, p: int, generator: np.random.Generator) -> np.ndarray:
-    """Points (number, p) of the box from -1 to 1, one in each of as many layers of every axis."""
-    layers = generator.permuted(np.tile(np.arange(number), (p, 1)), axis=1).T
-    return 2.0 * (layers + generator.random((number, p))) / number - 1.0
-
-
 def apart(points: np.ndarray, number: int) -> np.ndarray:
     """Indices of the first of the points (n, p) and of others, each as far as possible from those
     before, in standard deviations of all."""

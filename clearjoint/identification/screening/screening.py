@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.stats import qmc
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
 from ..starts import half_widths
-from .level_sets import among, apart, evenly, level, reach
+from .level_sets import among, apart, level, reach
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
@@ -110,7 +111,8 @@ def screen(
     spread = half_widths(screening.spread, names)
     excess = float(stats.chi2.ppf(LEVEL, len(centre)))
     generator = np.random.default_rng(screening.seed + number)
-    points = centre + spread * evenly(FIRST * screening.number, len(centre), generator)
+    box = qmc.LatinHypercube(len(centre), rng=generator)
+    points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
     ahead = max(lanes.count // EIGHTH, 1)
     times, runs = [], 0
     with tqdm(desc="screening", unit=" runs", leave=False, disable=not progress) as bar:
