@@ -167,11 +167,12 @@ def horizon(
     parameters' own values fails.
     """
     settings = settings_or(settings, presets.derivatives)
+    looser = settings.looser(LOOSER)
     spread = _in_order(uncertainty, parameters)
     runs = PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
     truth = coordinates_of(scene, state, parameters)
     true_run = runs.run(truth, settings, throw=True)
-    errors = _errors(runs, true_run, runs.run(truth, settings.looser(LOOSER), throw=True))
+    errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
     times = true_run.times
     sizes = growth.sizes(true_run.derivatives, growth.points(scene))
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)

@@ -5,7 +5,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from .dense_output import require_dense
 from .method import Scheme
-from .run_checks import check_numbers, check_precision, check_structure
+from .run_checks import check_precision, check_start
 from .settings import Settings
 from .time_decisions import require_declared
 
@@ -28,9 +28,8 @@ def derivative_scheme(
         "a penetration in m",
         "derivatives hold only where steps land on the begin and end of contacts",
     )
-    check_numbers(scene, state)
+    redundant = check_start(scene, state, start_time, settings.coordinates)
     require_declared(scene)
-    redundant = check_structure(scene, state, start_time, settings.coordinates)
     scheme = Scheme.of(settings, bool(redundant))
     require_dense(scheme.method.solver)
     return scheme

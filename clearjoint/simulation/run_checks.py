@@ -33,6 +33,15 @@ def check_numbers(scene: Scene, state: State) -> None:
     check_names(scene, state)
 
 
+def check_start(
+    scene: Scene, state: State, start_time: Any, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
+    """Check the numbers of a run, and its state against the constraints; the names of those that
+    are redundant."""
+    check_numbers(scene, state)
+    return check_structure(scene, state, start_time, coordinates)
+
+
 def check_structure(
     scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:

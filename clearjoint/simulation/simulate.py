@@ -17,7 +17,7 @@ from .adjoint import loops_for
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
 from .method import Scheme
-from .run_checks import check_numbers, check_precision, check_structure
+from .run_checks import check_precision, check_start
 from .saving import Saving, saving_or_nothing
 from .segments import begin
 from .settings import Settings, settings_or
@@ -86,8 +86,7 @@ def simulate(
     else:
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
-        check_numbers(scene, state)
-        redundant = check_structure(scene, state, start_time, settings.coordinates)
+        redundant = check_start(scene, state, start_time, settings.coordinates)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
     span = (_array(number) for number in (start_time, end_time, first_step))

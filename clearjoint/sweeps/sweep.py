@@ -99,10 +99,9 @@ def sweep(
     outputs = {} if outputs is None else outputs
     _check_axes(axes)
     check_outputs(outputs, scene, settings.ledger)
+    units = {name: axis.unit_in(scene, state) for name, axis in axes.items()}
     layout = Layout(
-        tuple(
-            Coordinate(name, axis.values, axis.unit_in(scene, state)) for name, axis in axes.items()
-        ),
+        tuple(Coordinate(name, axis.values, units[name]) for name, axis in axes.items()),
         chunk,
         *variables_of(scene, outputs),
         _decisive(settings, start_time, devices),
@@ -114,9 +113,7 @@ def sweep(
     check_numbers(scene, state)
     lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
     common = _common(lanes, Scheme.of(settings, redundant), outputs, start_time, settings.max_steps)
-    saved = outputs.get(common.saved)
-    saved = saved if isinstance(saved, Saved) else None
-    tasks = _tasks(lanes, end_time, start_time, settings, saved)
+    tasks = _tasks(lanes, end_time, start_time, settings, outputs)
     if path is None:
         trace, store = None, SweepMemory(layout)
     else:
@@ -234,9 +231,10 @@ def _tasks(
     end_time: float | Callable[[Scene], float],
     start_time: float,
     settings: Settings,
-    saved: Saved | None,
+    outputs: Mapping[str, Output],
 ) -> Task:
     """What each lane has for itself: scene, state, end, first step and times to save at."""
+    saved = next((output for output in outputs.values() if isinstance(output, Saved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count

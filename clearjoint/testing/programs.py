@@ -32,6 +32,7 @@ from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
+from ..simulation.run_checks import check_precision, check_start
 from ..simulation.run_ends import begun
 from ..simulation.sensitivities import Sampled, sampled_compiled
 from ..simulation.settings import Settings, settings_or
@@ -149,12 +150,15 @@ class RunProgram(eqx.Module):
         **Raises:** `ValueError` for a scene, state or setting that no run can use.
         """
         settings = settings_or(settings, presets.default)
-        scheme = derivative_scheme(scene, state, settings, time)
+        check_precision(settings.allow_float32)
         form = structured(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
+            redundant = check_start(scene, state, time, settings.coordinates)
+            scheme = Scheme.of(settings, bool(redundant))
             step = begun(scheme.method, scheme.unpacked(form), state, *span)
             return RunProgram(scheme, form, step, None)
+        scheme = derivative_scheme(scene, state, settings, time)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
         systems = SystemFamily(family, scheme.formulation)

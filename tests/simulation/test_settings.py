@@ -164,6 +164,30 @@ def test_what_no_transformed_run_records_is_refused(kept, transformed):
         transformed(turned)(0.2)
 
 
+def test_derivatives_have_a_ledger_if_it_is_asked_for():
+    """The work of a constant torque T, T times the angle: T (w0 t + T t^2 / 2 I)."""
+    torque, time = 0.2, 0.1
+    scene, state = rotor()
+    scene = cj.Scene(
+        scene.bodies,
+        scene.joints,
+        {"motor": cj.DriveTorque("ground", "rotor", (0, 0, 1), torque)},
+        gravity=(0.0, 0.0, 0.0),
+    )
+    found = cj.sensitivities(
+        scene,
+        state,
+        time,
+        {"torque": cj.Parameter(lambda s: s.forces["motor"].torque)},
+        {"work": lambda now: now.work["supplied"]},
+        [time],
+        replace(presets.derivatives, ledger=True),
+    )
+    turn, bend = SPEED * time, time**2 / INERTIA
+    assert found.values["work"][0] == pytest.approx(torque * turn + 0.5 * torque**2 * bend)
+    assert found.derivatives["work"][0, 0] == pytest.approx(turn + torque * bend)
+
+
 def test_derivatives_take_a_first_step_and_a_controller_of_ones_own():
     """Heun's rule in steps of 1 ms, against the closed form w0 / w sin(w t), w^2 = k / I."""
     found = sensitivities(replace(FIXED, solver=diffrax.Heun()))

@@ -17,7 +17,7 @@ from ...math.vectors import Scalar, Structured, pack, structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
-from ..run_checks import check_numbers, check_precision, check_structure
+from ..run_checks import check_precision, check_start
 from ..saving import Saving, saving_or_nothing
 from ..solution import Trajectory, raise_failure
 from ..spans import check_span
@@ -119,11 +119,10 @@ def simulate_nonsmooth(
     names: tuple[str, ...] = ()
     require_restitution(scene, restitution)
     if not traced:
-        check_numbers(scene, state)
         require_positive("step", step, "give the longest step in s")
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
-        names = check_structure(scene, state, start_time, coordinates)
+        names = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
         coordinates, redundant=bool(names) if redundant is None else redundant
     )
