@@ -11,7 +11,6 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
-from . import presets as presets
 from . import quantities as quantities
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
@@ -112,6 +111,7 @@ from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
+from .simulation import presets as presets
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount
@@ -124,9 +124,10 @@ from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmo
 from .simulation.observe import MotionMode as MotionMode
 from .simulation.observe import Observation as Observation
 from .simulation.observe import observe as observe
+from .simulation.saving import Saving as Saving
 from .simulation.sensitivities import Sensitivities as Sensitivities
 from .simulation.sensitivities import sensitivities as sensitivities
-from .simulation.settings import Integration as Integration
+from .simulation.settings import Settings as Settings
 from .simulation.simulate import simulate as simulate
 from .simulation.solution import SimulationError as SimulationError
 from .simulation.solution import Solution as Solution

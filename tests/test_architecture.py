@@ -11,9 +11,9 @@ import pytest
 from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
 
 HIGHEST_FLOOR = 9
-MODULES_BESIDE_ROOMS = 8
+MODULES_BESIDE_ROOMS = 7
 FLOORS = (
-    ("math", "presets", "results"),
+    ("math", "results"),
     ("fields",),
     ("model", "runtime"),
     ("dynamics", "parametrisation"),
@@ -26,7 +26,7 @@ FLOORS = (
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
-    "diffrax": {"simulation", "presets", "sweeps", "testing"},
+    "diffrax": {"simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
     "matplotlib": {"plot"},
     "optax": {"identification"},
@@ -144,7 +144,7 @@ def test_import_starts_no_backend_and_changes_no_setting():
 
 
 ROOT = PACKAGE.parent
-PUBLIC = {f"clearjoint.{name}" for name in ("extend", "plot", "presets", "quantities", "testing")}
+PUBLIC = {f"clearjoint.{name}" for name in ("extend", "plot", "quantities", "testing")}
 """What may be imported from beside `clearjoint` itself."""
 
 

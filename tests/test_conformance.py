@@ -51,7 +51,7 @@ def test_third_party_law_conforms_and_runs():
     law = GonthierLaw(0.8, STEEL)
     check_law(law)
     scene, state = cj.double_pendulum(law=law)
-    solution = cj.simulate(scene, state, 0.012, record_impacts=True)
+    solution = cj.simulate(scene, state, 0.012, save=cj.Saving(impacts=True))
     assert len(solution.impacts) == 2
 
 

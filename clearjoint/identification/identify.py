@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,11 +15,12 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..results import RESULTS
-from ..simulation.settings import Integration
+from ..simulation import presets
+from ..simulation.settings import Settings, settings_or
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
-from .screening.passes import Passes, coarser, lowest
+from .screening.passes import LOOSER, Passes, lowest
 from .screening.screening import Screened, Screening
 from .searches import Search, WindowSearch
 from .starts import Guess, Starts, start_coordinates
@@ -36,12 +37,12 @@ def identify(
     state: State,
     measurements: Measurements,
     parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
     starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
-    integration: Integration | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
@@ -66,8 +67,8 @@ def identify(
       a start far off finds no way down. In these windows each parameter is held near its value at
       the window's start, with its scale's stride as standard deviation, so that those that are not
       seen yet do not run away.
-    - `integration`: tolerances and method; `Integration()` unless given. Its `max_steps` bounds
-      what a run with absurd parameters costs.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given. Their `max_steps`
+      bound what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
     - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
@@ -82,11 +83,11 @@ def identify(
         state,
         [measurements],
         parameters,
+        settings,
         start_time=start_time,
         guess=guess,
         starts=starts,
         grow=grow,
-        integration=integration,
         max_iterations=max_iterations,
         tolerance=tolerance,
         horizon=horizon,
@@ -99,12 +100,12 @@ def identify_many(
     state: State,
     measurements: Sequence[Measurements],
     parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
     *,
     start_time: float = 0.0,
     guess: Guess | Sequence[Guess] | None = None,
     starts: Starts | Screening | None = None,
     grow: Sequence[float] = (),
-    integration: Integration | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
@@ -113,72 +114,83 @@ def identify_many(
     """`identify` for several sets of measurements of the same channels and times, such as draws of
     the noise: one fit for each."""
     _check(scene, measurements, start_time, grow, max_iterations, tolerance)
-    first = measurements[0]
-    outputs = {name: series.channel for name, series in first.series.items()}
-    times = first.times()
+    settings = settings_or(settings, presets.derivatives)
+    times = measurements[0].times()
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
-    runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
+    outputs = {name: series.channel for name, series in measurements[0].series.items()}
+    runs_with = partial(experiment, scene, state, parameters, outputs, times, start_time)
+    runs = runs_with(settings)
     around = starts if isinstance(starts, Starts) else None
     rows = start_coordinates(scene, state, parameters, guess, around)
-    screens = None
+    passes = None
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
-        loose = coarser(integration)
-        coarse_runs = experiment(scene, state, parameters, outputs, times, start_time, loose)
-        screens = Passes(starts, coarse_runs, rows[0], tuple(parameters), progress is True)
-    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
-    ends = [*grow, float(times[-1])]
+        coarse_runs = runs_with(settings.looser(LOOSER))
+        passes = Passes(starts, coarse_runs, rows[0], tuple(parameters), progress is True)
+    ends = (*grow, float(times[-1]))
+    windows = _Windows(runs, ends, _strides(parameters), tolerance, max_iterations)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-
     fits = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
-            data = samples(one, len(runs.times))
-            search_from = partial(
-                _search_windows, runs, data, ends, strides, tolerance, max_iterations, on_iteration
-            )
-            screened: tuple[Screened, ...] = ()
-            if screens is None:
-                searches = tuple(map(search_from, rows))
-            else:
-                searches, screened = screens.searches(data, search_from)
+            searches, screened = windows.searches(one, rows, passes, on_iteration)
             best = lowest(searches)
             fitted = runs.family.scene_and_state(best.best.coordinates)
             fits.append(Fit(*fitted, dict(parameters), units, one, searches, best, screened))
     return fits
 
 
-def _search_windows(
-    runs: Experiment,
-    data: Samples,
-    ends: Sequence[float],
-    strides: np.ndarray,
-    tolerance: float,
-    max_iterations: int,
-    on_iteration: OnFitIteration,
-    start: np.ndarray,
-) -> Search:
-    """Search from a start (p,) over the windows up to each of the ends, s, one after the other."""
-    windows, at = [], start
-    best: RunMisfit | None = None
-    for end in ends:
-        part, last = data.until(runs.times, end), end == ends[-1]
-        misfit = partial(run_misfit, runs, part, end)
-        best, iterations, ending = search_with_damping(
-            misfit if last else partial(_with_prior, misfit, at, strides),
-            at,
-            strides,
-            tolerance if last else max(tolerance, WINDOW_TOLERANCE),
-            max_iterations,
-            partial(on_iteration, part.count),
-        )
-        if best.result != RESULTS.successful:
-            ending = Ending.FAILED
-        windows.append(WindowSearch(end, iterations, ending))
-        at = best.coordinates
-    assert best is not None
-    return Search(start, tuple(windows), best)
+@dataclass(frozen=True)
+class _Windows:
+    """Windows of the record up to each of the `ends`, s, and how to search in them."""
+
+    runs: Experiment
+    ends: tuple[float, ...]
+    strides: np.ndarray
+    tolerance: float
+    max_iterations: int
+
+    def searches(
+        self,
+        measurements: Measurements,
+        rows: np.ndarray,
+        passes: Passes | None,
+        on_iteration: OnFitIteration,
+    ) -> tuple[tuple[Search, ...], tuple[Screened, ...]]:
+        """The searches from given starts (n, p), or from those that screening leaves; and what it
+        left."""
+        data = samples(measurements, len(self.runs.times))
+        search_from = partial(self._search, data, on_iteration)
+        if passes is None:
+            return tuple(map(search_from, rows)), ()
+        return passes.searches(data, search_from)
+
+    def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
+        """Search from a start (p,) over the windows, one after the other."""
+        windows, at = [], start
+        best: RunMisfit | None = None
+        for end in self.ends:
+            part, last = data.until(self.runs.times, end), end == self.ends[-1]
+            misfit = partial(run_misfit, self.runs, part, end)
+            best, iterations, ending = search_with_damping(
+                misfit if last else partial(_with_prior, misfit, at, self.strides),
+                at,
+                self.strides,
+                self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
+                self.max_iterations,
+                partial(on_iteration, part.count),
+            )
+            if best.result != RESULTS.successful:
+                ending = Ending.FAILED
+            windows.append(WindowSearch(end, iterations, ending))
+            at = best.coordinates
+        assert best is not None
+        return Search(start, tuple(windows), best)
+
+
+def _strides(parameters: Mapping[str, Parameter]) -> np.ndarray:
+    return np.array([parameter.scale.stride for parameter in parameters.values()])
 
 
 def _with_prior(

@@ -16,7 +16,7 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..results import RESULTS
 from ..simulation.batch.reductions import Quantity
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings
 from .residuals import experiment
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
@@ -46,17 +46,17 @@ def minimise(
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
     times: ArrayLike,
+    settings: Settings | None = None,
     *,
     optimiser: optax.GradientTransformation | None = None,
     iterations: int = 100,
     start_time: float = 0.0,
-    integration: Integration | None = None,
 ) -> Minimum:
     """Minimise an objective that is no sum of squares (for those, `identify` needs far fewer runs).
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s, `integration`: as in `identify`.
+    - `scene`, `state`, `settings`, `start_time` s: as in `identify`.
     - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
     - `parameters`: what is free, by name; it starts from the scene's values.
     - `outputs`: functions of an `Instant` by name; `times`: (N,) s, rising, at which they are seen.
@@ -68,7 +68,7 @@ def minimise(
     require_count("iterations", iterations, "allow one run")
     optimiser = optax.adam(0.05) if optimiser is None else optimiser
     times = np.asarray(times, dtype=float)
-    runs = experiment(scene, state, parameters, outputs, times, start_time, integration)
+    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     gradient = jax.jit(jax.value_and_grad(objective))
     at = jnp.asarray(coordinates_of(scene, state, parameters))
     memory = optimiser.init(at)

@@ -28,11 +28,12 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..results import RESULTS
+from ..simulation import presets
 from ..simulation.batch.reductions import Quantity
+from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
-from ..simulation.run_ends import default_first_step
 from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import check_span, checked_times
 
 UNREACHED = 1e6
@@ -47,7 +48,7 @@ class Experiment(eqx.Module):
       used; `run` takes coordinates.
     - `outputs`: what is measured, by name; `names` are these in the order of arrays.
     - `times`: (T,) s, rising, the last one repeated up to one of few numbers of times.
-    - `start_time`, `first_step` s and `max_steps`: as in `simulate`.
+    - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
     """
 
     scheme: Scheme
@@ -80,14 +81,14 @@ def experiment(
     outputs: Mapping[str, Quantity],
     times: ArrayLike,
     start_time: float,
-    integration: Integration | None,
+    settings: Settings | None,
 ) -> Experiment:
     """Runs of a scene at any values of `parameters`, with `outputs` at rising times (N,), s."""
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
-    integration = Integration() if integration is None else integration
-    scheme = integration.scheme(scene, state, start_time)
+    settings = settings_or(settings, presets.derivatives)
+    scheme = derivative_scheme(scene, state, settings, start_time)
     end_time = float(np.max(times))
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
@@ -98,8 +99,8 @@ def experiment(
         dict(outputs),
         jnp.asarray(padded(rising, end_time)),
         jnp.asarray(start_time, float),
-        jnp.asarray(default_first_step(start_time, end_time), float),
-        jnp.asarray(integration.max_steps, int),
+        jnp.asarray(settings.length_of_first_step(start_time, end_time), float),
+        jnp.asarray(settings.max_steps, int),
         tuple(outputs),
     )
 

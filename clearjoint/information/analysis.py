@@ -15,8 +15,9 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.scales import AbstractScale
+from ..simulation import presets
 from ..simulation.sensitivities import Sensitivities, sensitivities
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings, settings_or
 from . import fisher_information as information
 from .fisher_information import Combination
 from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
@@ -226,9 +227,9 @@ def identifiability(
     state: State,
     parameters: Mapping[str, Parameter],
     sensors: Sensors,
+    settings: Settings | None = None,
     *,
     start_time: float = 0.0,
-    integration: Integration | None = None,
 ) -> Identifiability:
     """What data from sensors could tell about parameters, by one run with derivatives.
 
@@ -238,11 +239,12 @@ def identifiability(
     - `parameters`: by name, at the values that are expected.
     - `sensors`: `Sensor` by name, each with its times; a measured `Series` or `Measurements` serve
       too, and their values are not looked at.
-    - `integration`: tolerances and method; `Integration()` unless given.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
 
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run fails.
     """
-    integration = Integration() if integration is None else integration
+    settings = settings_or(settings, presets.derivatives)
+    settings.require_tolerances("the accuracy of derivatives is to be known")
     by_name = as_sensors(sensors, scene)
     times = times_of(by_name)
     run = sensitivities(
@@ -252,11 +254,11 @@ def identifiability(
         parameters,
         outputs_of(by_name),
         times,
+        settings,
         start_time=start_time,
-        integration=integration,
     )
     coordinates = coordinates_of(scene, state, parameters)
-    return identifiability_from(run, parameters, coordinates, by_name, integration)
+    return identifiability_from(run, parameters, coordinates, by_name, settings)
 
 
 def identifiability_from(
@@ -264,7 +266,7 @@ def identifiability_from(
     parameters: Mapping[str, Parameter],
     coordinates: np.ndarray,
     sensors: Mapping[str, Sensor],
-    integration: Integration,
+    settings: Settings,
 ) -> Identifiability:
     """`Identifiability` from a run that has been made already.
 
@@ -279,7 +281,7 @@ def identifiability_from(
         tuple(parameter.scale for parameter in parameters.values()),
         coordinates,
         {name: _derivatives(run, name, one, len(coordinates)) for name, one in sensors.items()},
-        ACCURACY_OF_DERIVATIVES * integration.rtol,
+        ACCURACY_OF_DERIVATIVES * settings.rtol,
     )
 
 

@@ -8,7 +8,7 @@ motion at its own parameters.
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -17,8 +17,9 @@ from ..fields.checks import require, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
+from ..simulation import presets
 from ..simulation.sensitivities import Sensitivities
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings, settings_or
 from . import descent_paths
 from . import error_growth as growth
 from .analysis import Identifiability
@@ -145,10 +146,10 @@ def horizon(
     state: State,
     parameters: Mapping[str, Parameter],
     sensors: Sensors,
+    settings: Settings | None = None,
     *,
     uncertainty: Mapping[str, float],
     start_time: float = 0.0,
-    integration: Integration | None = None,
 ) -> Horizon:
     """How long a record of the motion at these parameters may be for a fit by a single run.
 
@@ -157,7 +158,7 @@ def horizon(
 
     **Arguments:**
 
-    - `scene`, `state`, `parameters`, `sensors`, `start_time`, `integration`: as in
+    - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
       `identifiability`; the run ends with the last sample.
     - `uncertainty`: by parameter, how far a first guess may be off, in the scale's coordinate: of a
       `Log` scale log(5) for a factor of five.
@@ -165,12 +166,13 @@ def horizon(
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run at the
     parameters' own values fails.
     """
-    integration = Integration() if integration is None else integration
+    settings = settings_or(settings, presets.derivatives)
+    looser = settings.looser(LOOSER)
     spread = _in_order(uncertainty, parameters)
     runs = PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
     truth = coordinates_of(scene, state, parameters)
-    true_run = runs.run(truth, integration, throw=True)
-    errors = _errors(runs, true_run, runs.run(truth, _looser(integration), throw=True))
+    true_run = runs.run(truth, settings, throw=True)
+    errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
     times = true_run.times
     sizes = growth.sizes(true_run.derivatives, growth.points(scene))
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
@@ -182,8 +184,8 @@ def horizon(
         growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
         *errors,
         _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
-        tuple(_wrong_guess(runs, truth, true_run, offsets, integration) for offsets in guesses),
-        runs.information(true_run, truth, integration),
+        tuple(_wrong_guess(runs, truth, true_run, offsets, settings) for offsets in guesses),
+        runs.information(true_run, truth, settings),
     )
 
 
@@ -194,11 +196,6 @@ def _in_order(uncertainty: Mapping[str, float], parameters: Mapping[str, Paramet
     for name in parameters:
         require_positive(f"uncertainty[{name!r}]", uncertainty[name], "tell how far off a guess is")
     return np.array([float(uncertainty[name]) for name in parameters])
-
-
-def _looser(integration: Integration) -> Integration:
-    atol = None if integration.atol is None else LOOSER * integration.atol
-    return replace(integration, rtol=LOOSER * integration.rtol, atol=atol)
 
 
 def _errors(
@@ -224,14 +221,14 @@ def _wrong_guess(
     truth: np.ndarray,
     true_run: Sensitivities,
     offsets: np.ndarray,
-    integration: Integration,
+    settings: Settings,
 ) -> descent_paths.WrongGuess:
     """The guess at these offsets from the truth, and the records that block its path to it."""
     weights, times = runs.weights(true_run.times), true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
     blocked = np.zeros(len(times), bool)
     for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
-        there = runs.run(truth + share * offsets, integration, throw=False)
+        there = runs.run(truth + share * offsets, settings, throw=False)
         n = len(there.times)
         values = {name: there.values[name] * weight[:n] for name, weight in weights.items()}
         along = {

@@ -11,7 +11,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..simulation.sensitivities import Sensitivities, sensitivities
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings
 from . import error_growth as growth
 from .analysis import Identifiability, identifiability_from
 from .sensors import Sensor, outputs_of, times_of
@@ -27,9 +27,7 @@ class PerturbedRuns:
     sensors: dict[str, Sensor]
     start_time: float
 
-    def run(
-        self, coordinates: np.ndarray, integration: Integration, *, throw: bool
-    ) -> Sensitivities:
+    def run(self, coordinates: np.ndarray, settings: Settings, *, throw: bool) -> Sensitivities:
         """A run at coordinates (p,) of the parameters.
 
         Its derivatives are along these and, last, along the disturbance of the initial velocity.
@@ -49,8 +47,8 @@ class PerturbedRuns:
             perturbed | {growth.DISTURBANCE: growth.disturbance(scene)},
             outputs_of(self.sensors) | growth.points(scene) | growth.penetrations(scene),
             times,
+            settings,
             start_time=self.start_time,
-            integration=integration,
             throw=throw,
         )
 
@@ -69,8 +67,8 @@ class PerturbedRuns:
         return weights
 
     def information(
-        self, run: Sensitivities, coordinates: np.ndarray, integration: Integration
+        self, run: Sensitivities, coordinates: np.ndarray, settings: Settings
     ) -> Identifiability:
         """What data of the sensors can tell about the parameters, from a run at their
         coordinates."""
-        return identifiability_from(run, self.parameters, coordinates, self.sensors, integration)
+        return identifiability_from(run, self.parameters, coordinates, self.sensors, settings)

@@ -2,19 +2,17 @@
 
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.formulation import Formulation
-from ..dynamics.stabilisation import AbstractStabilisation, Baumgarte
 from ..dynamics.system import System
 from ..math.vectors import Structured, unpack
 from ..model.scene import Scene
 from .landing import Landing
+from .settings import Settings
 from .solvers import default_controller, ready_solver
 from .step_state import Method
 
@@ -26,6 +24,22 @@ class Scheme(eqx.Module):
     method: Method
     formulation: Formulation
 
+    @staticmethod
+    def of(settings: Settings, redundant: bool = False) -> "Scheme":
+        """The scheme that settings ask for; `redundant`: whether constraints depend on each other,
+        unless the settings say it."""
+        redundant = redundant if settings.redundant is None else settings.redundant
+        choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
+        rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
+        atol = rtol * 1e-5 if atol is None else atol
+        controller = settings.controller
+        method = Method(
+            ready_solver(settings.solver, rtol, atol),
+            default_controller(rtol, atol) if controller is None else controller,
+            None if tolerance is None else Landing(tolerance),
+        )
+        return _with_arrays(Scheme(method, Formulation(*choices)))
+
     def system(self, scene: Scene) -> System:
         """The system to integrate, of a scene in scalar form."""
         return System.of(scene, self.formulation)
@@ -33,34 +47,6 @@ class Scheme(eqx.Module):
     def unpacked(self, form: Structured) -> System:
         """The system to integrate, of a scene in packed form."""
         return self.system(unpack(form))
-
-
-def make_formulation(
-    coordinates: AbstractCoordinates,
-    stabilisation: AbstractStabilisation | None,
-    redundant: bool,
-    ledger: bool = False,
-) -> Formulation:
-    """The formulation for the arguments of `simulate`."""
-    stabilisation = Baumgarte() if stabilisation is None else stabilisation
-    return Formulation(coordinates, stabilisation, redundant, ledger)
-
-
-def make_scheme(
-    solver: diffrax.AbstractSolver | None,
-    controller: diffrax.AbstractStepSizeController | None,
-    formulation: Formulation,
-    landing_tolerance: Any,
-    rtol: Any,
-    atol: Any,
-) -> Scheme:
-    """The scheme for the arguments of `simulate`."""
-    atol = rtol * 1e-5 if atol is None else atol
-    if controller is None:
-        controller = default_controller(rtol, atol)
-    landing = None if landing_tolerance is None else Landing(landing_tolerance)
-    solver = ready_solver(diffrax.Tsit5() if solver is None else solver, rtol, atol)
-    return _with_arrays(Scheme(Method(solver, controller, landing), formulation))
 
 
 def _with_arrays(scheme: Scheme) -> Scheme:

@@ -134,7 +134,7 @@ def observe(
         "solution",
         "without saved states",
         "one with states to observe",
-        "pass `save_at` or `record_steps=True` to simulate()",
+        "pass save=Saving(times) or Saving(steps=True) to simulate()",
     )
     assert trajectory is not None
     ran, states = solution.formulation, trajectory.states

@@ -1,4 +1,4 @@
-"""What is checked of a scene, a state and the settings before a run is compiled."""
+"""What is checked of a scene, a state and JAX's precision before a run is compiled."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from ..dynamics.assembly import (
 from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
-from ..fields.checks import recheck, require, require_positive
+from ..fields.checks import recheck
 from ..model.bodies import State
 from ..model.scene import Scene
 
@@ -23,31 +23,23 @@ def check_precision(allow_float32: bool) -> None:
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
-            "clearjoint.configure() before JAX starts, or pass allow_float32=True."
+            "clearjoint.configure() before JAX starts, or pass Settings(allow_float32=True)."
         )
 
 
-def check_values(
-    scene: Scene, state: State, rtol: Any, atol: Any, first_step: Any, landing_tolerance: Any
-) -> None:
-    """Check the numbers of a run, those of the scene included."""
+def check_numbers(scene: Scene, state: State) -> None:
+    """Check the numbers of a scene, and that a state is one of its."""
     recheck(scene)
     check_names(scene, state)
-    require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)
-    for name, value, remedy, zero in (
-        ("atol", atol, "give an absolute tolerance such as 1e-9", True),
-        ("first_step", first_step, "give a step in s, or None", False),
-        ("landing_tolerance", landing_tolerance, "give a penetration in m, or None", False),
-    ):
-        if value is not None:
-            require_positive(name, value, remedy, zero=zero)
-    require(
-        bool(rtol > 0) or (atol is not None and bool(atol > 0)),
-        "rtol",
-        float(rtol),
-        "positive unless `atol` is",
-        "no step is without error; give a relative tolerance such as 1e-6",
-    )
+
+
+def check_start(
+    scene: Scene, state: State, start_time: Any, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
+    """Check the numbers of a run, and its state against the constraints; the names of those that
+    are redundant."""
+    check_numbers(scene, state)
+    return check_structure(scene, state, start_time, coordinates)
 
 
 def check_structure(

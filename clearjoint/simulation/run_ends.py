@@ -10,14 +10,6 @@ from ..results import RESULTS
 from .step_state import Method, Step, Variables
 from .stepping import start
 
-FIRST_SHARE = 1e-6
-"""Length of the first step, unless it is given, in durations of the run."""
-
-
-def default_first_step(start_time: Any, end_time: Any) -> Any:
-    """Length of the first step between two times, s."""
-    return FIRST_SHARE * (end_time - start_time)
-
 
 def begun(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar

@@ -26,12 +26,14 @@ from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
 from ..quantities.base import check_quantity
 from ..quantities.instant import Instant
 from ..results import RESULTS
+from . import presets
 from .batch.reductions import Quantity
 from .dense_output import corrected, look_inside
+from .derivative_runs import derivative_scheme
 from .method import Scheme
-from .run_ends import default_first_step, final_result
-from .settings import Integration
-from .solution import SimulationError
+from .run_ends import final_result
+from .settings import Settings, settings_or
+from .solution import raise_failure
 from .spans import check_span, checked_times
 from .step_state import Attempt, Method, Step, Variables, choose
 from .stepping import attempt, not_tried, running
@@ -164,9 +166,9 @@ def sensitivities(
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
     times: Any,
+    settings: Settings | None = None,
     *,
     start_time: float = 0.0,
-    integration: Integration | None = None,
     throw: bool = True,
 ) -> Sensitivities:
     """Integrate a scene with the derivatives of its motion along parameters.
@@ -183,7 +185,7 @@ def sensitivities(
     - `parameters`: what to differentiate along, by name; see `Parameter`.
     - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
     - `times`: (N,) s, rising, at which they are evaluated.
-    - `integration`: tolerances and method; `Integration()` unless given.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
@@ -193,15 +195,15 @@ def sensitivities(
     """
     check_outputs(outputs, scene)
     check_parameters(parameters)
-    integration = Integration() if integration is None else integration
-    scheme = integration.scheme(scene, state, start_time)
+    settings = settings_or(settings, presets.derivatives)
+    scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
     asked = checked_times(start_time, end_time, times, "times")
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
     span = (
         jnp.asarray(t, float)
-        for t in (start_time, end_time, default_first_step(start_time, end_time))
+        for t in (start_time, end_time, settings.length_of_first_step(start_time, end_time))
     )
     found = jax.device_get(
         sampled_compiled(
@@ -210,7 +212,7 @@ def sensitivities(
             dict(outputs),
             jnp.asarray(padded(asked, end_time)),
             *span,
-            jnp.asarray(integration.max_steps, int),
+            jnp.asarray(settings.max_steps, int),
         )
     )
     count = int(found.reached[: len(asked)].sum())
@@ -224,10 +226,8 @@ def sensitivities(
         int(found.attempts),
         int(found.accepted),
     )
-    if throw and found.result != RESULTS.successful:
-        raise SimulationError(
-            f"The run ended at t = {result.time:.9g} s: {RESULTS[found.result]}", result
-        )
+    if throw:
+        raise_failure(result)
     return result
 
 

@@ -1,69 +1,164 @@
-"""How runs with derivatives are integrated: one value for all functions that make such runs."""
+"""How runs are integrated: one value for all functions that make runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import diffrax
+import jax
+import numpy as np
 
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
-from ..dynamics.stabilisation import AbstractStabilisation
-from ..fields.checks import require, require_count
-from ..model.bodies import State
-from ..model.scene import Scene
-from .decisions import require_declared
-from .dense_output import require_dense
-from .method import Scheme, make_formulation, make_scheme
-from .run_checks import check_precision, check_structure, check_values
+from ..dynamics.stabilisation import AbstractStabilisation, Baumgarte
+from ..fields.checks import concrete, require, require_count, require_positive
+from .solvers import require_ordinary
 
-LANDING_TOLERANCE = 1e-13
-"""m. An onset found this closely leaves no error in the derivative of the entry speed."""
+FIRST_SHARE = 1e-6
+"""Length of the first step, unless it is given, in durations of the run."""
+
+NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
 
 
-@dataclass(frozen=True)
-class Integration:
-    """Settings of runs with derivatives; as those of `simulate`, but tighter.
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How runs are integrated. Whatever makes runs takes these, and raises a `ValueError` for those
+    that it cannot honour.
+
+    A copy with another number:
+
+        dataclasses.replace(cj.presets.study, ledger=True)
 
     **Arguments:**
 
-    - `rtol`, `atol`: tolerances of the error of a step of the state; a hundred-thousandth of `rtol`
-      for the latter unless given. Derivatives are held to ten times these.
-    - `solver`: an explicit Runge-Kutta method of diffrax; `diffrax.Tsit5()` unless given.
-    - `coordinates`, `stabilisation`: see `simulate`.
-    - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts.
-      Derivatives of entry speeds need the default, 1e-13.
-    - `max_steps`: largest number of steps tried.
+    - `solver`: any diffrax ODE solver. Implicit ones want a looser `atol`, such as `rtol`/1000, to
+      which they also solve their stages. Runs with derivatives, and sweeps that save states,
+      sections or statistics, need an explicit Runge-Kutta method.
+    - `controller`: a diffrax step-size controller, which replaces the one by `rtol` and `atol`.
+    - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
+      state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
+      misalignments; where nothing moves faster than 1e4 of these, give a smaller one).
+      Derivatives are held to ten times these.
+    - `first_step`: s; a millionth of the duration unless given.
+    - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
+      ``None`` steps across them. Derivatives at an `rtol` of 1e-10 or less want 1e-13.
+    - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
+      every ideal joint is a constraint, as in the paper.
+    - `stabilisation`: of constraints, `Baumgarte()`, `Projection()` or `Unstabilised()`.
+    - `ledger`: integrate the dissipated energies, J, with the state.
+    - `redundant`: whether constraints depend on each other; found out unless given (under a
+      transformation: taken as independent).
+    - `max_steps`: largest number of steps tried, of one run.
+    - `allow_float32`: run in single precision if JAX is set to it.
+
+    **Raises:** `ValueError` for a setting that no run can use.
     """
 
-    rtol: float = 1e-9
+    solver: diffrax.AbstractSolver = field(default_factory=diffrax.Tsit5)
+    controller: diffrax.AbstractStepSizeController | None = None
+    rtol: float = 1e-6
     atol: float | None = None
-    solver: diffrax.AbstractERK | None = None
-    coordinates: AbstractCoordinates | None = None
-    stabilisation: AbstractStabilisation | None = None
-    landing_tolerance: float = LANDING_TOLERANCE
-    max_steps: int = 1_000_000
+    first_step: float | None = None
+    landing_tolerance: float | None = 1e-12
+    coordinates: AbstractCoordinates = field(default_factory=JointCoordinates)
+    stabilisation: AbstractStabilisation = field(default_factory=Baumgarte)
+    ledger: bool = False
+    redundant: bool | None = None
+    max_steps: int = 10_000_000
+    allow_float32: bool = False
 
-    def scheme(self, scene: Scene, state: State, start_time: float = 0.0) -> Scheme:
-        """How the scene's motion is computed.
-
-        **Raises:** `ValueError` for a scene, state or setting that no run can use, and for an
-        element that changes with time at instants it doesn't declare as `breakpoints`.
-        """
-        check_precision(False)
+    def __post_init__(self) -> None:
+        self._check_method()
+        self._check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
-        check_values(scene, state, self.rtol, self.atol, None, self.landing_tolerance)
+        for name, kinds in (
+            ("ledger", bool),
+            ("redundant", bool | None),
+            ("allow_float32", bool),
+        ):
+            value = getattr(self, name)
+            require(isinstance(value, kinds), name, value, "True or False", "say whether")
+
+    def _check_method(self) -> None:
+        for name, kind, example in (
+            ("solver", diffrax.AbstractSolver, "diffrax.Tsit5()"),
+            ("controller", diffrax.AbstractStepSizeController | None, "diffrax.PIDController()"),
+            ("coordinates", AbstractCoordinates, "JointCoordinates()"),
+            ("stabilisation", AbstractStabilisation, "Baumgarte()"),
+        ):
+            value = getattr(self, name)
+            expected = f"an object such as {example}"
+            require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
+        require_ordinary(self.solver)
+
+    def _check_numbers(self) -> None:
+        for name, remedy, zero in (
+            ("rtol", "give a relative tolerance such as 1e-6", True),
+            ("atol", "give an absolute tolerance such as 1e-9, or None", True),
+            ("first_step", "give a step in s, or None", False),
+            ("landing_tolerance", "give a penetration in m, or None", False),
+        ):
+            value = getattr(self, name)
+            if name != "rtol" and value is None:
+                continue
+            fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
+            require(fine, name, value, "a number", remedy)
+            require_positive(name, value, remedy, zero=zero)
+        tolerances = [concrete(0.0 if x is None else x) for x in (self.rtol, self.atol)]
         require(
-            self.landing_tolerance is not None,
-            "landing_tolerance",
-            None,
-            "a penetration in m",
-            "derivatives hold only where steps land on the begin and end of contacts",
+            any(tolerance is None or bool(tolerance > 0) for tolerance in tolerances),
+            "rtol",
+            self.rtol,
+            "positive unless `atol` is",
+            "no step is without error; give a relative tolerance such as 1e-6",
         )
-        require_declared(scene)
-        coordinates = JointCoordinates() if self.coordinates is None else self.coordinates
-        redundant = check_structure(scene, state, start_time, coordinates)
-        formulation = make_formulation(coordinates, self.stabilisation, bool(redundant))
-        scheme = make_scheme(
-            self.solver, None, formulation, self.landing_tolerance, self.rtol, self.atol
+
+    @property
+    def numbers(self) -> tuple[float | None, ...]:
+        """What JAX may trace."""
+        return self.rtol, self.atol, self.first_step, self.landing_tolerance
+
+    def length_of_first_step(self, start_time: Any, end_time: Any) -> Any:
+        """Length of the first step of a run between two times, s."""
+        if self.first_step is None:
+            return FIRST_SHARE * (end_time - start_time)
+        return self.first_step
+
+    def looser(self, factor: float) -> "Settings":
+        """The same with tolerances of the error that are larger by a factor.
+
+        **Raises:** `ValueError` if a controller has them.
+        """
+        self.require_tolerances("runs of several tolerances are made")
+        atol = None if self.atol is None else factor * self.atol
+        return replace(self, rtol=factor * self.rtol, atol=atol)
+
+    def require_tolerances(self, where: str) -> None:
+        """Check that `rtol` and `atol` are the tolerances of the error, and no controller's."""
+        require(
+            self.controller is None,
+            "controller",
+            self.controller,
+            f"None where {where}",
+            "leave it out, and give rtol and atol",
         )
-        require_dense(scheme.method.solver)
-        return scheme
+
+    def require_double(self) -> None:
+        """Check that single precision is not asked for, for runs that can't be in it."""
+        require(
+            not self.allow_float32,
+            "allow_float32",
+            True,
+            "False for sweeps and runs with derivatives",
+            "leave it out, and call clearjoint.configure() before JAX starts",
+        )
+
+
+def settings_or(settings: Settings | None, default: Settings) -> Settings:
+    """The settings, or the default if there are none.
+
+    **Raises:** `ValueError` for anything else.
+    """
+    kind = type(settings).__name__
+    remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"
+    require(isinstance(settings, Settings | None), "settings", kind, "Settings or None", remedy)
+    return default if settings is None else settings

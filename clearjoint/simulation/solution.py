@@ -61,7 +61,7 @@ class Solution(AbstractReadable):
 
     def _requested(self) -> Trajectory:
         if self.saved is None:
-            raise AttributeError("No times were requested: pass `save_at` to simulate().")
+            raise AttributeError("No times were requested: pass save=Saving(times) to simulate().")
         return self.saved
 
 
@@ -72,3 +72,15 @@ class SimulationError(RuntimeError):
     def __init__(self, message: str, solution: Any):
         super().__init__(message)
         self.solution = solution
+
+
+def raise_failure(solution: Any) -> None:
+    """Raise a `SimulationError` if a run failed.
+
+    **Arguments:** `solution`: a run's `result`, `time` in s, and whatever the error is to carry.
+    """
+    if solution.result != RESULTS.successful:
+        raise SimulationError(
+            f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
+            solution,
+        )

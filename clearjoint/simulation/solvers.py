@@ -31,13 +31,8 @@ def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
-def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffrax.AbstractSolver:
-    """What `diffrax.diffeqsolve` does to a solver before it steps.
-
-    Explicit Runge-Kutta methods get their stages written out. Others loop over them in a way that
-    forward differentiation can follow, and implicit ones solve their stages to the tolerances of
-    the steps unless they have their own.
-    """
+def require_ordinary(solver: diffrax.AbstractSolver) -> None:
+    """Check that a solver is one of ordinary differential equations in one piece."""
     structure = solver.term_structure
     require(
         isinstance(structure, type) and issubclass(diffrax.ODETerm, structure),
@@ -46,6 +41,15 @@ def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffra
         "a solver of ordinary differential equations in one piece",
         "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5(); split ones don't apply here",
     )
+
+
+def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffrax.AbstractSolver:
+    """What `diffrax.diffeqsolve` does to a solver before it steps.
+
+    Explicit Runge-Kutta methods get their stages written out. Others loop over them in a way that
+    forward differentiation can follow, and implicit ones solve their stages to the tolerances of
+    the steps unless they have their own.
+    """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
         solver = eqx.tree_at(

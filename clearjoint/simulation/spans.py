@@ -35,15 +35,7 @@ def checked_times(start: Any, end: Any, times: Any, argument: str) -> np.ndarray
 
     **Raises:** `ValueError` for times that don't rise or are outside.
     """
-    row = np.asarray(as_number(times))
-    fine = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
-    require(
-        fine and bool((np.diff(row) >= 0).all()),
-        argument,
-        row,
-        "a rising one-dimensional array of finite times",
-        "sort the times",
-    )
+    row = check_rising(times, argument)
     room = rounding(start, end, times)
     require(
         bool(row[0] >= start - room) and bool(row[-1] <= end + room),
@@ -53,6 +45,23 @@ def checked_times(start: Any, end: Any, times: Any, argument: str) -> np.ndarray
         "leave out the times outside",
     )
     return np.clip(row.astype(float), float(start), float(end))
+
+
+def check_rising(times: Any, argument: str) -> np.ndarray:
+    """The times as an array, (N,).
+
+    **Raises:** `ValueError` for times that don't rise.
+    """
+    row = np.asarray(as_number(times))
+    fine = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
+    require(
+        fine and bool((np.diff(row) >= 0).all()),
+        argument,
+        row,
+        "a rising one-dimensional array of finite times",
+        "sort the times",
+    )
+    return row
 
 
 def rounding(start: Any, end: Any, times: Any) -> float:

@@ -102,7 +102,11 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         )
         needs = isinstance(output, AbstractReduction) and output.needs_ledger
         require(
-            ledger or not needs, "ledger", ledger, f"True for outputs[{name!r}]", "pass ledger=True"
+            ledger or not needs,
+            "ledger",
+            ledger,
+            f"True for outputs[{name!r}]",
+            "pass Settings(ledger=True)",
         )
         try:
             output.check(scene)

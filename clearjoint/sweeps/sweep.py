@@ -7,29 +7,26 @@ from dataclasses import replace
 from functools import partial
 from os import PathLike
 
-import diffrax
 import jax
 import numpy as np
 import xarray as xr
 
-from ..dynamics.coordinates import AbstractCoordinates
-from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
-from ..dynamics.stabilisation import AbstractStabilisation
 from ..fields.cautions import LeftBearingWarning, caution
-from ..fields.checks import require, require_count
+from ..fields.checks import require
 from ..math.vectors import structured
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..results import result_numbers
 from ..runtime import busy_devices, program_kind
+from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Task
 from ..simulation.batch.lane import Plan
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.dense_output import require_dense
-from ..simulation.method import Scheme, make_formulation, make_scheme
-from ..simulation.run_checks import check_precision, check_values
-from ..simulation.run_ends import default_first_step
+from ..simulation.method import Scheme
+from ..simulation.run_checks import check_numbers, check_precision
+from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import checked_times
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .executors import AbstractSubmitter, run_chunks
@@ -53,6 +50,7 @@ def sweep(
     end_time: float | Callable[[Scene], float],
     axes: Mapping[str, Axis],
     outputs: Mapping[str, Output] | None = None,
+    settings: Settings | None = None,
     *,
     zipped: bool = False,
     path: str | PathLike | None = None,
@@ -60,16 +58,6 @@ def sweep(
     devices: Sequence[Device] | None = None,
     chunk: int = CHUNK,
     start_time: float = 0.0,
-    rtol: float = 1e-6,
-    atol: float | None = None,
-    solver: diffrax.AbstractSolver | None = None,
-    controller: diffrax.AbstractStepSizeController | None = None,
-    first_step: float | None = None,
-    coordinates: AbstractCoordinates | None = None,
-    stabilisation: AbstractStabilisation | None = None,
-    landing_tolerance: float | None = 1e-12,
-    ledger: bool = False,
-    max_steps: int = 10_000_000,
     progress: bool = True,
 ) -> xr.Dataset:
     """Simulate a scene for many values of its parameters.
@@ -80,13 +68,14 @@ def sweep(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time` s, and from `start_time` on the settings of `simulate`.
-      `end_time` may be a function of the lane's scene, say of a crank's speed.
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`. `end_time` may be a function
+      of the lane's scene, say of a crank's speed.
     - `axes`: the values of each parameter by name; see `Axis`. Their outer product, or with
       `zipped` as many lanes as each has values, for lists and designs of experiments.
     - `outputs`: what is kept of each lane, by name: reductions (`Peak`, `ImpactCount`,
       `DissipatedEnergy`, `Statistics`, or a subclass of `AbstractReduction`), one `Saved`, and
       `Section`. The final state, result code, time reached, and steps are always kept.
+    - `settings`: how to integrate; `clearjoint.presets.default` unless given.
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
       computes only what is missing or damaged, so that values of axes, axes and outputs can be
       added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
@@ -104,50 +93,27 @@ def sweep(
     **Raises:** `ValueError` for arguments that no sweep can use, and for a store that belongs to
     other settings; `ChunkError` if an executor fails.
     """
+    settings = settings_or(settings, presets.default)
+    settings.require_double()
     check_precision(False)
     outputs = {} if outputs is None else outputs
     _check_axes(axes)
-    check_outputs(outputs, scene, ledger)
-    require_count("max_steps", max_steps, "give a number of steps")
-    settings = {
-        "start_time": start_time,
-        "rtol": rtol,
-        "atol": atol,
-        "landing_tolerance": landing_tolerance,
-        "ledger": ledger,
-        "max_steps": max_steps,
-        "program": program_kind(busy_devices() if devices is None else devices),
-    }
-    notes = {
-        "end_time": end_time,
-        "solver": solver,
-        "controller": controller,
-        "first_step": first_step,
-        "method: coordinates": coordinates,
-        "stabilisation": stabilisation,
-        **{f"output {name}": output for name, output in outputs.items()},
-    }
+    check_outputs(outputs, scene, settings.ledger)
+    units = {name: axis.unit_in(scene, state) for name, axis in axes.items()}
     layout = Layout(
-        tuple(
-            Coordinate(name, axis.values, axis.unit_in(scene, state)) for name, axis in axes.items()
-        ),
+        tuple(Coordinate(name, axis.values, units[name]) for name, axis in axes.items()),
         chunk,
         *variables_of(scene, outputs),
-        {name: describe(value) for name, value in settings.items()} | versions(),
+        _decisive(settings, start_time, devices),
         zipped,
-        {name: describe(value) for name, value in notes.items()},
+        _notes(settings, end_time, outputs),
     )
     lanes = lanes_of(scene, state, axes, layout.values())
     layout = replace(layout, notes={**layout.notes, **_lane_notes(lanes, axes)})
-    check_values(scene, state, rtol, atol, first_step, landing_tolerance)
-    coordinates = JointCoordinates() if coordinates is None else coordinates
-    lanes, redundant = checked_starts(lanes, start_time, coordinates)
-    formulation = make_formulation(coordinates, stabilisation, redundant, ledger)
-    scheme = make_scheme(solver, controller, formulation, landing_tolerance, rtol, atol)
-    common = _common(lanes, scheme, outputs, start_time, max_steps)
-    saved = outputs.get(common.saved)
-    saved = saved if isinstance(saved, Saved) else None
-    tasks = _tasks(lanes, end_time, start_time, first_step, saved)
+    check_numbers(scene, state)
+    lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
+    common = _common(lanes, Scheme.of(settings, redundant), outputs, start_time, settings.max_steps)
+    tasks = _tasks(lanes, end_time, start_time, settings, outputs)
     if path is None:
         trace, store = None, SweepMemory(layout)
     else:
@@ -161,6 +127,41 @@ def sweep(
     _report_failures(results, lanes)
     _report_journals_outside(results, lanes)
     return results
+
+
+def _decisive(
+    settings: Settings, start_time: float, devices: Sequence[Device] | None
+) -> dict[str, str]:
+    """Numbers and choices that tell the sweep from others, as a store has them."""
+    numbers = {
+        "start_time": start_time,
+        "rtol": settings.rtol,
+        "atol": settings.atol,
+        "landing_tolerance": settings.landing_tolerance,
+        "ledger": settings.ledger,
+        "max_steps": settings.max_steps,
+        "program": program_kind(busy_devices() if devices is None else devices),
+    }
+    return {name: describe(value) for name, value in numbers.items()} | versions()
+
+
+def _notes(
+    settings: Settings,
+    end_time: float | Callable[[Scene], float],
+    outputs: Mapping[str, Output],
+) -> dict[str, str]:
+    """What else was asked for, for a reader."""
+    choices = {
+        "end_time": end_time,
+        "solver": settings.solver,
+        "controller": settings.controller,
+        "first_step": settings.first_step,
+        "method: coordinates": settings.coordinates,
+        "stabilisation": settings.stabilisation,
+        "redundant": settings.redundant,
+        **{f"output {name}": output for name, output in outputs.items()},
+    }
+    return {name: describe(value) for name, value in choices.items()}
 
 
 def _common(
@@ -229,10 +230,11 @@ def _tasks(
     lanes: Lanes,
     end_time: float | Callable[[Scene], float],
     start_time: float,
-    first_step: float | None,
-    saved: Saved | None,
+    settings: Settings,
+    outputs: Mapping[str, Output],
 ) -> Task:
     """What each lane has for itself: scene, state, end, first step and times to save at."""
+    saved = next((output for output in outputs.values() if isinstance(output, Saved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
@@ -245,13 +247,9 @@ def _tasks(
         f"finite and after start_time = {start_time}",
         "give times in s",
     )
-    if first_step is None:
-        steps = default_first_step(start_time, ends)
-    else:
-        steps = np.full(count, float(first_step))
-    return Task(
-        lanes.scenes, lanes.states, ends, steps, _save_times(saved, scenes, start_time, ends)
-    )
+    first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
+    times = _save_times(saved, scenes, start_time, ends)
+    return Task(lanes.scenes, lanes.states, ends, first_steps, times)
 
 
 def _save_times(

@@ -7,7 +7,7 @@ lane with its task.
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 from unittest.mock import patch
@@ -25,22 +25,23 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
+from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Seat, advance, begin
 from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
 from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
+from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
-from ..simulation.run_ends import begun, default_first_step
+from ..simulation.run_checks import check_precision, check_start
+from ..simulation.run_ends import begun
 from ..simulation.sensitivities import Sampled, sampled_compiled
-from ..simulation.settings import Integration
+from ..simulation.settings import Settings, settings_or
 from ..simulation.step_state import Method, Step, Variables
 from ..simulation.stepping import attempt
 from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
 from ..sweeps.work import Work, extent
 
-DEFAULT = Integration(rtol=1e-6, landing_tolerance=1e-12)
-"""The settings that `simulate` has by default."""
 FIRST_STEP, END = 1e-6, 1e9
 """Of the run that a program is taken from, s."""
 
@@ -133,31 +134,31 @@ class RunProgram(eqx.Module):
     def of(
         scene: Scene,
         state: State,
+        settings: Settings | None = None,
         *,
         time: float = 0.0,
-        integration: Integration = DEFAULT,
-        ledger: bool = False,
         parameters: Mapping[str, Parameter] | None = None,
     ) -> "RunProgram":
         """The run of a scene from a state.
 
         **Arguments:**
 
+        - `settings`: `simulate`'s default unless given.
         - `time`: of the start, s.
-        - `integration`: the settings of `simulate`'s default unless given.
-        - `ledger`: whether the energy ledger is integrated; without `parameters` only.
         - `parameters`: what derivatives are integrated along, if any.
 
         **Raises:** `ValueError` for a scene, state or setting that no run can use.
         """
-        scheme = integration.scheme(scene, state, time)
-        if ledger:
-            scheme = replace(scheme, formulation=replace(scheme.formulation, ledger=True))
+        settings = settings_or(settings, presets.default)
+        check_precision(settings.allow_float32)
         form = structured(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
+            redundant = check_start(scene, state, time, settings.coordinates)
+            scheme = Scheme.of(settings, bool(redundant))
             step = begun(scheme.method, scheme.unpacked(form), state, *span)
             return RunProgram(scheme, form, step, None)
+        scheme = derivative_scheme(scene, state, settings, time)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
         systems = SystemFamily(family, scheme.formulation)
@@ -251,7 +252,7 @@ def compiled_sensitivities(
     end_time: float,
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
-    integration: Integration,
+    settings: Settings,
 ) -> Callable[[], Sampled]:
     """The compiled run inside `sensitivities`, from time zero, which looks at the end alone.
 
@@ -260,7 +261,7 @@ def compiled_sensitivities(
     """
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
-    scheme, end = integration.scheme(scene, state), jnp.asarray(end_time)
-    limit = jnp.asarray(integration.max_steps, int)
-    span = (end[None], jnp.zeros(()), end, default_first_step(0.0, end), limit)
+    scheme, end = derivative_scheme(scene, state, settings), jnp.asarray(end_time)
+    limit = jnp.asarray(settings.max_steps, int)
+    span = (end[None], jnp.zeros(()), end, settings.length_of_first_step(0.0, end), limit)
     return lambda: sampled_compiled(scheme, family, dict(outputs), *span)

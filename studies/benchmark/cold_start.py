@@ -86,7 +86,7 @@ def under_these_flags() -> None:
 
     def run(end_time: float) -> tuple[float, int]:
         start = time.perf_counter()
-        solution = cj.simulate(scene, state, end_time, rtol=1e-6, progress=False)
+        solution = cj.simulate(scene, state, end_time, cj.Settings(rtol=1e-6), progress=False)
         return time.perf_counter() - start, int(solution.attempts)
 
     compiling, _ = run(1e-4)

@@ -123,8 +123,8 @@ def controlled_run(count: int, rtol: float, span: float, solver: diffrax.Abstrac
     scene, state = cj.double_pendulum()
     parameters = dict(list(ESTIMANDS.items())[:count])
     height = {"height": cj.quantities.Position("arm 2", "y")}
-    integration = cj.Integration(rtol, solver=solver, landing_tolerance=LANDING)
-    run = compiled_sensitivities(scene, state, span, parameters, height, integration)
+    settings = cj.Settings(solver=solver, rtol=rtol, landing_tolerance=LANDING)
+    run = compiled_sensitivities(scene, state, span, parameters, height, settings)
 
     def derivatives() -> tuple[Any, Any]:
         found = run()
@@ -233,7 +233,11 @@ def _simulated(
     **options: Any,
 ) -> cj.Solution:
     return cj.simulate(
-        scene, state, span, rtol=rtol, solver=solver, landing_tolerance=LANDING, **options
+        scene,
+        state,
+        span,
+        cj.Settings(solver=solver, rtol=rtol, landing_tolerance=LANDING),
+        **options,
     )
 
 

@@ -77,7 +77,9 @@ def clearjoint_run(
     """
     scene, state = cj.double_pendulum(clearance, RESTITUTION)
     start = time.perf_counter()
-    solution = cj.simulate(scene, state, span, rtol=rtol, solver=solver, progress=False)
+    solution = cj.simulate(
+        scene, state, span, cj.Settings(solver=solver, rtol=rtol), progress=False
+    )
     seconds = time.perf_counter() - start
     attempts, tableau = int(solution.attempts), solver.tableau
     assert isinstance(tableau, diffrax.ButcherTableau) and tableau.fsal

@@ -43,11 +43,11 @@ def of_run(solver: diffrax.AbstractERK, repeats: int) -> list[Record]:
     """
     scene, state = cj.double_pendulum(0.5e-3, 0.9)
     reached = cj.simulate(scene, state, INSTANT, progress=False).final
-    integration = cj.Integration(rtol=1e-6, landing_tolerance=1e-12, solver=solver)
-    program = RunProgram.of(scene, reached, time=INSTANT, integration=integration)
+    settings = cj.Settings(solver=solver)
+    program = RunProgram.of(scene, reached, settings, time=INSTANT)
 
     def run(span: float) -> int:
-        return int(cj.simulate(scene, state, span, solver=solver, progress=False).attempts)
+        return int(cj.simulate(scene, state, span, settings, progress=False).attempts)
 
     @eqx.filter_jit
     def repeat(loop: Callable[..., Any], program: RunProgram, turns: Any) -> Any:

@@ -46,7 +46,12 @@ def swept(
     with programs_of_sweeps() as programs:
         start = time.perf_counter()
         results = cj.sweep(
-            scene, state, duration, axes, coordinates=COORDINATES[coordinates](), progress=False
+            scene,
+            state,
+            duration,
+            axes,
+            settings=cj.Settings(coordinates=COORDINATES[coordinates]()),
+            progress=False,
         )
         seconds = time.perf_counter() - start
     record = _record(seconds, results.attempts.values)
@@ -63,7 +68,7 @@ def looped(clearances: Sequence[float], duration: float) -> Record:
     start = time.perf_counter()
     for clearance in clearances:
         scene, state = cj.double_pendulum(clearance, RESTITUTION)
-        solution = cj.simulate(scene, state, duration, rtol=1e-6, progress=False)
+        solution = cj.simulate(scene, state, duration, cj.Settings(rtol=1e-6), progress=False)
         attempts.append(int(solution.attempts))
     return _record(time.perf_counter() - start, np.array(attempts))
 
@@ -74,7 +79,14 @@ def counted(clearances: Sequence[float], coordinates: str) -> Record:
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
     axes = {"clearance": clearance_axis(clearances)}
     with programs_of_sweeps() as programs:
-        cj.sweep(scene, state, 1e-4, axes, coordinates=COORDINATES[coordinates](), progress=False)
+        cj.sweep(
+            scene,
+            state,
+            1e-4,
+            axes,
+            settings=cj.Settings(coordinates=COORDINATES[coordinates]()),
+            progress=False,
+        )
     return counts(programs[0])
 
 

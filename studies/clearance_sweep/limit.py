@@ -62,7 +62,9 @@ def _over_play(held: xr.Dataset, axes: Axes) -> None:
 def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
     """A sweep over the clearance with the largest deviation of each run, and its play."""
     times = np.linspace(0.0, DURATION, 251)
-    ideal = cj.simulate(*cj.double_pendulum(None), DURATION, save_at=times, rtol=1e-10).saved
+    ideal = cj.simulate(
+        *cj.double_pendulum(None), DURATION, cj.Settings(rtol=1e-10), save=cj.Saving(times)
+    ).saved
     assert ideal is not None
     clearances = np.geomspace(1e-7, 1e-3, 13 if output.quick else 65)
     components: Any = "xyz"

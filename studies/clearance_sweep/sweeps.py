@@ -80,7 +80,7 @@ def sweep(output: Output) -> list[str]:
         DURATION,
         {"clearance": clearance_axis(values)},
         {**SUMMARY, "impact": IMPACTS, "orbit": ORBIT},
-        ledger=True,
+        settings=cj.Settings(ledger=True),
         path=output.store("sweep"),
         chunk=32,
     )
@@ -188,7 +188,7 @@ def restitution_map(output: Output) -> list[str]:
             "restitution": restitution_axis(np.linspace(0.1, 1.0, rows)),
         },
         SUMMARY,
-        ledger=True,
+        settings=cj.Settings(ledger=True),
         path=output.store("map"),
         chunk=64,
     )

@@ -1,7 +1,7 @@
 """Parameters of the double pendulum from made-up measurements: sensors, starts, and ways to fit."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,8 +60,8 @@ def ideal(sensor: str, end_time: float) -> tuple[cj.Measurements, dict[str, floa
     channels, noise = SENSORS[sensor]
     times = np.arange(1, round(end_time * RATE) + 1) / RATE
     scene, state = cj.double_pendulum()
-    tight = cj.Integration(rtol=1e-11)
-    found = cj.sensitivities(scene, state, end_time, PARAMETERS, channels, times, integration=tight)
+    tight = replace(cj.presets.derivatives, rtol=1e-11)
+    found = cj.sensitivities(scene, state, end_time, PARAMETERS, channels, times, settings=tight)
     clean = {name: cj.Series(c, times, found.values[name], noise) for name, c in channels.items()}
     jacobian = np.concatenate([found.derivatives[name] / noise for name in channels])
     deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))

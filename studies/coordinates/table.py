@@ -51,9 +51,8 @@ def measured(mechanism: Mechanism, coordinates: str) -> tuple[str, ...]:
             scene,
             state,
             mechanism.span,
-            save_at=times,
-            rtol=RTOL,
-            coordinates=COORDINATES[coordinates],
+            cj.Settings(rtol=RTOL, coordinates=COORDINATES[coordinates]),
+            save=cj.Saving(times),
             progress=False,
         )
         return time.perf_counter() - start, solution
@@ -79,8 +78,7 @@ def measured(mechanism: Mechanism, coordinates: str) -> tuple[str, ...]:
 
 def operations(scene: cj.Scene, state: cj.State, coordinates: str) -> float:
     """Floating-point operations of a right-hand side."""
-    integration = cj.Integration(coordinates=COORDINATES[coordinates])
-    program = RunProgram.of(scene, state, integration=integration)
+    program = RunProgram.of(scene, state, cj.Settings(coordinates=COORDINATES[coordinates]))
 
     def rates(program: RunProgram) -> Any:
         return program.stepper().rates(program.step)

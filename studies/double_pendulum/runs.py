@@ -84,12 +84,8 @@ def _simulate(
             scene,
             state,
             instants[-1],
-            save_at=instants,
-            rtol=settings.rtol,
-            solver=SOLVERS[settings.solver](),
-            ledger=True,
-            record_steps=True,
-            record_impacts=True,
+            cj.Settings(solver=SOLVERS[settings.solver](), rtol=settings.rtol, ledger=True),
+            save=cj.Saving(instants, steps=True, impacts=True),
         )
 
 

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import diffrax
@@ -57,12 +57,12 @@ class Case:
     name: str
     make: Callable[[], tuple[cj.Scene, cj.State]]
     rtol: float = 1e-4
-    options: dict[str, Any] = field(default_factory=dict)
+    settings: cj.Settings = cj.presets.default
 
 
-ABSOLUTE = {"coordinates": cj.AbsoluteCoordinates()}
-PROJECTED = ABSOLUTE | {"stabilisation": cj.Projection()}
-EIGHTH = {"solver": diffrax.Dopri8()}
+ABSOLUTE = cj.Settings(coordinates=cj.AbsoluteCoordinates())
+PROJECTED = replace(ABSOLUTE, stabilisation=cj.Projection())
+EIGHTH = cj.Settings(solver=diffrax.Dopri8())
 CASES = (
     Case("ideal", pendulum),
     Case("ideal", pendulum, 1e-6),
@@ -74,7 +74,7 @@ CASES = (
     Case("ideal, absolute, projection", pendulum, 1e-4, PROJECTED),
     Case("free top", top),
     Case("free top", top, 1e-9),
-    Case("clearance 0.5 mm", clearance_pendulum, 1e-4, {"ledger": True}),
+    Case("clearance 0.5 mm", clearance_pendulum, 1e-4, cj.Settings(ledger=True)),
 )  # fmt: skip
 
 
@@ -141,10 +141,9 @@ def run(case: Case, span: float, most_steps: int) -> Outcome:
     instants = np.linspace(0.0, span, SAVED)
 
     def simulate(steps: int) -> cj.Solution:
-        return cj.simulate(
-            scene, state, span, rtol=case.rtol, save_at=instants, max_steps=steps,
-            throw=False, progress=False, **case.options,
-        )  # fmt: skip
+        settings = replace(case.settings, rtol=case.rtol, max_steps=steps)
+        save = cj.Saving(instants)
+        return cj.simulate(scene, state, span, settings, save, throw=False, progress=False)
 
     simulate(100)
     begin = time.perf_counter()
@@ -198,14 +197,13 @@ def late_start(rtols: tuple[float, ...] = (1e-4, 1e-6, 1e-9)) -> list[tuple[str,
         ("rtol", "steps", "position of arm 2, m", "entry speeds, relative", "onsets, s")
     ]
     scene, state = cj.double_pendulum()
+    save = cj.Saving(impacts=True)
     for rtol in rtols:
+        settings = cj.Settings(rtol=rtol, first_step=1e-7)
         early, late = (
-            cj.simulate(
-                scene, state, start + 0.1, start_time=start, rtol=rtol, first_step=1e-7,
-                record_impacts=True, progress=False,
-            )
-            for start in (0.0, DAY)
-        )  # fmt: skip
+            cj.simulate(scene, state, t + 0.1, settings, save, start_time=t, progress=False)
+            for t in (0.0, DAY)
+        )
         assert early.impacts is not None and late.impacts is not None
         here, there = (s.final.bodies["arm 2"].position for s in (early, late))
         speeds = late.impacts.entry_speed / early.impacts.entry_speed - 1.0

@@ -72,14 +72,14 @@ class Family:
 
     - `make`: scene and state of a draw; `end_time`: s.
     - `free`: whether nothing holds the bodies, so that momentum is kept.
-    - `outputs`: what is kept beside the ledger; `options`: of the run.
+    - `outputs`: what is kept beside the ledger; `coordinates`: of the run.
     """
 
     make: Callable[[Draw], tuple[cj.Scene, cj.State]]
     end_time: Callable[[Draw], float]
     free: bool = False
     outputs: Mapping[str, cj.AbstractReduction] = field(default_factory=dict)
-    options: Mapping[str, Any] = field(default_factory=dict)
+    coordinates: cj.JointCoordinates | cj.AbsoluteCoordinates = cj.JointCoordinates()
 
     def trial(self, draw: Draw) -> "Trial":
         """The scene of a draw, ready to run."""
@@ -265,7 +265,7 @@ FAMILIES = {
     "double pendulum": Family(
         _double_pendulum,
         lambda d: _fall(d, 7.02),
-        options={"coordinates": cj.AbsoluteCoordinates()},
+        coordinates=cj.AbsoluteCoordinates(),
     ),
     "slider-crank": Family(_slider_crank, lambda d: 2 * np.pi / d["crank_speed"]),
 }

@@ -81,25 +81,35 @@ class Lane:
         return self.successful and not all(value <= 1.0 for value in self.violations.values())
 
 
-def run(name: str, trials: Sequence[Trial], max_steps: int, **settings: Any) -> list[Lane]:
-    """Run scenes of a family side by side, and judge them by the invariants.
-
-    **Arguments:** `settings`: of the sweep, in place of the study's.
-    """
+def run(
+    name: str,
+    trials: Sequence[Trial],
+    max_steps: int,
+    rtol: float = RTOL,
+    start_time: float = 0.0,
+) -> list[Lane]:
+    """Run scenes of a family side by side, and judge them by the invariants."""
     lanes: dict[int, Lane] = {}
     for atol in sorted({trial.atol for trial in trials}, key=str):
         numbers = [k for k, trial in enumerate(trials) if trial.atol == atol]
         chosen = [trials[k] for k in numbers]
-        together = {"atol": atol, "max_steps": max_steps, **settings}
-        found = _swept(FAMILIES[name], chosen, together)
+        settings = cj.Settings(
+            rtol=rtol,
+            atol=atol,
+            coordinates=FAMILIES[name].coordinates,
+            ledger=True,
+            max_steps=max_steps,
+        )
+        found = _swept(FAMILIES[name], chosen, settings, start_time)
         for lane, (k, trial) in enumerate(zip(numbers, chosen, strict=True)):
             lanes[k] = _judged(FAMILIES[name], trial, found.isel(trial=lane))
     return [lanes[k] for k in range(len(trials))]
 
 
-def _swept(family: Family, trials: Sequence[Trial], settings: dict[str, Any]) -> xr.Dataset:
-    start = settings.get("start_time", 0.0)
-    ends = iter([start + trial.end_time for trial in trials])
+def _swept(
+    family: Family, trials: Sequence[Trial], settings: cj.Settings, start_time: float
+) -> xr.Dataset:
+    ends = iter([start_time + trial.end_time for trial in trials])
 
     def made(scene: cj.Scene, state: cj.State, number: float) -> tuple[cj.Scene, cj.State]:
         del scene, state
@@ -113,10 +123,10 @@ def _swept(family: Family, trials: Sequence[Trial], settings: dict[str, Any]) ->
             lambda scene: next(ends),  # asked for lane by lane
             {"trial": cj.Axis.change(made, np.arange(float(len(trials))))},
             {"work": Work(), **family.outputs},
-            ledger=True,
+            settings,
+            start_time=start_time,
             progress=False,
             devices=jax.local_devices()[:1],
-            **{"rtol": RTOL, **family.options, **settings},
         )
 
 

@@ -19,14 +19,10 @@ def look(rtol: float) -> dict[str, Any]:
         scene,
         state,
         DURATION,
-        rtol=rtol,
-        save_at=[0.0, DURATION],
-        record_impacts=True,
-        ledger=True,
+        cj.Settings(rtol=rtol, ledger=True, max_steps=50_000, allow_float32=True),
+        save=cj.Saving([0.0, DURATION], impacts=True),
         throw=False,
-        max_steps=50_000,
         progress=False,
-        allow_float32=True,
     )
     if solution.result != cj.RESULTS.successful:
         nothing = dict.fromkeys(("onset", "entry_speed", "peak_force", "ledger"), 1.0)

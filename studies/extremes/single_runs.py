@@ -18,7 +18,7 @@ from studies.extremes.cases import BASE, decades, thrown, thrown_error
 from studies.extremes.looks import REFUSED, Look, Row, judged
 from studies.extremes.runs import run
 
-TIGHT = {"rtol": 1e-9, "throw": False, "progress": False, "max_steps": 100_000}
+TIGHT = cj.Settings(rtol=1e-9, max_steps=100_000)
 GRAVITY = 9.81
 
 
@@ -70,7 +70,8 @@ def crank_angle(start: float, duration: float) -> float:
 
 def _four_bar_look(place: float, angle: float, skew: float, duration: float, bound: float) -> Look:
     try:
-        solution = cj.simulate(*four_bar(angle, skew), duration, **TIGHT)
+        bars = four_bar(angle, skew)
+        solution = cj.simulate(*bars, duration, TIGHT, throw=False, progress=False)
     except ValueError as error:
         return Look(place, REFUSED, np.nan, _refusal(error))
     w, _, _, z = np.asarray(solution.final.bodies["left"].orientation)
@@ -138,9 +139,8 @@ def centred_journal() -> Row:
             (position.at[0].set(start), velocity.at[0].set(speed)),
         )
         state = cj.State({"journal": body})
-        return (
-            cj.simulate(trial.scene, state, duration, rtol=1e-9).final.bodies["journal"].position[0]
-        )
+        run = cj.simulate(trial.scene, state, duration, cj.Settings(rtol=1e-9))
+        return run.final.bodies["journal"].position[0]
 
     for duration in (1e-6, 1e-3, 4e-3):
         slopes = jax.jacfwd(place, argnums=(0, 1))(jnp.zeros(()), jnp.asarray(0.1), duration)

@@ -31,11 +31,11 @@ class Program:
     def of(
         scene: cj.Scene,
         state: cj.State,
-        ledger: bool = False,
+        settings: cj.Settings | None = None,
         parameters: dict[str, cj.Parameter] | None = None,
     ) -> "Program":
         """The program of a scene."""
-        return Program(RunProgram.of(scene, state, ledger=ledger, parameters=parameters))
+        return Program(RunProgram.of(scene, state, settings, parameters=parameters))
 
     def _jaxprs(self) -> list[Any]:
         """Of a right-hand side and an attempted step; the scene's own numbers are constants, and

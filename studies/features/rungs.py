@@ -42,10 +42,12 @@ def _double(*arguments: Any, **options: Any) -> Callable[[], Program]:
     return lambda: Program.of(*cj.double_pendulum(*arguments, **options))
 
 
-def _rough(ledger: bool = False, parameters: dict[str, cj.Parameter] | None = None) -> Program:
+def _rough(
+    settings: cj.Settings | None = None, parameters: dict[str, cj.Parameter] | None = None
+) -> Program:
     """The double pendulum with all its features."""
     scene, state = cj.double_pendulum(friction=FRICTION, axial=SHOULDERS)
-    return Program.of(scene, state, ledger, parameters)
+    return Program.of(scene, state, settings, parameters)
 
 
 LADDER = (
@@ -55,14 +57,13 @@ LADDER = (
     Rung("+ clearance", _double(), "clearance"),
     Rung("+ friction", _double(friction=FRICTION), "friction"),
     Rung("+ end play", _double(friction=FRICTION, axial=SHOULDERS), "end play"),
-    Rung("+ energy ledger", lambda: _rough(ledger=True), "energy ledger"),
+    Rung("+ energy ledger", lambda: _rough(cj.Settings(ledger=True)), "energy ledger"),
     Rung(
         "+ one sensitivity, no ledger",
-        lambda: _rough(ledger=False, parameters={"clearance": CLEARANCE}),
+        lambda: _rough(parameters={"clearance": CLEARANCE}),
         "sensitivities",
     ),
 )
-"""The last rung has no ledger: runs with derivatives keep none."""
 
 
 def unchanged(place: int) -> bool:

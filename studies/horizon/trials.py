@@ -1,7 +1,7 @@
 """The horizon as it is said, and fits that try it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ FREE = PARAMETERS | {
     "restitution": cj.Parameter(lambda s: s.joints[SHOULDER].law.restitution, cj.Bounded(0.0, 1.0))
 }
 PROBES = INSTRUMENTS["probes"]
-BOUNDED_STEPS = cj.Integration(max_steps=40_000)
+BOUNDED_STEPS = replace(cj.presets.derivatives, max_steps=40_000)
 """A guess can make the damping stiff; such a run is given up."""
 LOST = 1e6
 """Residual of samples that a run does not reach, over the noise."""
@@ -57,7 +57,7 @@ class Fit:
             free,
             outputs,
             times,
-            integration=BOUNDED_STEPS,
+            settings=BOUNDED_STEPS,
             throw=False,
         )
         missing = len(times) - len(run.times)

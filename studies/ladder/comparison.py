@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+import clearjoint as cj
 from clearjoint.plot import style
 from studies.ladder.models import (
     ARMS,
@@ -55,7 +57,7 @@ def reference(folder: Path) -> dict[str, np.ndarray]:
 
 def error(model: AbstractModel, truth: dict[str, np.ndarray]) -> np.ndarray:
     """Largest error of an arm's position at each instant, m."""
-    solution = model.run(*model.scene(), HORIZON, grid(HORIZON))
+    solution = model.run(*model.scene(), HORIZON, cj.Saving(grid(HORIZON)))
     bodies = solution.saved.states.bodies
     apart = [np.linalg.norm(bodies[arm].position - truth[arm], axis=1) for arm in ARMS]
     return np.max(apart, axis=0)
@@ -67,7 +69,7 @@ def cost(model: AbstractModel, duration: float) -> tuple[int, float]:
 
     def timed() -> tuple[float, Any]:
         start = time.perf_counter()
-        solution = model.run(scene, state, duration, None)
+        solution = model.run(scene, state, duration)
         return time.perf_counter() - start, solution
 
     _, solution = timed()
@@ -138,11 +140,12 @@ def _difference(height: Callable[[Any], Any], step: float) -> float:
 
 
 def _height(model: AbstractModel) -> Callable[[Any], Any]:
-    options = {"rtol": 1e-9, "landing_tolerance": 1e-13} if isinstance(model, Compliant) else {}
+    if isinstance(model, Compliant):
+        model = replace(model, settings=cj.presets.derivatives)
 
     def height(logarithm: Any) -> Any:
         scene, state = model.varied(logarithm)
-        solution = model.run(scene, state, INSTANT, None, **options)
+        solution = model.run(scene, state, INSTANT)
         return solution.final.bodies["arm 2"].position[1]
 
     return height
@@ -166,7 +169,7 @@ def figure(truth: dict[str, np.ndarray]) -> Figure:
     shown = [model for model in MODELS if model.name in SHOWN]
     for model, (colour, line) in zip(shown, style.lines(), strict=False):
         scene, state = model.scene()
-        solution = model.run(scene, state, times[-1], times)
+        solution = model.run(scene, state, times[-1], cj.Saving(times))
         journal = _journal(solution)
         left.plot(1e3 * times, 1e3 * journal, color=colour, ls=line, label=model.name)
     style.dress(left, "time in ms", "eccentricity of base V in mm")
@@ -198,7 +201,7 @@ def _work_and_error(axes: Any, truth: dict[str, np.ndarray]) -> None:
         "rigid, steps 2e-4 to 5e-6 s": [Rigid("", h) for h in (2e-4, 1e-4, 2e-5, 5e-6)],
         "compliant, no memory": [MODELS[5]],
         "compliant, impact memory, rtol 1e-3 to 1e-8": [
-            Compliant("", rtol) for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
+            Compliant("", cj.Settings(rtol=rtol)) for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
         ],
     }
     marks = zip(families.items(), "osD^v", strict=True)

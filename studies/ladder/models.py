@@ -44,7 +44,7 @@ class AbstractModel(abc.ABC):
         """The double pendulum, and where it starts."""
 
     @abc.abstractmethod
-    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save: cj.Saving | None = None) -> Any:
         """A solution up to a time, s."""
 
     @abc.abstractmethod
@@ -64,14 +64,13 @@ class AbstractModel(abc.ABC):
 
 @dataclass(frozen=True)
 class AbstractSmoothModel(AbstractModel):
-    """Simulated in adaptive steps, at a relative tolerance."""
+    """Simulated in adaptive steps."""
 
-    rtol: float = 1e-6
+    settings: cj.Settings = cj.presets.default
 
-    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save: cj.Saving | None = None) -> Any:
         """By `simulate`."""
-        options = {"rtol": self.rtol} | options
-        return cj.simulate(scene, state, end, save_at=save_at, progress=False, **options)
+        return cj.simulate(scene, state, end, self.settings, save, progress=False)
 
     def steps(self, solution: Any) -> int:
         """Steps tried."""
@@ -137,7 +136,7 @@ class Compliant(AbstractSmoothModel):
 
     def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """The table of impacts."""
-        solution = self.run(scene, state, end, grid(end), record_impacts=True)
+        solution = self.run(scene, state, end, cj.Saving(grid(end), impacts=True))
         energy, table = cj.observe(scene, solution).energies["mechanical"], solution.impacts
         return Shocks(energy[0] - energy[-1], table.entry_speed, table.peak_force)
 
@@ -152,9 +151,9 @@ class Rigid(AbstractModel):
         """That of the law with memory."""
         return cj.double_pendulum(CLEARANCE, RESTITUTION)
 
-    def run(self, scene: cj.Scene, state: cj.State, end: Any, save_at: Any, **options: Any) -> Any:
+    def run(self, scene: cj.Scene, state: cj.State, end: Any, save: cj.Saving | None = None) -> Any:
         """By `simulate_nonsmooth`; it has no tolerances."""
-        return cj.simulate_nonsmooth(scene, state, end, step=self.step, save_at=save_at)
+        return cj.simulate_nonsmooth(scene, state, end, save, step=self.step)
 
     def steps(self, solution: Any) -> int:
         """Steps taken."""
@@ -163,7 +162,7 @@ class Rigid(AbstractModel):
     def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """Steps with an impulse after one without; the speed is that one step before."""
         times = np.linspace(0.0, end, round(end / self.step) + 1)
-        solution = self.run(scene, state, end, times)
+        solution = self.run(scene, state, end, cj.Saving(times))
         observed, speeds = cj.observe(scene, solution), []
         energy = observed.energies["kinetic"] + observed.energies["gravity"]
         for base in BASES:
@@ -175,7 +174,7 @@ class Rigid(AbstractModel):
 
 
 def _bound(model: AbstractModel, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
-    observed = cj.observe(scene, model.run(scene, state, end, grid(end)))
+    observed = cj.observe(scene, model.run(scene, state, end, cj.Saving(grid(end))))
     energy, force = observed.energies["mechanical"], observed.reactions[SHOULDER]["arm 2"].force
     return Shocks(energy[0] - energy[-1], np.zeros(0), np.linalg.norm(force, axis=1))
 

@@ -189,7 +189,7 @@ def simulated_intervals(made: cj.Scene, first: float, terminal: float, count: in
         }
     )
     impacts = cj.simulate(
-        made, start, first * (count + 0.5), record_impacts=True, progress=False
+        made, start, first * (count + 0.5), save=cj.Saving(impacts=True), progress=False
     ).impacts
     assert impacts is not None
     onsets = impacts.of(FLOOR, LOWEST).onset[:count]

@@ -160,7 +160,7 @@ def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[s
         {"angle": cj.quantities.JointAngle(HINGE)},
         times,
         start_time=float(times[0]),
-        integration=cj.Integration(rtol=RTOL, max_steps=MAX_STEPS),
+        settings=replace(cj.presets.derivatives, rtol=RTOL, max_steps=MAX_STEPS),
     )
     slopes = {"length": 1.0 / (pendulum.length - DISTANCE), "angle": 1.0, "speed": 1.0}
     columns = zip(found.parameters, found.derivatives["angle"].T, strict=True)
@@ -348,7 +348,7 @@ def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.Fit:
         cj.Measurements({"angle": series}),
         {"inertia" if name == "length" else name: known[name] for name in names},
         start_time=float(swing.times[0]),
-        integration=cj.Integration(rtol=RTOL, max_steps=MAX_STEPS),
+        settings=replace(cj.presets.derivatives, rtol=RTOL, max_steps=MAX_STEPS),
         tolerance=TOLERANCE,
         progress=False,
     )

@@ -1,7 +1,7 @@
 """Fits of one long record by single runs and by windows."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +11,7 @@ from studies.common.identification_problem import PARAMETERS, STARTS, TRUTH, WIN
 
 BEGINNING, WIDTH, END = 0.06, 0.01, 0.187
 """The first window, the others, and the record, s."""
-CLOSE = cj.Integration(rtol=1e-10, max_steps=20_000)
+CLOSE = replace(cj.presets.derivatives, rtol=1e-10, max_steps=20_000)
 """Closer than the ties between windows; a run with absurd parameters is given up."""
 GUESS = STARTS["stiff, wide"]
 
@@ -44,7 +44,7 @@ def single(data: cj.Measurements, limits: cj.Horizon | None, grow: list[float]) 
         guess=GUESS,
         grow=grow,
         horizon=limits,
-        integration=CLOSE,
+        settings=CLOSE,
         progress=False,
     )
     way = "single run, growing windows" if grow else "single run, at once"
@@ -63,7 +63,7 @@ def by_shots(data: cj.Measurements, end: float) -> tuple[Attempt, cj.ShootingFit
         PARAMETERS,
         np.arange(BEGINNING, end - 0.25 * WIDTH, WIDTH).tolist(),
         guess=first.estimates,
-        integration=CLOSE,
+        settings=CLOSE,
         max_iterations=25,
         progress=False,
     )

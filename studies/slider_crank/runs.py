@@ -83,10 +83,10 @@ def simulate(settings: Settings, clearance: float | None, revolutions: int) -> R
         scene,
         state,
         revolutions * settings.period,
-        save_at=settings.period * np.concatenate([turns, last]),
-        rtol=settings.rtol,
-        ledger=True,
-        record_impacts=clearance is not None,
+        cj.Settings(rtol=settings.rtol, ledger=True),
+        save=cj.Saving(
+            settings.period * np.concatenate([turns, last]), impacts=clearance is not None
+        ),
     )
     shown = slice(len(turns), None)
     once = np.concatenate([turns - 1, len(turns) + INSTANTS * np.arange(SHOWN + 1)])

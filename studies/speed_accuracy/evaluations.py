@@ -2,7 +2,6 @@
 ones by counting."""
 
 from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 import diffrax
@@ -42,31 +41,31 @@ class CountingLaw(cj.AbstractContactLaw):
         return self.law.stored_energy(gap)
 
 
-def an_attempt(arguments: Mapping[str, Any]) -> float | None:
-    """Right-hand sides an attempt of `simulate` with these arguments on a law with memory;
+def an_attempt(settings: cj.Settings) -> float | None:
+    """Right-hand sides an attempt of `simulate` with these settings on a law with memory;
     ``None`` for implicit methods, which `counted` tells.
 
     The first stage is the last of the step before where the method allows it, and the memory is
     sure not to have changed, which only landing makes it.
     """
-    solver = arguments["solver"]
+    solver = settings.solver
     if isinstance(solver, SemiImplicitEuler):
         return 1.0
     if not isinstance(solver, diffrax.AbstractERK):
         return None
     tableau = solver.tableau
     assert isinstance(tableau, diffrax.ButcherTableau)
-    anew = arguments.get("landing_tolerance", LANDING) is None
+    anew = settings.landing_tolerance is None
     return float(tableau.num_stages - tableau.fsal + anew)
 
 
-def counted(end_time: float, arguments: Mapping[str, Any]) -> float:
+def counted(end_time: float, settings: cj.Settings) -> float:
     """Right-hand sides an attempt, counted over a run of the double pendulum; implicit methods
     begin each step with a Jacobian, which counts once for each variable."""
     law = CountingLaw(law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL))
     scene, state = cj.double_pendulum(law=law)
     _calls.clear()
-    solution = cj.simulate(scene, state, end_time, throw=False, progress=False, **arguments)
+    solution = cj.simulate(scene, state, end_time, settings, throw=False, progress=False)
     jax.effects_barrier()
-    jacobians = VARIABLES if isinstance(arguments["solver"], diffrax.AbstractImplicitSolver) else 0
+    jacobians = VARIABLES if isinstance(settings.solver, diffrax.AbstractImplicitSolver) else 0
     return 0.5 * _calls["force"] / int(solution.attempts) + jacobians

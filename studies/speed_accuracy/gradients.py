@@ -1,4 +1,4 @@
-"""Derivatives with the presets: by `sensitivities`, which holds them to tolerances of their own."""
+"""Derivatives by `sensitivities` with the presets."""
 
 import time
 from collections.abc import Callable
@@ -24,8 +24,8 @@ def gradients(output: Output, spans: Spans) -> list[str]:
     rows: list[tuple[str, ...]] = [
         ("setting", *(f"by {name}" for name in THREE), "attempts", "ms", "a run alone, ms")
     ]
-    for name in ("look", "study", "reference"):
-        preset = dict(getattr(cj.presets, name))
+    for name in ("look", "study", "reference", "derivatives"):
+        preset = getattr(cj.presets, name)
         seconds, found = _timed(lambda end, preset=preset: _derivatives(end, preset), spans.short)
         alone, _ = _timed(lambda end, preset=preset: _simulated(end, preset), spans.short)
         errors = np.abs(found.derivatives["height"][0] / expected - 1.0)
@@ -34,15 +34,14 @@ def gradients(output: Output, spans: Spans) -> list[str]:
     return [f"\nDerivatives at {spans.short:g} s by `sensitivities`\n\n{markdown(rows)}"]
 
 
-def _derivatives(end: float, preset: dict[str, Any]) -> cj.Sensitivities:
+def _derivatives(end: float, preset: cj.Settings) -> cj.Sensitivities:
     scene, state = cj.double_pendulum()
     height = {"height": cj.quantities.Position("arm 2", "y")}
-    integration = cj.Integration(**preset)
-    return cj.sensitivities(scene, state, end, THREE, height, [end], integration=integration)
+    return cj.sensitivities(scene, state, end, THREE, height, [end], preset)
 
 
-def _simulated(end: float, preset: dict[str, Any]) -> cj.Solution:
-    return cj.simulate(*cj.double_pendulum(), end, progress=False, **preset)
+def _simulated(end: float, preset: cj.Settings) -> cj.Solution:
+    return cj.simulate(*cj.double_pendulum(), end, preset, progress=False)
 
 
 def _timed(call: Callable[[float], Any], end: float) -> tuple[float, Any]:

@@ -2,7 +2,6 @@
 
 import csv
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import diffrax
 import numpy as np
@@ -21,13 +20,13 @@ from studies.speed_accuracy.runs import (
     truth,
 )
 
-CRUDE = {"solver": diffrax.Bosh3(), "rtol": 1e-3}
+CRUDE = cj.Settings(solver=diffrax.Bosh3(), rtol=1e-3)
 
 
-def named() -> dict[str, dict[str, Any]]:
-    """The default and the presets by name, and what is cruder than all of them."""
-    presets = {name: dict(getattr(cj.presets, name)) for name in ("look", "study", "reference")}
-    return {"Bosh3, rtol 1e-3": CRUDE, "default": {}, **presets}
+def named() -> dict[str, cj.Settings]:
+    """The presets by name, and what is cruder than all of them."""
+    names = ("default", "look", "study", "reference")
+    return {"Bosh3, rtol 1e-3": CRUDE, **{name: getattr(cj.presets, name) for name in names}}
 
 
 def presets(output: Output, spans: Spans) -> list[str]:
@@ -38,14 +37,14 @@ def presets(output: Output, spans: Spans) -> list[str]:
          "attempts", "ms", "first call, s")
     ]  # fmt: skip
     expected = onsets_and_peaks(spans.short)
-    for name, arguments in named().items():
+    for name, settings in named().items():
         goal = truth(spans.short)
-        short = run(*cj.double_pendulum(), goal.times, arguments, record_impacts=True)
+        short = run(*cj.double_pendulum(), goal.times, settings, impacts=True)
         found = _table(short)
         onset, peak = np.abs(found - expected).max(axis=0) / (1.0, expected[:, 1].max())
-        largest = abs(_largest(spans.short, arguments) / expected[:, 1].max() - 1.0)
-        _warmed(spans.long, arguments)
-        attempts, seconds, residual = medians(arguments, spans)
+        largest = abs(_largest(spans.short, settings) / expected[:, 1].max() - 1.0)
+        _warmed(spans.long, settings)
+        attempts, seconds, residual = medians(settings, spans)
         costs = (f"{attempts:.0f}", f"{1e3 * seconds:.0f}", f"{first_call(name):.1f}")
         errors = (f"{x:.0e}" for x in (goal.error(short), onset, peak, largest, residual))
         rows.append((name, *errors, *costs))
@@ -56,9 +55,9 @@ def onsets_and_peaks(end: float) -> np.ndarray:
     """Onsets, s, and peak forces, N, of the contacts of both bases that end in time, (N, 2)."""
     file = REFERENCE / "double_pendulum_c0.0005_e0.9_impacts.csv"
     if not file.exists():
-        fine = {"solver": diffrax.Dopri8(), "rtol": 1e-12}
+        fine = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-12)
         times = truth(end).times
-        return _table(run(*cj.double_pendulum(), times, fine, record_impacts=True))
+        return _table(run(*cj.double_pendulum(), times, fine, impacts=True))
     with open(file) as lines:
         rows = [row for row in csv.DictReader(lines) if float(row["t_off"]) < end]
     return _sorted([(row["base"], float(row["t_on"]), float(row["F_peak"])) for row in rows])
@@ -83,19 +82,19 @@ def _sorted(rows: list[tuple[str, float, float]]) -> np.ndarray:
     return np.array([row[1:] for row in sorted(rows)])
 
 
-def _largest(end: float, arguments: dict[str, Any]) -> float:
+def _largest(end: float, settings: cj.Settings) -> float:
     """The largest force as a sweep finds it from the accepted steps, N."""
     scene, state = cj.double_pendulum()
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, [CLEARANCE])
     force = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     found = cj.sweep(
-        scene, state, end, {"clearance": axis}, {"peak": force}, progress=False, **arguments
+        scene, state, end, {"clearance": axis}, {"peak": force}, settings, progress=False
     )
     return float(found["peak"].values[0])
 
 
-def _warmed(end: float, arguments: dict[str, Any]) -> None:
-    run(*cj.double_pendulum(), np.linspace(0.0, end, SAVED), arguments)
+def _warmed(end: float, settings: cj.Settings) -> None:
+    run(*cj.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
 
 
 FIRST_CALL = """
@@ -103,8 +102,8 @@ import json, sys, time
 import clearjoint as cj
 cj.configure(cache=sys.argv[2])
 from studies.speed_accuracy.preset_table import named
-arguments, begun = named()[sys.argv[1]], time.perf_counter()
-cj.simulate(*cj.double_pendulum(), 2.0, progress=False, **arguments)
+settings, begun = named()[sys.argv[1]], time.perf_counter()
+cj.simulate(*cj.double_pendulum(), 2.0, settings, progress=False)
 print(json.dumps(time.perf_counter() - begun))
 """
 

@@ -2,12 +2,10 @@
 
 import gzip
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import diffrax
 import numpy as np
@@ -79,7 +77,12 @@ def truth(end: float, restitution: float = 0.9) -> Truth:
         scene, state = cj.double_pendulum(restitution=restitution)
         times = compared(end)
         fine = cj.simulate(
-            scene, state, end, save_at=times, solver=diffrax.Dopri8(), rtol=1e-12, progress=False
+            scene,
+            state,
+            end,
+            cj.Settings(solver=diffrax.Dopri8(), rtol=1e-12),
+            save=cj.Saving(times),
+            progress=False,
         )
         return Truth(times, centres(fine))
     with gzip.open(file, "rt") as lines:
@@ -112,14 +115,14 @@ class Point:
 
 def measured(setting: Setting, spans: Spans) -> Point:
     """All of a setting. Programs are compiled before they are timed."""
-    arguments = setting.arguments
+    settings = setting.settings
     scene, state = cj.double_pendulum()
     goal = truth(spans.short)
-    short = run(scene, state, goal.times, arguments)
-    each = evaluations.an_attempt(arguments)
+    short = run(scene, state, goal.times, settings)
+    each = evaluations.an_attempt(settings)
     if each is None:
-        each = evaluations.counted(min(spans.short, 0.03), arguments)
-    attempts, seconds, residual = medians(arguments, spans)
+        each = evaluations.counted(min(spans.short, 0.03), settings)
+    attempts, seconds, residual = medians(settings, spans)
     return Point(
         setting,
         goal.error(short),
@@ -131,33 +134,33 @@ def measured(setting: Setting, spans: Spans) -> Point:
     )
 
 
-def medians(arguments: Mapping[str, Any], spans: Spans) -> tuple[float, float, float]:
+def medians(settings: cj.Settings, spans: Spans) -> tuple[float, float, float]:
     """Of the draws of the long run; see `long_run`. One that fails or is slow stands for all."""
-    draws = [long_run(arguments, spans.long, 0)]
+    draws = [long_run(settings, spans.long, 0)]
     if draws[0][1] < SLOW:
-        draws += [long_run(arguments, spans.long, draw) for draw in range(1, spans.draws)]
+        draws += [long_run(settings, spans.long, draw) for draw in range(1, spans.draws)]
     attempts, seconds, residual = (median(column) for column in zip(*draws, strict=True))
     return attempts, seconds, residual
 
 
-def long_run(arguments: Mapping[str, Any], end: float, draw: int) -> tuple[float, float, float]:
+def long_run(settings: cj.Settings, end: float, draw: int) -> tuple[float, float, float]:
     """Attempts, seconds and residual of the ledger over the energy exchanged."""
     scene, state = cj.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
     times = np.linspace(0.0, end, SAVED)
-    attempts, seconds = cost(scene, state, times, arguments)
+    attempts, seconds = cost(scene, state, times, settings)
     if not np.isfinite(attempts):
         return attempts, seconds, float("nan")
-    kept = run(scene, state, times, arguments, ledger=True)
+    kept = run(scene, state, times, replace(settings, ledger=True))
     return attempts, seconds, ledger_residual(scene, kept)
 
 
 def cost(
-    scene: cj.Scene, state: cj.State, times: np.ndarray, arguments: Mapping[str, Any]
+    scene: cj.Scene, state: cj.State, times: np.ndarray, settings: cj.Settings
 ) -> tuple[float, float]:
     """Attempts and seconds of a run, checks included; NaN if it failed. The seconds are those that
     the processor spends, which others on the machine disturb less."""
     begun = time.process_time()
-    solution = run(scene, state, times, arguments)
+    solution = run(scene, state, times, settings)
     seconds = time.process_time() - begun
     if solution.result != cj.RESULTS.successful:
         return float("nan"), float("nan")
@@ -177,11 +180,10 @@ def run(
     scene: cj.Scene,
     state: cj.State,
     times: np.ndarray,
-    arguments: Mapping[str, Any],
-    **further: Any,
+    settings: cj.Settings,
+    impacts: bool = False,
 ) -> cj.Solution:
-    """`simulate` to the last of the times, saving at all."""
-    limit = {"max_steps": MAX_STEPS, "throw": False, "progress": False}
-    return cj.simulate(
-        scene, state, float(times[-1]), save_at=times, **{**limit, **arguments, **further}
-    )
+    """`simulate` to the last of the times, saving at all, in `MAX_STEPS` at most."""
+    limited = replace(settings, max_steps=min(settings.max_steps, MAX_STEPS))
+    save = cj.Saving(times, impacts=impacts)
+    return cj.simulate(scene, state, float(times[-1]), limited, save, throw=False, progress=False)

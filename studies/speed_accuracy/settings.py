@@ -1,8 +1,6 @@
 """Settings of `simulate`, by family: one solver, with landing or without, from coarse to fine."""
 
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
+from dataclasses import dataclass, replace
 
 import diffrax
 
@@ -28,12 +26,12 @@ IMPLICIT = (diffrax.Kvaerno3(), diffrax.Kvaerno5())
 
 @dataclass(frozen=True)
 class Setting:
-    """`fineness`: "rtol 1e-6", or the step; `arguments`: those of `simulate`."""
+    """`fineness`: "rtol 1e-6", or the step; `settings`: those of `simulate`."""
 
     solver: str
     lands: bool
     fineness: str
-    arguments: MappingProxyType[str, Any]
+    settings: cj.Settings
 
     @property
     def family(self) -> str:
@@ -47,35 +45,32 @@ class Setting:
 def adaptive(solver: diffrax.AbstractSolver, rtol: float, lands: bool = True) -> Setting:
     """Steps by a tolerance; implicit methods with the looser absolute one that they want."""
     implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
-    arguments: dict[str, Any] = {
-        "solver": solver,
-        "rtol": rtol,
-        "atol": rtol * (1e-3 if implicit else 1e-5),
-        "landing_tolerance": LANDING if lands else None,
-    }
+    settings = cj.Settings(
+        solver=solver,
+        rtol=rtol,
+        atol=rtol * (1e-3 if implicit else 1e-5),
+        landing_tolerance=LANDING if lands else None,
+    )
     if implicit:
-        arguments["max_steps"] = IMPLICIT_STEPS
-    name = type(solver).__name__
-    return Setting(name, lands, f"rtol {rtol:.0e}", MappingProxyType(arguments))
+        settings = replace(settings, max_steps=IMPLICIT_STEPS)
+    return Setting(type(solver).__name__, lands, f"rtol {rtol:.0e}", settings)
 
 
 def fixed(solver: diffrax.AbstractSolver, step: float) -> Setting:
     """Steps of one length, s. They do not land, or they would not be of one length."""
-    arguments = {
-        "solver": solver,
-        "controller": diffrax.ConstantStepSize(),
-        "first_step": step,
-        "landing_tolerance": None,
-    }
+    settings = cj.Settings(
+        solver=solver,
+        controller=diffrax.ConstantStepSize(),
+        first_step=step,
+        landing_tolerance=None,
+    )
     name = f"{type(solver).__name__}, fixed steps"
-    return Setting(name, False, f"{step:.0e} s", MappingProxyType(arguments))
+    return Setting(name, False, f"{step:.0e} s", settings)
 
 
 def preset(name: str) -> Setting:
-    """One of clearjoint's presets, or the default of `simulate`."""
-    default = {"solver": diffrax.Tsit5(), "rtol": 1e-6}
-    arguments = default if name == "default" else dict(getattr(cj.presets, name))
-    return Setting(name, True, "preset", MappingProxyType(arguments))
+    """One of clearjoint's presets, the default of `simulate` among them."""
+    return Setting(name, True, "preset", getattr(cj.presets, name))
 
 
 def grid() -> list[Setting]:

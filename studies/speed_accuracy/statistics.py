@@ -2,6 +2,7 @@
 rounding; and what a lane of such a sweep costs."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -23,18 +24,18 @@ def statistics(output: Output, spans: Spans) -> list[str]:
     rows: list[tuple[str, ...]] = [
         ("setting", "impacts", "largest force, kN", "dissipated, J", "ms a lane")
     ]
-    cases = {**named(), "default, not landing": {"landing_tolerance": None}}
-    for name, arguments in cases.items():
-        _lanes(spans.long, arguments, LANES)
+    cases = {**named(), "default, not landing": replace(cj.presets.default, landing_tolerance=None)}
+    for name, settings in cases.items():
+        _lanes(spans.long, settings, LANES)
         begun = time.process_time()
-        found = _lanes(spans.long, arguments, LANES)
+        found = _lanes(spans.long, settings, LANES)
         seconds = time.process_time() - begun
         cells = (_mean(found[key].values * (1e-3 if key == "peak" else 1.0)) for key in NAMES)
         rows.append((name, *cells, f"{1e3 * seconds / LANES:.1f}"))
     return [f"\nStatistics of {spans.long:g} s, {LANES} lanes\n\n{markdown(rows)}"]
 
 
-def _lanes(end: float, arguments: dict[str, Any], lanes: int) -> Any:
+def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
     scene, state = cj.double_pendulum()
     clearances = CLEARANCE * (1.0 + NUDGE * np.linspace(-1.0, 1.0, lanes))
     return cj.sweep(
@@ -47,10 +48,9 @@ def _lanes(end: float, arguments: dict[str, Any], lanes: int) -> Any:
             "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N"),
             "dissipated": cj.DissipatedEnergy(),
         },
-        ledger=True,
+        replace(settings, ledger=True),
         devices=jax.devices()[:1],
         progress=False,
-        **arguments,
     )
 
 

@@ -3,7 +3,7 @@ default of `simulate`, whose solver and tolerance all of them have."""
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median
 from types import MappingProxyType
@@ -91,23 +91,23 @@ Make = Callable[[float], tuple[cj.Scene, cj.State]]
 
 
 def measured(
-    name: str, make: Make, arguments: Mapping[str, Any], spans: Spans, restitution: float = 0.9
+    name: str, make: Make, settings: cj.Settings, spans: Spans, restitution: float = 0.9
 ) -> Row:
     """A variant against the reference of a restitution."""
     goal = truth(spans.short, restitution)
-    short = run(*make(CLEARANCE), goal.times, arguments, record_impacts=True)
+    short = run(*make(CLEARANCE), goal.times, settings, impacts=True)
     assert short.impacts is not None
     peak = float(short.impacts.peak_force.max())
     times = np.linspace(0.0, spans.long, SAVED)
     draws = []
     for draw in range(spans.draws):
         scene, state = make(CLEARANCE * (1.0 + NUDGE * draw))
-        kept = run(scene, state, times, arguments, ledger=True)
+        kept = run(scene, state, times, replace(settings, ledger=True))
         observed = cj.observe(scene, kept)
         dissipated, drift = observed.energies["normal damping"][-1], observed.drift["elbow"].max()
         lost = ledger_residual(scene, kept)
-        run(scene, state, times, arguments)
-        draws.append((dissipated, drift, lost, *cost(scene, state, times, arguments)))
+        run(scene, state, times, settings)
+        draws.append((dissipated, drift, lost, *cost(scene, state, times, settings)))
     medians = (float(median(column)) for column in zip(*draws, strict=True))
     return Row(name, goal.error(short), peak, *medians)
 
@@ -119,9 +119,11 @@ def with_law(law: cj.AbstractContactLaw) -> Make:
 
 def stabilisations(spans: Spans) -> list[Row]:
     """In absolute coordinates, where the hinge is a constraint; and joint coordinates beside."""
-    absolute = {"coordinates": cj.AbsoluteCoordinates()}
-    cases = {name: {**absolute, "stabilisation": way} for name, way in STABILISATIONS.items()}
-    cases["joint coordinates"] = {}
+    cases = {
+        name: cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=way)
+        for name, way in STABILISATIONS.items()
+    }
+    cases["joint coordinates"] = cj.presets.default
     return [measured(name, cj.double_pendulum, each, spans) for name, each in cases.items()]
 
 
@@ -140,7 +142,7 @@ def memories(spans: Spans) -> list[Row]:
         ),
     }
     return [
-        measured(name, with_law(law), {}, spans, restitution)
+        measured(name, with_law(law), cj.presets.default, spans, restitution)
         for name, (law, restitution) in laws.items()
     ]
 
@@ -149,11 +151,12 @@ def smoothings(spans: Spans) -> dict[bool, list[Row]]:
     """Against the exact law, by width; with landing and without."""
     found: dict[bool, list[Row]] = {}
     for lands in (True, False):
-        arguments = {} if lands else {"landing_tolerance": None}
-        rows = [measured("exact", cj.double_pendulum, arguments, spans)]
+        usual = cj.presets.default
+        settings = usual if lands else replace(usual, landing_tolerance=None)
+        rows = [measured("exact", cj.double_pendulum, settings, spans)]
         for width in WIDTHS:
             law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL, smoothing=width)
-            rows.append(measured(f"{width:g}", with_law(law), arguments, spans))
+            rows.append(measured(f"{width:g}", with_law(law), settings, spans))
         found[lands] = rows
     return found
 
@@ -202,12 +205,12 @@ def in_this_precision(short: float, long: float) -> None:
     scene, state = cj.double_pendulum()
     rows = []
     for rtol in SINGLE_TOLERANCES:
-        arguments = {"rtol": rtol, "landing_tolerance": SINGLE_LANDING, "allow_float32": True}
-        solution = run(scene, state, compared(short), arguments)
+        settings = cj.Settings(rtol=rtol, landing_tolerance=SINGLE_LANDING, allow_float32=True)
+        solution = run(scene, state, compared(short), settings)
         times = np.linspace(0.0, long, SAVED)
-        residual = ledger_residual(scene, run(scene, state, times, arguments, ledger=True))
-        run(scene, state, times, arguments)
-        costs = cost(scene, state, times, arguments)
+        residual = ledger_residual(scene, run(scene, state, times, replace(settings, ledger=True)))
+        run(scene, state, times, settings)
+        costs = cost(scene, state, times, settings)
         rows.append((rtol, centres(solution).tolist(), name_of(solution), residual, *costs))
     print(json.dumps(rows))
 

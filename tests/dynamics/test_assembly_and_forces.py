@@ -42,7 +42,9 @@ def test_spring_and_damper_oscillate_as_they_should():
     scene = cj.Scene({"block": cj.Body(mass, (1, 1, 1))}, forces={"spring": spring})
     state = cj.State({"block": cj.body_state((length + 0.3, 0, 0))})
     times = np.linspace(0, 3, 40)
-    solution = cj.simulate(scene, state, 3.0, save_at=times, rtol=1e-9, ledger=True)
+    solution = cj.simulate(
+        scene, state, 3.0, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(times)
+    )
     d = damping / (2 * mass)
     w = np.sqrt(stiffness / mass - d**2)
     expected = 0.3 * np.exp(-d * times) * (np.cos(w * times) + d / w * np.sin(w * times))
@@ -82,6 +84,8 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
 def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
     """Freely, arm 2 slides a millimetre along the journal in 0.12 s."""
     scene, state = cj.double_pendulum(axial=axial)
-    solution = cj.simulate(scene, state, 0.13, save_at=np.linspace(0, 0.13, 200), rtol=1e-8)
+    solution = cj.simulate(
+        scene, state, 0.13, cj.Settings(rtol=1e-8), save=cj.Saving(np.linspace(0, 0.13, 200))
+    )
     slide = np.abs(_axial_offset(cj.observe(scene, solution))).max()
     assert least <= slide <= most

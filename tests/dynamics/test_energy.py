@@ -9,7 +9,11 @@ import clearjoint as cj
 def _observed(restitution: float, stabilisation: cj.AbstractStabilisation) -> cj.Observation:
     scene, state = cj.double_pendulum(restitution=restitution)
     solution = cj.simulate(
-        scene, state, 4.0, rtol=1e-8, ledger=True, record_steps=True, stabilisation=stabilisation
+        scene,
+        state,
+        4.0,
+        cj.Settings(rtol=1e-8, stabilisation=stabilisation, ledger=True),
+        save=cj.Saving(steps=True),
     )
     return cj.observe(scene, solution, solution.steps)
 
@@ -33,7 +37,11 @@ def test_friction_dissipates_and_is_booked():
     """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
     scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))
     solution = cj.simulate(
-        scene, state, 0.5, rtol=1e-8, ledger=True, save_at=np.linspace(0, 0.5, 50)
+        scene,
+        state,
+        0.5,
+        cj.Settings(rtol=1e-8, ledger=True),
+        save=cj.Saving(np.linspace(0, 0.5, 50)),
     )
     observed = cj.observe(scene, solution)
     exchanged = np.ptp(observed.energies["gravity"])

@@ -21,7 +21,7 @@ from clearjoint.dynamics.system import System
 from clearjoint.math.groups import Several, by_name, each, gathered
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.simulation import host_run as running
-from clearjoint.simulation.method import make_scheme
+from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin, segment
 from clearjoint.simulation.step_state import Variables
 from clearjoint.simulation.stepping import attempt, start
@@ -141,7 +141,7 @@ def attempts(smallest, growth):
     scene = eqx.tree_at(lambda s: [joint.clearance for joint in s.joints.values()], scene, wider)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grouping, "SMALLEST", smallest)
-        scheme = make_scheme(diffrax.Heun(), None, Formulation(ledger=True), 1e-12, 1e-2, None)
+        scheme = Scheme.of(cj.Settings(solver=diffrax.Heun(), rtol=1e-2, ledger=True))
         method, system = scheme.method, scheme.unpacked(structured(scene))
         state = shaken(state)
         bodies = system.encode(unpack(state.bodies))
@@ -181,7 +181,7 @@ def test_steps_and_their_derivatives_are_the_same_in_lanes():
 
 END, TIMES = 0.005, np.linspace(0.0, 0.005, 6)
 """s: past the first impacts, at 2 to 4 ms."""
-METHOD = {"solver": diffrax.Heun(), "rtol": 1e-6, "ledger": True, "progress": False}
+SETTINGS = cj.Settings(solver=diffrax.Heun(), rtol=1e-6, ledger=True)
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +200,12 @@ def runs():
             patch.setattr(SIMULATE, "begin_compiled", eqx.filter_jit(lambda *a: begin(*a)))
             patch.setattr(running, "segment_compiled", eqx.filter_jit(lambda *a: segment(*a)))
             return cj.simulate(
-                scene, state, END, save_at=TIMES, record_impacts=True, record_steps=True, **METHOD
+                scene,
+                state,
+                END,
+                SETTINGS,
+                cj.Saving(TIMES, impacts=True, steps=True),
+                progress=False,
             )
 
     def swept():
@@ -210,11 +215,9 @@ def runs():
                 scene,
                 state,
                 END,
+                settings=SETTINGS,
                 axes={"gravity": cj.Axis(lambda s: s.gravity[1], [-9.81, -9.0])},
                 outputs=OUTPUTS,
-                solver=diffrax.Heun(),
-                rtol=1e-6,
-                ledger=True,
                 progress=False,
                 devices=jax.devices()[:1],
             )

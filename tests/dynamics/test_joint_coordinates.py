@@ -219,7 +219,9 @@ def test_flying_tree_keeps_energy_and_momentum():
     scene = tree(edges, False, None)
     scene = cj.Scene(scene.bodies, scene.joints)
     bodies = JOINT.decode(unpack(scene), random_variables(scene))
-    solution = cj.simulate(scene, cj.State(pack(bodies)), 2.0, save_at=[0.0, 2.0], rtol=1e-11)
+    solution = cj.simulate(
+        scene, cj.State(pack(bodies)), 2.0, cj.Settings(rtol=1e-11), save=cj.Saving([0.0, 2.0])
+    )
 
     def momenta(bodies):
         linear, angular = 0.0, 0.0
@@ -242,8 +244,8 @@ def _first_impacts(coordinates):
     """The pendulum through its first impacts, saved where the reference is."""
     scene, state = cj.double_pendulum()
     times = np.linspace(0.0, 0.1, 1001)
-    options = {"save_at": times, "rtol": 1e-11}
-    return scene, cj.simulate(scene, state, 0.1, coordinates=coordinates, **options)
+    settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
+    return scene, cj.simulate(scene, state, 0.1, settings, cj.Saving(times))
 
 
 @pytest.fixture(scope="module")
@@ -303,7 +305,7 @@ def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
     state = cj.State({"rod": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
     with pytest.raises(ValueError, match="AbsoluteCoordinates"):
         cj.simulate(scene, state, 0.1)
-    solution = cj.simulate(scene, state, 0.1, coordinates=ABSOLUTE)
+    solution = cj.simulate(scene, state, 0.1, cj.Settings(coordinates=ABSOLUTE))
     np.testing.assert_allclose(solution.final.bodies["rod"].orientation[3], np.sin(0.05))
 
 
@@ -314,7 +316,9 @@ def test_structure_without_motion_is_for_absolute_coordinates():
     state = cj.State({"wall": cj.body_state((0, 0, 0))})
     with pytest.raises(ValueError, match="something is left to move"):
         cj.simulate(scene, state, 0.1)
-    solution = cj.simulate(scene, state, 0.1, coordinates=ABSOLUTE, save_at=[0.1])
+    solution = cj.simulate(
+        scene, state, 0.1, cj.Settings(coordinates=ABSOLUTE), save=cj.Saving([0.1])
+    )
     force = cj.observe(scene, solution).reactions["foot"]["wall"].force[0]
     np.testing.assert_allclose(force, (0, 0, 19.62), atol=1e-12)
 
@@ -324,7 +328,7 @@ def test_orientations_keep_their_sign_over_several_turns():
     joint = cj.RevoluteJoint(GROUND, "wheel", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     scene = cj.Scene({"wheel": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"axle": joint})
     state = cj.State({"wheel": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
-    end = cj.simulate(scene, state, 2.5 * np.pi, rtol=1e-9).final
+    end = cj.simulate(scene, state, 2.5 * np.pi, cj.Settings(rtol=1e-9)).final
     half = 1.25 * np.pi
     expected = (np.cos(half), 0.0, 0.0, np.sin(half))
     np.testing.assert_allclose(end.bodies["wheel"].orientation, expected, atol=1e-9)

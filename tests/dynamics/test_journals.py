@@ -141,7 +141,7 @@ def test_a_run_tells_when_a_journal_has_left_its_bearing():
     """After 50 ms it is as far from the middle as it is long: the first state kept after that."""
     scene, state = sliding()
     with pytest.warns(cj.LeftBearingWarning) as caught:
-        solution = cj.simulate(scene, state, 0.2, save_at=[0.02, 0.04, 0.06, 0.2])
+        solution = cj.simulate(scene, state, 0.2, save=cj.Saving([0.02, 0.04, 0.06, 0.2]))
     assert solution.result == cj.RESULTS.successful
     (warning,) = caught
     message = str(warning.message)
@@ -155,7 +155,7 @@ def test_a_run_tells_when_a_journal_has_left_its_bearing():
 def test_a_journal_in_its_bearing_is_not_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cj.simulate(*sliding(), 0.04, save_at=np.linspace(0.0, 0.04, 5))
+        cj.simulate(*sliding(), 0.04, save=cj.Saving(np.linspace(0.0, 0.04, 5)))
 
 
 @pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.Hertz(1e9))])

@@ -166,12 +166,15 @@ WRONG = {
     ),
     "no lane": (lambda: sweep(chunk=0), "`chunk` must be a whole number, positive, but is 0"),
     "half a step": (
-        lambda: cj.simulate(SCENE, STATE, 1e-3, max_steps=1.5),
+        lambda: cj.simulate(SCENE, STATE, 1e-3, cj.Settings(max_steps=1.5)),
         "`max_steps` must be a whole number, positive, but is 1.5",
     ),
-    "half a step of lanes": (lambda: sweep(max_steps=1.5), "`max_steps` must be a whole number"),
+    "half a step of lanes": (
+        lambda: sweep(settings=cj.Settings(max_steps=1.5)),
+        "`max_steps` must be a whole number",
+    ),
     "half a step of sensitivities": (
-        lambda: sensitivities(integration=cj.Integration(max_steps=1e6)),
+        lambda: sensitivities(settings=cj.Settings(max_steps=1e6)),
         "`max_steps` must be a whole number",
     ),
     "half an iteration": (lambda: identify(max_iterations=1.5), "`max_iterations` must be a whole"),
@@ -244,9 +247,9 @@ def test_mappings_serve_as_dictionaries():
     ],
 )
 def test_times_outside_by_rounding_are_those_of_the_span(start, end, times):
-    found = checked_times(start, end, times, "save_at")
+    found = checked_times(start, end, times, "times")
     assert found.dtype == np.float64
     assert float(start) <= found[0] and found[-1] == float(end)
     np.testing.assert_allclose(found, np.asarray(times, float), rtol=1e-6)
-    with pytest.raises(ValueError, match="`save_at` must be between start_time"):
-        checked_times(start, end, [0.0, 1.00001 * float(end)], "save_at")
+    with pytest.raises(ValueError, match="`times` must be between start_time"):
+        checked_times(start, end, [0.0, 1.00001 * float(end)], "times")

@@ -3,6 +3,7 @@
 All tests share one compiled run: two probes, three parameters, up to 64 times.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -40,7 +41,7 @@ CLOSE = {"young": 400e9, "restitution": 0.85, "clearance": 0.51e-3}
 @pytest.fixture(scope="session")
 def clean():
     """Measurements without noise, from a run with tighter tolerances than those of the fits."""
-    saved = cj.simulate(SCENE, STATE, END, save_at=TIMES, rtol=1e-12)
+    saved = cj.simulate(SCENE, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
     offset = journal(saved.states)
     return cj.Measurements(
         {name: cj.Series(PROBES[name], TIMES, offset[k], NOISE) for k, name in enumerate(PROBES)}
@@ -95,7 +96,7 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
         scene = SCENE
         for parameter, value in zip(PARAMETERS.values(), values, strict=True):
             scene = cj.put(scene, parameter.variation.place, float(value))
-        saved = cj.simulate(scene, STATE, END, save_at=TIMES, rtol=1e-12)
+        saved = cj.simulate(scene, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
         return ((journal(saved.states) - base) / NOISE).ravel()
 
     found = least_squares(of, fit.coordinates + 0.01, diff_step=1e-6, x_scale="jac")
@@ -145,7 +146,9 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     whole = run_misfit(runs, data, END, at)
     np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
 
-    failing = fitted(draws[0], integration=cj.Integration(max_steps=300), max_iterations=3)
+    failing = fitted(
+        draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
+    )
     assert failing.ending is cj.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
 
@@ -220,8 +223,8 @@ def test_minimum_of_an_objective(clean):
     assert found.result == cj.RESULTS.successful and found.history.shape == (12,)
     assert found.objective == found.history.min() < 0.5 * found.history[0]
     with pytest.raises(ValueError, match="`parameters` must be such that the first run works"):
-        few = cj.Integration(max_steps=3)
-        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, integration=few)
+        few = replace(cj.presets.derivatives, max_steps=3)
+        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, settings=few)
     with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
 

@@ -1,6 +1,8 @@
 """Screening, on a mass on a spring over 16 periods: of its stiffness, chi squared has a minimum for
 each number of periods, so that no slope leads from a far guess to the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,8 +33,8 @@ def data():
 
 
 def side_by_side(data, **options):
-    integration = cj.Integration(rtol=1e-8, **options)
-    runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, integration)
+    settings = replace(cj.presets.derivatives, rtol=1e-8, **options)
+    runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, settings)
     return SideBySide(runs, samples(data, len(runs.times)))
 
 

@@ -77,10 +77,10 @@ def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
 
 def test_growth_is_that_of_two_neighbouring_runs(found):
     scene, state = arm()
-    speed, settings = 1e-8, {"save_at": found.times, "rtol": 1e-11, "progress": False}
+    speed, how = 1e-8, (cj.Settings(rtol=1e-11), cj.Saving(found.times))
     local = np.concatenate([np.zeros((1, 3)), RADIUS * np.eye(3)])
     ends = [
-        _points(cj.simulate(scene, _moved(state, sign * speed), LAST, **settings), local)
+        _points(cj.simulate(scene, _moved(state, sign * speed), LAST, *how), local)
         for sign in (1.0, -1.0)
     ]
     apart = np.linalg.norm((ends[0] - ends[1]) / (2.0 * speed), axis=2)
@@ -106,7 +106,9 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
 
     def seen(logarithm: float) -> np.ndarray:
         other = cj.put(scene, clearance, 5e-4 * np.exp(logarithm))
-        run = cj.simulate(other, state, LAST, save_at=found.times, rtol=1e-11, progress=False)
+        run = cj.simulate(
+            other, state, LAST, cj.Settings(rtol=1e-11), save=cj.Saving(found.times), progress=False
+        )
         return _points(run, journal)[:, 0, :2] / 5e-6
 
     truth, step = seen(0.0), 1e-6

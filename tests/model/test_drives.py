@@ -36,7 +36,9 @@ def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
     half = (np.cos(0.5 * start), 0.0, 0.0, np.sin(0.5 * start))
     state = cj.State({"shaft": cj.body_state(ORIGIN, half, spin=(0, 0, speed))})
     times = np.linspace(0.0, 0.1, 501)
-    solution = cj.simulate(scene, state, 0.1, save_at=times, stabilisation=cj.Projection())
+    solution = cj.simulate(
+        scene, state, 0.1, cj.Settings(stabilisation=cj.Projection()), save=cj.Saving(times)
+    )
     error = shaft_angle(solution.states.bodies["shaft"]) - (start + speed * times)
     assert np.abs(np.sin(0.5 * error)).max() < 1e-8
     observed = cj.observe(scene, solution)
@@ -85,7 +87,9 @@ def test_driver_between_two_free_bodies():
     spins = {"stator": -rate * reduced / stator, "rotor": rate * reduced / rotor}
     state = cj.State({k: cj.body_state(ORIGIN, spin=(0, 0, v)) for k, v in spins.items()})
     times = np.linspace(0.0, 0.4, 81)
-    solution = cj.simulate(scene, state, 0.4, save_at=times, rtol=1e-8, ledger=True)
+    solution = cj.simulate(
+        scene, state, 0.4, cj.Settings(rtol=1e-8, ledger=True), save=cj.Saving(times)
+    )
     observed = cj.observe(scene, solution)
     moment = -reduced * amplitude * frequency**2 * np.sin(frequency * times)
     loads = observed.reactions["motor"]
@@ -129,7 +133,9 @@ def test_motor_runs_up_to_its_no_load_speed():
     scene = shaft_scene(Motor(torque, limit))
     state = cj.State({"shaft": cj.body_state(ORIGIN)})
     times = np.linspace(0.0, 6.0, 61)
-    solution = cj.simulate(scene, state, 6.0, save_at=times, rtol=1e-8, ledger=True)
+    solution = cj.simulate(
+        scene, state, 6.0, cj.Settings(rtol=1e-8, ledger=True), save=cj.Saving(times)
+    )
     speed = limit * (1.0 - np.exp(-times / constant))
     np.testing.assert_allclose(solution.states.bodies["shaft"].spin[:, 2], speed, atol=1e-5)
     observed = cj.observe(scene, solution)
@@ -145,7 +151,7 @@ def test_torque_may_depend_on_the_angle():
     half = (np.cos(0.15), 0.0, 0.0, np.sin(0.15))
     times = np.linspace(0.0, 1.0, 41)
     state = cj.State({"shaft": cj.body_state(ORIGIN, half)})
-    solution = cj.simulate(scene, state, 1.0, save_at=times, rtol=1e-8)
+    solution = cj.simulate(scene, state, 1.0, cj.Settings(rtol=1e-8), save=cj.Saving(times))
     expected = 0.3 * np.cos(np.sqrt(stiffness / INERTIA) * times)
     np.testing.assert_allclose(shaft_angle(solution.states.bodies["shaft"]), expected, atol=1e-6)
 
@@ -215,7 +221,9 @@ RAMP = Ramp(10.0, 0.1)
 def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     scene, state = crank_and_arm(RAMP)
     times = [0.05, 0.1, 0.3]
-    solution = cj.simulate(scene, state, 0.3, save_at=times, rtol=1e-9, ledger=True)
+    solution = cj.simulate(
+        scene, state, 0.3, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(times)
+    )
     shaft = solution.states.bodies["shaft"]
     np.testing.assert_allclose(shaft_angle(shaft), [0.0, 0.0, 2.0], atol=1e-10)
     np.testing.assert_allclose(shaft.spin[:, 2], [0.0, 10.0, 10.0], atol=1e-9)
@@ -242,7 +250,7 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
     )
 
     def ended(place, value):
-        final = cj.simulate(cj.put(scene, place, value), state, 0.3, rtol=1e-11).final
+        final = cj.simulate(cj.put(scene, place, value), state, 0.3, cj.Settings(rtol=1e-11)).final
         return final.bodies["arm"].position[:2]
 
     for k, (place, value, step) in enumerate(

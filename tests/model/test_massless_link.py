@@ -47,7 +47,9 @@ def test_a_journal_swings_like_a_pendulum_of_the_clearance():
     place = (LENGTH * np.cos(START), LENGTH * np.sin(START), 0.0)
     state = cj.State({"body": cj.body_state(place)})
     time = period(START)
-    solution = cj.simulate(scene, state, 2 * time, save_at=[0.5 * time, 2 * time], rtol=1e-10)
+    solution = cj.simulate(
+        scene, state, 2 * time, cj.Settings(rtol=1e-10), save=cj.Saving([0.5 * time, 2 * time])
+    )
     half, whole = solution.states.bodies["body"].position
     np.testing.assert_allclose(half, np.array(place) * (1, -1, 1), rtol=0, atol=1e-8)
     np.testing.assert_allclose(whole, place, rtol=0, atol=1e-8)

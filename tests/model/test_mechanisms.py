@@ -43,10 +43,8 @@ def test_iftomm_simple_pendulum():
         scene,
         state,
         10.0,
-        save_at=[9.99, 10.0],
-        rtol=1e-12,
-        atol=1e-12,
-        stabilisation=cj.Projection(),
+        cj.Settings(rtol=1e-12, atol=1e-12, stabilisation=cj.Projection()),
+        save=cj.Saving([9.99, 10.0]),
     )
     expected = [(-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099)]
     np.testing.assert_allclose(solution.states.bodies["mass"].position[:, :2], expected, atol=1e-8)
@@ -66,10 +64,8 @@ def test_double_four_bar():
         scene,
         state,
         10.0,
-        save_at=[10.0],
-        rtol=1e-10,
-        stabilisation=cj.Projection(),
-        solver=diffrax.Dopri8(),
+        cj.Settings(solver=diffrax.Dopri8(), rtol=1e-10, stabilisation=cj.Projection()),
+        save=cj.Saving([10.0]),
     )
     assert len(solution.redundant_constraints) == 6
     tip = _end_point(solution.states.bodies["rod 1"], (0.5, 0.0, 0.0))[0]
@@ -91,10 +87,8 @@ def test_bricard():
         scene,
         state,
         2.0,
-        save_at=[0.5, 1.0, 2.0],
-        rtol=1e-10,
-        stabilisation=cj.Projection(),
-        solver=diffrax.Dopri8(),
+        cj.Settings(solver=diffrax.Dopri8(), rtol=1e-10, stabilisation=cj.Projection()),
+        save=cj.Saving([0.5, 1.0, 2.0]),
     )
     corner = _end_point(solution.states.bodies["rod 2"], (0.0, -0.5, 0.0))
     expected = [
@@ -118,7 +112,7 @@ def test_reactions_of_redundant_constraints_have_least_norm():
         gravity=(0.0, 0.0, -9.81),
     )
     state = cj.State({"door": cj.body_state((0.0, 0.0, 0.0))})
-    solution = cj.simulate(scene, state, 1e-3, save_at=[1e-3])
+    solution = cj.simulate(scene, state, 1e-3, save=cj.Saving([1e-3]))
     observed = cj.observe(scene, solution)
     assert len(solution.redundant_constraints) == 5
     for hinge in ("hinge 0", "hinge 1"):

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 
+import clearjoint as cj
 from clearjoint import (
     Ambrosio,
     AppliedLoad,
@@ -401,33 +402,49 @@ def run(*, scene=SCENE, state=STATE, end_time=1.0, **options):
     return lambda: simulate(scene, state, end_time, **options)
 
 
+def saved(times):
+    return lambda: simulate(SCENE, STATE, 1.0, save=cj.Saving(times))
+
+
 RUN = {
     "end before the start": (run(end_time=-1.0), "end_time", "-1.0", "after start_time", "in s"),
     "end at the start": (run(start_time=1.0), "end_time", "1.0", "after start_time = 1", "in s"),
     "end infinite": (run(end_time=np.inf), "end_time", "inf", "finite", "give times in s"),
-    "saves unsorted": (run(save_at=[0.2, 0.1]), "save_at", "[0.2, 0.1]", "rising", "sort"),
-    "saves NaN": (run(save_at=[0.2, NAN]), "save_at", "nan", "finite times", "sort"),
-    "saves none": (run(save_at=[]), "save_at", "[]", "one-dimensional", "sort"),
-    "saves in a table": (run(save_at=[[0.1]]), "save_at", "[[0.1]]", "one-dimensional", "sort"),
+    "saves unsorted": (saved([0.2, 0.1]), "times", "[0.2, 0.1]", "rising", "sort"),
+    "saves NaN": (saved([0.2, NAN]), "times", "nan", "finite times", "sort"),
+    "saves none": (saved([]), "times", "[]", "one-dimensional", "sort"),
+    "saves in a table": (saved([[0.1]]), "times", "[[0.1]]", "one-dimensional", "sort"),
     "saves before the start": (
-        run(save_at=[-0.1, 0.5]),
-        "save_at",
+        saved([-0.1, 0.5]),
+        "times",
         "-0.1",
         "between start_time = 0",
         "leave out",
     ),
     "saves after the end": (
-        run(save_at=[0.1, 1.5]),
-        "save_at",
+        saved([0.1, 1.5]),
+        "times",
         "1.5",
         "end_time = 1.0",
         "leave out the times outside",
     ),
-    "tolerance negative": (run(rtol=-1e-6), "rtol", "-1e-06", "zero or positive", "such as 1e-6"),
-    "absolute tolerance NaN": (run(atol=NAN), "atol", "nan", "finite", "replace"),
-    "first step zero": (run(first_step=0.0), "first_step", "0.0", "positive", "in s"),
+    "tolerance negative": (
+        lambda: cj.Settings(rtol=-1e-6),
+        "rtol",
+        "-1e-06",
+        "zero or positive",
+        "such as 1e-6",
+    ),
+    "absolute tolerance NaN": (lambda: cj.Settings(atol=NAN), "atol", "nan", "finite", "replace"),
+    "first step zero": (
+        lambda: cj.Settings(first_step=0.0),
+        "first_step",
+        "0.0",
+        "positive",
+        "in s",
+    ),
     "landing tolerance negative": (
-        run(landing_tolerance=-1e-9),
+        lambda: cj.Settings(landing_tolerance=-1e-9),
         "landing_tolerance",
         "-1e-09",
         "positive",

@@ -1,5 +1,7 @@
 """How many programs are compiled: one for each structure, none for other numbers of anything."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -39,12 +41,13 @@ def damped():
     return scene, cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
 
 
-def _saved(scene_and_state, count, **options):
-    return cj.simulate(*scene_and_state, END, save_at=np.linspace(0.0, END, count), **options)
+def _saved(scene_and_state, count, settings=None, throw=True):
+    save = cj.Saving(np.linspace(0.0, END, count))
+    return cj.simulate(*scene_and_state, END, settings, save, throw=throw)
 
 
-def _steps(scene_and_state, end, **options):
-    return cj.simulate(*scene_and_state, end, record_steps=True, **options)
+def _steps(scene_and_state, end):
+    return cj.simulate(*scene_and_state, end, save=cj.Saving(steps=True))
 
 
 def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
@@ -68,8 +71,8 @@ def test_another_number_of_instants_to_observe_compiles_nothing(damped, compiled
 
 def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(damped, compiled):
     scene, _ = damped
-    plain, booked = _saved(damped, 5), _saved(damped, 5, ledger=True)
-    absolute = _saved(damped, 5, coordinates=cj.AbsoluteCoordinates())
+    plain, booked = _saved(damped, 5), _saved(damped, 5, cj.Settings(ledger=True))
+    absolute = _saved(damped, 5, cj.Settings(coordinates=cj.AbsoluteCoordinates()))
     first = cj.observe(scene, plain)
     before = compiled()
     seen = [cj.observe(scene, solution) for solution in (booked, absolute)]
@@ -81,16 +84,21 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
 def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
     """Other things are integrated or kept in them."""
     scene, state = damped
-    plain = {"save_at": [0.1, 0.2]}
-    options = ({"ledger": True}, {"record_steps": True}, {"stabilisation": cj.Projection()})
-    cj.simulate(scene, state, END, **plain)
+    times = [0.1, 0.2]
+    plain = cj.Settings(), cj.Saving(times)
+    options = [
+        (cj.Settings(ledger=True), cj.Saving(times)),
+        (cj.Settings(), cj.Saving(times, steps=True)),
+        (cj.Settings(stabilisation=cj.Projection()), cj.Saving(times)),
+    ]
+    cj.simulate(scene, state, END, *plain)
     for option in options:
         before = compiled()
-        cj.simulate(scene, state, END, **plain, **option)
+        cj.simulate(scene, state, END, *option)
         assert compiled() - before <= PROGRAMS_OF_A_RUN
     before = compiled()
-    for option in ({}, *options):
-        cj.simulate(scene, state, END, **plain, **option)
+    for settings, save in (plain, *options):
+        cj.simulate(scene, state, END, replace(settings, rtol=1e-7), save)
     assert compiled() == before
 
 
@@ -122,7 +130,7 @@ def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_on
 
 def test_nothing_saved_is_nothing_observed(damped):
     scene, _ = damped
-    failed = _saved(damped, 5, max_steps=1, throw=False)
+    failed = _saved(damped, 5, cj.Settings(max_steps=1), throw=False)
     none = cj.observe(scene, failed, jax.tree.map(lambda leaf: leaf[:0], failed.saved))
     assert none.times.shape == none.energies["kinetic"].shape == (0,)
 

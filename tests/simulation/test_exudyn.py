@@ -37,7 +37,7 @@ def test_spatial_double_pendulum_with_ideal_joints():
     )
     times = np.array([0.25, 0.5, 1.0])
     theirs = m.spatial_double_pendulum(times)
-    solution = cj.simulate(scene, state, 1.0, save_at=times, rtol=1e-9)
+    solution = cj.simulate(scene, state, 1.0, cj.Settings(rtol=1e-9), save=cj.Saving(times))
     for k, name in enumerate(("one", "two")):
         ours = solution.states.bodies[name].position
         np.testing.assert_allclose(ours, theirs[:, k], rtol=0, atol=1e-7)
@@ -60,7 +60,9 @@ def test_bounce_by_hunt_and_crossley(restitution):
     scene = cj.Scene({"journal": cj.Body(m.BOUNCE_MASS, (1.0, 1.0, 1.0))}, {"pin": joint})
     speed = theirs.entry_speed
     state = cj.State({"journal": cj.body_state((0, 0, 0), velocity=(0, speed, 0))})
-    solution = cj.simulate(scene, state, 0.007, rtol=1e-9, record_impacts=True)
+    solution = cj.simulate(
+        scene, state, 0.007, cj.Settings(rtol=1e-9), save=cj.Saving(impacts=True)
+    )
     impact = solution.impacts.of("pin", "V")
     assert impact.exit_speed[0] == pytest.approx(theirs.exit_speed, rel=1e-6)
     assert 2 * impact.peak_force[0] == pytest.approx(theirs.peak_force, rel=1e-6)

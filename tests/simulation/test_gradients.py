@@ -16,7 +16,7 @@ from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
 from clearjoint.model.mechanisms import STEEL
 from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
-from clearjoint.simulation.method import make_scheme
+from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin, segment
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
@@ -58,10 +58,8 @@ def heights(parameters, **options):
         scene,
         state,
         END,
-        save_at=TIMES,
-        solver=diffrax.Bosh3(),
-        rtol=1e-7,
-        landing_tolerance=1e-13,
+        cj.Settings(solver=diffrax.Bosh3(), rtol=1e-7, landing_tolerance=1e-13),
+        save=cj.Saving(TIMES),
         **options,
     )
     return solution.states.bodies["rod"].position[:, 1]
@@ -139,7 +137,7 @@ def test_grad_without_adjoint_names_the_remedy():
 def overflowing():
     """A scheme, a packed scene, and a run whose first trial step overflows."""
     scene, state = rod(-1.1 * CLEARANCE)
-    scheme = make_scheme(diffrax.Bosh3(), None, Formulation(), None, 1e-6, None)
+    scheme = Scheme.of(cj.Settings(solver=diffrax.Bosh3(), landing_tolerance=None))
     form, times = structured(scene), [jnp.asarray(t) for t in (0.0, 1e99, 1e90)]
     return scheme, form, begin(scheme, form, state, *times, False, None)
 
@@ -194,7 +192,7 @@ def test_reverse_derivatives_against_the_reference():
             (jnp.exp(parameters[0]), jnp.exp(parameters[1]), parameters[2]),
         )
         solution = cj.simulate(
-            scene, state, END, rtol=1e-9, landing_tolerance=1e-13, adjoint=REVERSE
+            scene, state, END, cj.Settings(rtol=1e-9, landing_tolerance=1e-13), adjoint=REVERSE
         )
         return solution.final.bodies["arm 2"].position[1]
 

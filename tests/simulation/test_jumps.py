@@ -1,5 +1,6 @@
 """Derivatives across jumps of the force: at the begin and end of contacts, and in time."""
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -17,7 +18,7 @@ from tests.support.planes import Plane
 
 Q = cj.quantities
 GRAVITY, DROP, MASS = 9.81, 5e-4, 1.0
-INTEGRATION = cj.Integration(rtol=1e-10)
+SETTINGS = replace(cj.presets.derivatives, rtol=1e-10)
 
 
 class Buffer(cj.AbstractContactLaw):
@@ -115,7 +116,7 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     """What the damper and the preload push at once belongs in the derivatives after it."""
     scene, state = dropped(Buffer(*LAWS[law]))
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
-    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], integration=INTEGRATION)
+    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], SETTINGS)
     values = [found.values[name][0] for name in outputs]
     derivatives = [found.derivatives[name][0] for name in outputs]
     np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
@@ -129,7 +130,9 @@ def test_plain_derivatives_have_the_jump_too():
 
     def speed(drop):
         varied = cj.put(scene, lambda s: s.joints["floor"].offset, drop)
-        final = cj.simulate(varied, state, END, rtol=1e-9, landing_tolerance=1e-13).final
+        final = cj.simulate(
+            varied, state, END, cj.Settings(rtol=1e-9, landing_tolerance=1e-13)
+        ).final
         return final.bodies["ball"].velocity[0]
 
     wanted = expected(LAWS["both"])[1, 0]
@@ -293,7 +296,14 @@ def test_a_law_of_ones_own_that_jumps_inside_a_contact_ends_the_derivatives():
 
 def test_derivatives_need_landing():
     with pytest.raises(ValueError, match="landing_tolerance"):
-        cj.Integration(landing_tolerance=None).scheme(*dropped(Buffer(*LAWS["both"])))
+        cj.sensitivities(
+            *dropped(Buffer(*LAWS["both"])),
+            END,
+            PARAMETERS,
+            {"x": Q.Position("ball", "y")},
+            [END],
+            cj.Settings(landing_tolerance=None),
+        )
 
 
 def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():

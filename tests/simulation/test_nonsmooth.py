@@ -37,7 +37,7 @@ APEXES = FALL + np.cumsum(BOUNCES) - BOUNCES / 2
 
 def dropped(step: float) -> cj.NonsmoothSolution:
     times = [*APEXES[:6], 0.99 * ZENO, ZENO + 0.1]
-    return cj.simulate_nonsmooth(*ball(), ZENO + 0.3, step=step, save_at=times)
+    return cj.simulate_nonsmooth(*ball(), ZENO + 0.3, save=cj.Saving(times), step=step)
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,9 @@ def test_the_slider_crank_agrees_with_siconos_as_far_as_that_goes():
     """
     scene, state = siconos()
     times = np.array([1e-3, 2.692503e-3 - 1e-8, 2.692503e-3 + 1e-8, 0.01, 0.02, 0.03, 0.2])
-    found = cj.simulate_nonsmooth(scene, state, 0.2, step=1e-5, save_at=times, restitution=0.4)
+    found = cj.simulate_nonsmooth(
+        scene, state, 0.2, save=cj.Saving(times), step=1e-5, restitution=0.4
+    )
     speeds = found.saved.states.bodies["crank"].spin[:, 2]
     np.testing.assert_allclose(speeds[:2], [139.1159, 109.5577], rtol=2e-6)
     touched = np.array([p.impacts for p in found.history["upper"].values()])
@@ -217,7 +219,7 @@ SPAN, TIMES = 0.15, np.linspace(0.01, 0.15, 15)
 
 
 def swung(scene: cj.Scene, state: cj.State, step: Any = 1e-4, **options: Any) -> Any:
-    return cj.simulate_nonsmooth(scene, state, SPAN, step=step, save_at=TIMES, **options)
+    return cj.simulate_nonsmooth(scene, state, SPAN, save=cj.Saving(TIMES), step=step, **options)
 
 
 def test_the_double_pendulum_is_within_its_penetration_of_the_reference(pendulum, reference_folder):

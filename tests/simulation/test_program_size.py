@@ -11,6 +11,7 @@ from clearjoint.math.vectors import structured
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation import program_size
+from clearjoint.simulation.derivative_runs import derivative_scheme
 from clearjoint.simulation.program_size import LARGE, shapes_of
 from clearjoint.simulation.segments import begin
 from clearjoint.simulation.systems import SystemFamily
@@ -34,7 +35,7 @@ def _chain(rods):
 
 def _begun(scene, state):
     """Trace the begin of a run, which precedes all compiling."""
-    scheme, form = cj.Integration().scheme(scene, state), structured(scene)
+    scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), structured(scene)
     jax.eval_shape(lambda *span: begin(scheme, form, state, *span, False, None).step.t, *SPAN)
 
 
@@ -42,7 +43,7 @@ def _begun_with_derivatives(scene, state):
     parameters = {"mass": cj.Parameter(lambda s: s.bodies["rod 0"].mass)}
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
-    scheme = cj.Integration().scheme(scene, state)
+    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
     systems = SystemFamily(family, scheme.formulation)
     jax.eval_shape(lambda *span: start_with_tangents(scheme.method, systems, *span).t, *SPAN)
 

@@ -21,10 +21,8 @@ def _run(case: Case, times: np.ndarray, rtol: float) -> cj.Solution:
         scene,
         state,
         case.safe,
-        save_at=np.minimum(times, case.safe),
-        rtol=rtol,
-        record_impacts=True,
-        solver=diffrax.Dopri8(),
+        cj.Settings(solver=diffrax.Dopri8(), rtol=rtol),
+        save=cj.Saving(np.minimum(times, case.safe), impacts=True),
     )
 
 
@@ -76,7 +74,11 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
     errors, steps = [], []
     for rtol in tolerances:
         solution = cj.simulate(
-            scene, state, 0.07, save_at=np.minimum(reference["t"], 0.07), rtol=rtol, solver=solver
+            scene,
+            state,
+            0.07,
+            cj.Settings(solver=solver, rtol=rtol),
+            save=cj.Saving(np.minimum(reference["t"], 0.07)),
         )
         errors.append(_position_errors(solution, reference).max())
         steps.append(int(solution.accepted))
@@ -94,8 +96,8 @@ def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
     """Eleven contacts lie before 0.1 s. What `clearjoint.presets` says, with room of two."""
     reference = Case(5e-4, 0.9, 0.1).trajectory(reference_folder)
     scene, state = cj.double_pendulum()
-    arguments = dict(getattr(cj.presets, preset), record_impacts=preset == "reference")
-    solution = cj.simulate(scene, state, 0.1, save_at=np.minimum(reference["t"], 0.1), **arguments)
+    save = cj.Saving(np.minimum(reference["t"], 0.1), impacts=preset == "reference")
+    solution = cj.simulate(scene, state, 0.1, getattr(cj.presets, preset), save)
     assert error / 100 < _position_errors(solution, reference).max() < error
 
 
@@ -107,7 +109,11 @@ def test_landing_buys_accuracy_across_impacts(reference_folder):
     errors = {}
     for tolerance in (1e-12, None):
         solution = cj.simulate(
-            scene, state, 0.06, save_at=reference["t"], rtol=1e-6, landing_tolerance=tolerance
+            scene,
+            state,
+            0.06,
+            cj.Settings(rtol=1e-6, landing_tolerance=tolerance),
+            save=cj.Saving(reference["t"]),
         )
         errors[tolerance] = _position_errors(solution, reference).max()
     assert errors[1e-12] < 0.1 * errors[None]

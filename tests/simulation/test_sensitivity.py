@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
+from clearjoint.simulation.derivative_runs import derivative_scheme
 from clearjoint.simulation.sensitivities import followed
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
@@ -63,7 +65,7 @@ def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, refer
         PARAMETERS,
         OUTPUTS,
         times,
-        integration=cj.Integration(rtol=rtol),
+        replace(cj.presets.derivatives, rtol=rtol),
     )
     position = found.derivatives["y"][np.searchsorted(times, TIMES)]
     np.testing.assert_allclose(position, POSITION, rtol=accuracy)
@@ -86,7 +88,7 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
         "contact": Q.ContactForce(JOINT),
         **OUTPUTS,
     }
-    scheme = cj.Integration().scheme(scene, state)
+    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
         return followed(scheme, family, outputs, times, *span, 1000)[0].derivatives
@@ -141,7 +143,7 @@ def test_closed_forms_of_an_oscillator():
         },
         {"x": Q.Position("mass", "x")},
         [0.0, 0.4, 1.5],
-        integration=cj.Integration(rtol=1e-10),
+        replace(cj.presets.derivatives, rtol=1e-10),
     )
     t, angle = found.times, 5.0 * found.times
     to_log_k = -0.15 * 5.0 * t * np.sin(angle)
@@ -154,11 +156,11 @@ def test_closed_forms_of_an_oscillator():
 
 
 def test_a_run_that_fails_keeps_what_it_reached():
-    integration = cj.Integration(max_steps=40)
+    settings = replace(cj.presets.derivatives, max_steps=40)
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     arguments = (*_oscillator(), 1.5, parameters, {"x": Q.Position("mass", "x")}, [0.001, 1.5])
     with pytest.raises(cj.SimulationError, match="step limit") as raised:
-        cj.sensitivities(*arguments, integration=integration)
+        cj.sensitivities(*arguments, settings)
     found = raised.value.solution
     assert found.result == cj.RESULTS.max_steps_reached
     assert found.times.tolist() == [0.001]

@@ -60,13 +60,15 @@ def test_changing_numbers_compiles_nothing(pendulum, plain):
     compiled = segment_compiled._cached._cache_size()
     other, _ = cj.double_pendulum(clearance=3e-4, restitution=0.7, journal_length=0.03)
     other = eqx.tree_at(lambda s: s.bodies["arm 3"].mass, other, np.asarray(6.0))
-    solution = cj.simulate(other, state, 0.4, rtol=1e-7, landing_tolerance=1e-11, first_step=1e-6)
+    solution = cj.simulate(
+        other, state, 0.4, cj.Settings(rtol=1e-7, first_step=1e-6, landing_tolerance=1e-11)
+    )
     assert solution.result == cj.RESULTS.successful
     assert segment_compiled._cached._cache_size() == compiled
 
 
 def test_saving_does_not_change_the_steps(pendulum, plain):
-    saved = cj.simulate(*pendulum, END, save_at=[0.0, 0.01, 0.0287, END])
+    saved = cj.simulate(*pendulum, END, save=cj.Saving([0.0, 0.01, 0.0287, END]))
     assert saved.attempts == plain.attempts
     np.testing.assert_array_equal(saved.times, [0.0, 0.01, 0.0287, END])
     for name in ("arm 2", "arm 3"):
@@ -79,12 +81,12 @@ def test_saving_does_not_change_the_steps(pendulum, plain):
 
 def test_saved_states_lie_on_the_trajectory(pendulum):
     """Dense output in flight: free fall to rounding; at recorded steps: the step itself."""
-    solution = cj.simulate(*pendulum, 0.03, save_at=np.linspace(0, 0.01, 300), record_steps=True)
+    solution = cj.simulate(*pendulum, 0.03, save=cj.Saving(np.linspace(0, 0.01, 300), steps=True))
     fall = 0.5 * 9.81 * solution.times**2
     np.testing.assert_allclose(solution.states.bodies["arm 2"].position[:, 1], fall, atol=1e-13)
     steps = solution.steps
     assert len(steps) == solution.accepted + 1
-    again = cj.simulate(*pendulum, 0.03, save_at=steps.times, record_steps=True)
+    again = cj.simulate(*pendulum, 0.03, save=cj.Saving(steps.times, steps=True))
     found = again.states.bodies["arm 3"].position
     np.testing.assert_allclose(found, steps.states.bodies["arm 3"].position, atol=1e-13)
 
@@ -92,21 +94,23 @@ def test_saved_states_lie_on_the_trajectory(pendulum):
 def test_a_run_can_be_continued(pendulum, plain):
     """The final state with its memory goes on, in the middle of a contact too."""
     scene, state = pendulum
-    half = cj.simulate(scene, state, 0.0102, rtol=1e-9)
+    half = cj.simulate(scene, state, 0.0102, cj.Settings(rtol=1e-9))
     assert half.final.memory["shoulder"]["V"] > 0.0
-    rest = cj.simulate(scene, half.final, END, start_time=0.0102, rtol=1e-9)
-    whole = cj.simulate(scene, state, END, rtol=1e-9)
+    rest = cj.simulate(scene, half.final, END, cj.Settings(rtol=1e-9), start_time=0.0102)
+    whole = cj.simulate(scene, state, END, cj.Settings(rtol=1e-9))
     assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
 
 
 def test_step_limit_returns_what_was_reached(pendulum):
-    solution = cj.simulate(*pendulum, END, save_at=[0.005, END], max_steps=100, throw=False)
+    solution = cj.simulate(
+        *pendulum, END, cj.Settings(max_steps=100), save=cj.Saving([0.005, END]), throw=False
+    )
     assert solution.result == cj.RESULTS.max_steps_reached
     assert solution.attempts == 100
     assert 0.0 < solution.time < END
     np.testing.assert_array_equal(solution.times, [0.005])
     with pytest.raises(cj.SimulationError, match="max_steps") as failure:
-        cj.simulate(*pendulum, END, max_steps=100)
+        cj.simulate(*pendulum, END, cj.Settings(max_steps=100))
     assert failure.value.solution.time == solution.time
 
 
@@ -120,9 +124,7 @@ def test_fixed_steps_that_explode_say_so(pendulum, modulus, code):
         stiff,
         state,
         1.0,
-        controller=diffrax.ConstantStepSize(),
-        first_step=1e-3,
-        landing_tolerance=None,
+        cj.Settings(controller=diffrax.ConstantStepSize(), first_step=1e-3, landing_tolerance=None),
         throw=False,
     )
     assert solution.result == getattr(cj.RESULTS, code)
@@ -131,7 +133,7 @@ def test_fixed_steps_that_explode_say_so(pendulum, modulus, code):
 
 def test_adaptive_steps_survive_overshoot(pendulum):
     """A first step of half a second overflows on trial, is rejected, and shrinks."""
-    solution = cj.simulate(*pendulum, END, first_step=0.5)
+    solution = cj.simulate(*pendulum, END, cj.Settings(first_step=0.5))
     assert solution.result == cj.RESULTS.successful
     assert _height(solution) == pytest.approx(_height(cj.simulate(*pendulum, END)), abs=1e-6)
 
@@ -139,26 +141,24 @@ def test_adaptive_steps_survive_overshoot(pendulum):
 @pytest.mark.parametrize(
     "method",
     [
-        {"solver": diffrax.Dopri5()},
-        {"solver": diffrax.Kvaerno3(), "atol": 1e-9},
-        {
-            "controller": diffrax.ConstantStepSize(),
-            "first_step": 1e-5,
-            "solver": diffrax.Midpoint(),
-        },
+        cj.Settings(solver=diffrax.Dopri5()),
+        cj.Settings(solver=diffrax.Kvaerno3(), atol=1e-9),
+        cj.Settings(
+            solver=diffrax.Midpoint(), controller=diffrax.ConstantStepSize(), first_step=1e-5
+        ),
     ],
     ids=["Dopri5", "Kvaerno3", "Midpoint with constant steps"],
 )
 def test_other_solvers_and_controllers(pendulum, method):
-    solution = cj.simulate(*pendulum, 0.02, **method)
+    solution = cj.simulate(*pendulum, 0.02, method)
     assert _height(solution) == pytest.approx(
-        _height(cj.simulate(*pendulum, 0.02, rtol=1e-9)), abs=2e-6
+        _height(cj.simulate(*pendulum, 0.02, cj.Settings(rtol=1e-9))), abs=2e-6
     )
 
 
 def test_split_solvers_are_refused(pendulum):
     with pytest.raises(ValueError, match="KenCarp4"):
-        cj.simulate(*pendulum, 0.02, solver=diffrax.KenCarp4())
+        cj.simulate(*pendulum, 0.02, cj.Settings(solver=diffrax.KenCarp4()))
 
 
 def test_vmapped_lanes_equal_single_runs(pendulum):
@@ -169,14 +169,14 @@ def test_vmapped_lanes_equal_single_runs(pendulum):
 
     def run(clearance):
         swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
-        solution = cj.simulate(swept, state, END, save_at=jnp.asarray([0.02, END]))
+        solution = cj.simulate(swept, state, END, save=cj.Saving(jnp.asarray([0.02, END])))
         return solution.states.bodies["arm 2"].position, solution.result == cj.RESULTS.successful
 
     positions, fine = jax.jit(jax.vmap(run))(clearances)
     assert fine.all()
     for lane, clearance in enumerate(clearances):
         swept, _ = cj.double_pendulum(clearance=float(clearance))
-        single = cj.simulate(swept, state, END, save_at=[0.02, END])
+        single = cj.simulate(swept, state, END, save=cj.Saving([0.02, END]))
         np.testing.assert_allclose(
             positions[lane], single.states.bodies["arm 2"].position, rtol=0, atol=1e-9
         )
@@ -188,7 +188,7 @@ def test_a_failing_lane_leaves_the_others_alone(pendulum):
 
     def run(clearance):
         swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
-        solution = cj.simulate(swept, state, END, save_at=jnp.asarray([0.02, END]))
+        solution = cj.simulate(swept, state, END, save=cj.Saving(jnp.asarray([0.02, END])))
         return solution.final.bodies["arm 2"].position, solution.result == cj.RESULTS.successful
 
     good, fine = jax.jit(jax.vmap(run))(jnp.asarray([2e-4, 5e-4, 1e-3]))
@@ -204,7 +204,9 @@ def test_forward_derivative_through_impacts(pendulum):
 
     def height(log_clearance):
         swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
-        solution = cj.simulate(swept, state, 0.06, rtol=1e-9, save_at=jnp.asarray([0.012, 0.06]))
+        solution = cj.simulate(
+            swept, state, 0.06, cj.Settings(rtol=1e-9), save=cj.Saving(jnp.asarray([0.012, 0.06]))
+        )
         return solution.states.bodies["arm 2"].position[:, 1]
 
     slope = jax.jit(lambda x: jax.jvp(height, (x,), (1.0,))[1])(jnp.log(5e-4))
@@ -216,7 +218,7 @@ def test_memoryless_and_free_scenes_run():
     body = cj.Body(2.0, (0.1, 0.2, 0.25))
     scene = cj.Scene({"rock": body})
     state = cj.State({"rock": cj.body_state((0, 0, 0), velocity=(1, 2, 3), spin=(0.1, 2.0, 0.3))})
-    solution = cj.simulate(scene, state, 1.0, ledger=True, save_at=[0.0, 1.0])
+    solution = cj.simulate(scene, state, 1.0, cj.Settings(ledger=True), save=cj.Saving([0.0, 1.0]))
     np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
     observed = cj.observe(scene, solution)
     assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
@@ -234,7 +236,9 @@ def test_contact_at_the_start_counts_as_elastic(pendulum):
             "arm 3": cj.body_state((1.0, 5.05e-4, 0.5)),
         }
     )
-    solution = cj.simulate(scene, state, 1e-3, rtol=1e-9, save_at=[0.0, 1e-3], ledger=True)
+    solution = cj.simulate(
+        scene, state, 1e-3, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving([0.0, 1e-3])
+    )
     observed = cj.observe(scene, solution)
     assert observed.energies["contacts"][0] > 1e-4
     assert observed.energies["contacts"][1] == 0.0

@@ -69,7 +69,9 @@ def test_newton_and_euler_give_the_table():
 @pytest.fixture(scope="module")
 def ideal_run() -> tuple[cj.Solution, cj.Observation]:
     scene, state = cj.slider_crank(clearance=None)
-    solution = cj.simulate(scene, state, REVOLUTION, save_at=revolution(), rtol=1e-9, ledger=True)
+    solution = cj.simulate(
+        scene, state, REVOLUTION, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(revolution())
+    )
     return solution, cj.observe(scene, solution)
 
 
@@ -117,7 +119,7 @@ def test_crank_driven_by_a_torque():
     motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
     scene, state = cj.slider_crank(None, speed=200.0, angle=1.0, motor=motor)
     times = np.linspace(0.0, 0.04, 81)
-    solution = cj.simulate(scene, state, 0.04, save_at=times, rtol=1e-9)
+    solution = cj.simulate(scene, state, 0.04, cj.Settings(rtol=1e-9), save=cj.Saving(times))
     crank = solution.states.bodies["crank"]
     angle = 2.0 * np.unwrap(np.arctan2(crank.orientation[:, 3], crank.orientation[:, 0]))
     unit = Ideal(angle, 1.0)
@@ -141,7 +143,11 @@ def clearance_runs() -> dict[float, Any]:
     for clearance in (5e-4, 5e-5, 5e-6):
         scene, state = cj.slider_crank(clearance)
         solution = cj.simulate(
-            scene, state, REVOLUTION, save_at=revolution(), ledger=True, record_impacts=True
+            scene,
+            state,
+            REVOLUTION,
+            cj.Settings(ledger=True),
+            save=cj.Saving(revolution(), impacts=True),
         )
         runs[clearance] = (solution, cj.observe(scene, solution))
     return runs
@@ -240,11 +246,8 @@ def test_absolute_and_joint_coordinates_agree_within_the_horizon():
             scene,
             state,
             times[-1],
-            save_at=times,
-            rtol=1e-11,
-            ledger=True,
-            record_impacts=True,
-            coordinates=coordinates,
+            cj.Settings(rtol=1e-11, coordinates=coordinates, ledger=True),
+            save=cj.Saving(times, impacts=True),
         )
         for coordinates in (cj.JointCoordinates(), cj.AbsoluteCoordinates())
     )

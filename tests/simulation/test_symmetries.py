@@ -27,11 +27,12 @@ seeds = st.integers(0, 10_000)
 coordinate = st.floats(-1.0, 1.0).map(lambda x: round(x, 3))
 vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 directions = vectors.filter(lambda vector: np.linalg.norm(vector) > 0.1)
+JOINT = cj.JointCoordinates()
 factors = st.floats(0.2, 5.0).map(lambda x: round(x, 3))
 
 
 def solved(
-    numbers: Hinged, names=NAMES, here=None, begin=0.0, end=None, coordinates=None
+    numbers: Hinged, names=NAMES, here=None, begin=0.0, end=None, coordinates=JOINT
 ) -> cj.Solution:
     """A run; all of one mechanism's names and coordinates share a program."""
     return simulated(
@@ -44,17 +45,19 @@ def solved(
     )
 
 
-def simulated(built, here, numbers: Hinged, end, begin=0.0, coordinates=None) -> cj.Solution:
+def simulated(built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT) -> cj.Solution:
     return cj.simulate(
         built,
         here,
         end,
+        cj.Settings(
+            rtol=1e-10,
+            first_step=1e-4 * numbers.end_time,
+            landing_tolerance=numbers.landing,
+            coordinates=coordinates,
+        ),
+        save=cj.Saving(impacts=True),
         start_time=begin,
-        rtol=1e-10,
-        first_step=1e-4 * numbers.end_time,
-        landing_tolerance=numbers.landing,
-        coordinates=coordinates,
-        record_impacts=True,
         progress=False,
     )
 

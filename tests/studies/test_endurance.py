@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.formulation import Formulation
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
 from clearjoint.simulation.host_run import _Waiting
-from clearjoint.simulation.method import make_scheme
+from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import Saved
 from clearjoint.simulation.step_state import Variables
 from clearjoint.simulation.stepping import attempt, start
@@ -52,7 +51,7 @@ def test_rates_kept_for_the_next_step_match_the_settled_state():
     scene, state = endurance.top()
     body = state.bodies["rod"]
     off = BodyState(body.position, 1.01 * np.asarray(body.orientation), body.velocity, body.spin)
-    scheme = make_scheme(None, None, Formulation(), 1e-12, 1e-6, None)
+    scheme = Scheme.of(cj.Settings())
     method, system = scheme.method, scheme.system(unpack(scene))
     motion = system.encode(unpack({"rod": off}))
     t0, t_end, length = (jnp.asarray(number) for number in (0.0, 1.0, 1e-6))

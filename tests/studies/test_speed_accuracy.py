@@ -36,10 +36,12 @@ def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
         scene,
         cj.State({"body": cj.body_state((0.1, 0.0, 0.0))}),
         COUNT * STEP,
-        solver=solver,
-        controller=diffrax.ConstantStepSize(),
-        first_step=STEP,
-        landing_tolerance=None,
+        cj.Settings(
+            solver=solver,
+            controller=diffrax.ConstantStepSize(),
+            first_step=STEP,
+            landing_tolerance=None,
+        ),
     )
     end = solution.final.bodies["body"]
     found = np.array([end.position[0], end.velocity[0] / FREQUENCY])
@@ -53,9 +55,9 @@ def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
 @pytest.mark.parametrize("solver", settings.EXPLICIT, ids=lambda solver: type(solver).__name__)
 def test_right_hand_sides_are_as_many_as_the_tableau_says(solver, lands):
     """But for one at the start."""
-    arguments = settings.adaptive(solver, 1e-5, lands).arguments
-    counted = evaluations.counted(0.03, arguments)
-    assert 0.0 < counted - evaluations.an_attempt(arguments) < 0.03
+    chosen = settings.adaptive(solver, 1e-5, lands).settings
+    counted = evaluations.counted(0.03, chosen)
+    assert 0.0 < counted - evaluations.an_attempt(chosen) < 0.03
 
 
 def itself(item):

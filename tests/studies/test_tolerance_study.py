@@ -68,7 +68,7 @@ def test_margins_are_those_of_a_sweep():
         design.period,
         {"clearance": cj.Axis(lambda scene: scene.joints[PIN].clearance, clearances)},
         {POSITION: cj.Peak(distance, "m"), FORCE: cj.Peak(pin_force, "N")},
-        rtol=1e-9,
+        settings=cj.Settings(rtol=1e-9),
     )
     for k, clearance in enumerate(clearances):
         looked = design.look(np.log(clearance))

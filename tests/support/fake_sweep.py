@@ -14,7 +14,7 @@ RESULT = Variable(
     dtype="int8",
     attrs={"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"},
 )
-SETTINGS = {"rtol": 1e-6, "end_time": 0.5, "solver": "Tsit5", "record_impacts": True}
+SETTINGS = {"rtol": 1e-6, "end_time": 0.5, "solver": "Tsit5", "impacts": True}
 
 
 def layout(times: int = 5, **changes) -> Layout:

@@ -44,7 +44,12 @@ OUTPUTS = {
 @pytest.fixture(scope="module")
 def grid():
     return cj.sweep(
-        *cj.double_pendulum(), END, AXES, OUTPUTS, ledger=True, devices=jax.devices()[:1]
+        *cj.double_pendulum(),
+        END,
+        AXES,
+        OUTPUTS,
+        settings=cj.Settings(ledger=True),
+        devices=jax.devices()[:1],
     )
 
 
@@ -54,7 +59,14 @@ def test_neither_devices_nor_the_number_of_lanes_change_a_bit(grid, count):
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
     axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
     devices = jax.devices()[:count]
-    found = cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, ledger=True, devices=devices)
+    found = cj.sweep(
+        *cj.double_pendulum(),
+        END,
+        axes,
+        OUTPUTS,
+        settings=cj.Settings(ledger=True),
+        devices=devices,
+    )
     expected = grid.sel(kept)
     for name in found.data_vars:
         np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
@@ -72,7 +84,9 @@ def pairs(grid):
 
 def single(**settings):
     scene, state = cj.double_pendulum(**settings)
-    return cj.simulate(scene, state, END, save_at=TIMES, record_impacts=True, ledger=True)
+    return cj.simulate(
+        scene, state, END, cj.Settings(ledger=True), save=cj.Saving(TIMES, impacts=True)
+    )
 
 
 def rows(lane, run, arm: str, kind: str) -> tuple[np.ndarray, np.ndarray]:

@@ -12,11 +12,12 @@ from clearjoint.sweeps.starts import checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
+FEW = cj.Settings(max_steps=500)
 
 
 @pytest.fixture(scope="module")
 def good():
-    return swept(GOOD, max_steps=500)
+    return swept(GOOD, settings=FEW)
 
 
 def codes(found) -> list[str]:
@@ -30,7 +31,7 @@ def beside_the_good(good, stiffness, offset=0.0):
     without it."""
     with pytest.warns(UserWarning, match="1 of 5 lanes failed"):
         found = swept(
-            np.insert(GOOD, 2, stiffness), offset=np.insert(0 * GOOD, 2, offset), max_steps=500
+            np.insert(GOOD, 2, stiffness), offset=np.insert(0 * GOOD, 2, offset), settings=FEW
         )
     others = found.isel(lane=[0, 1, 3, 4])
     for name in good.data_vars:
@@ -109,10 +110,18 @@ def test_lanes_that_simulate_refuses():
     }
     scene, state = held_at_two_points(0.2)
     with pytest.warns(UserWarning, match=r"Lane 0: .*nearly depend on the others.*ball"):
-        found = cj.sweep(scene, state, 0.1, axes, zipped=True, progress=False, coordinates=ABSOLUTE)
+        found = cj.sweep(
+            scene,
+            state,
+            0.1,
+            axes,
+            settings=cj.Settings(coordinates=ABSOLUTE),
+            zipped=True,
+            progress=False,
+        )
     assert codes(found) == ["bad_parameters"] * 2
     with pytest.raises(ValueError, match="nearly depend on the others"):
-        cj.simulate(*held_at_two_points(1e-6), 0.1, coordinates=ABSOLUTE)
+        cj.simulate(*held_at_two_points(1e-6), 0.1, cj.Settings(coordinates=ABSOLUTE))
 
 
 def test_sweep_of_a_structure_that_cannot_move_is_refused():
@@ -152,7 +161,7 @@ CHANNELS = OUTPUTS["swing"].channels
     [
         ({"end_time": 0.0}, r"`end_time`.*after start_time = 0\.0.*\[0\.0\]"),
         ({"end_time": LATER}, r"`end_time`.*is \[-1\.0\]"),
-        ({"rtol": -1.0}, "`rtol`"),
+        ({"settings": {"rtol": 1e-8}}, "`settings` must be Settings or None"),
         ({"outputs": {"swing": cj.Saved([0.0, 2.0], CHANNELS)}}, "`times`.*end_time"),
         ({"outputs": {"swing": cj.Saved(UNEVEN, CHANNELS)}}, r"`times`.*equally many.*\[1, 5, 20"),
         ({"outputs": {"one": cj.Saved([1.0], CHANNELS), "two": cj.Saved([1.0], CHANNELS)}}, "one"),
@@ -160,7 +169,7 @@ CHANNELS = OUTPUTS["swing"].channels
         ({"outputs": {"final": cj.Saved([1.0], {"spin": (angle, "rad")})}}, "final_spin.*rename"),
         ({"outputs": {"attempts": cj.Peak(angle, "rad")}}, "attempts.*rename"),
         ({"outputs": {"stiffness": cj.Peak(angle, "rad")}}, "stiffness.*rename the axis"),
-        ({"outputs": {"lost": cj.DissipatedEnergy()}}, "ledger=True"),
+        ({"outputs": {"lost": cj.DissipatedEnergy()}}, r"Settings\(ledger=True\)"),
         ({"axes": {}}, "`axes`.*at least one axis"),
         ({"axes": {"body": stiffness_axis(GOOD)}}, "body.*rename the axis"),
         (

@@ -1,5 +1,6 @@
 """The programs of a sweep: all code that decides a lane's numbers is in them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,24 +11,20 @@ import pytest
 import clearjoint as cj
 from clearjoint.math.vectors import structured
 from clearjoint.simulation.batch.lane import Plan
-from clearjoint.simulation.method import make_formulation, make_scheme
+from clearjoint.simulation.method import Scheme
 from clearjoint.sweeps.store.program import RUN, programs
 from clearjoint.sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
 
+USUAL = cj.Settings(atol=1e-9)
 
-def of(scene, state, outputs: dict[str, Any] | None = None, *, solver=None, ledger=False, **more):
+
+def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     """Programs of a sweep with the given outputs."""
     outputs = outputs or {}
-    settings = {"landing_tolerance": 1e-12, "rtol": 1e-6, **more}
-    formulation = make_formulation(
-        cj.JointCoordinates(), settings.pop("stabilisation", None), False, ledger
-    )
-    controller, tolerance = settings.pop("controller", None), settings.pop("landing_tolerance")
-    scheme = make_scheme(solver, controller, formulation, tolerance, settings.pop("rtol"), 1e-9)
     recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
     plan = Plan(
-        scheme,
+        Scheme.of(settings),
         {n: o for n, o in outputs.items() if isinstance(o, cj.AbstractReduction)},
         {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),
@@ -105,7 +102,7 @@ def test_code_of_the_scene_makes_another_program(usual, of_class, name, value, m
 
 
 def test_only_what_is_read_counts(usual, monkeypatch):
-    assert of(*pendulum(), ledger=True) != usual
+    assert of(*pendulum(), settings=replace(USUAL, ledger=True)) != usual
     monkeypatch.setattr(Law, "energy_gain", 2.0)
     assert of(*pendulum()) == usual
 
@@ -117,10 +114,10 @@ def test_settings_make_another_program(usual):
         {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
         {"solver": diffrax.Dopri5()},
     ):
-        assert of(*pendulum(), **others) != usual
-    assert of(*pendulum(axial=cj.FixedAxially())) != of(
-        *pendulum(axial=cj.FixedAxially()), stabilisation=cj.Baumgarte(5.0, 6.0)
-    )
+        assert of(*pendulum(), settings=replace(USUAL, **others)) != usual
+    held = pendulum(axial=cj.FixedAxially())
+    other = replace(USUAL, stabilisation=cj.Baumgarte(5.0, 6.0))
+    assert of(*held) != of(*held, settings=other)
 
 
 def test_a_worker_that_would_run_other_code_refuses():

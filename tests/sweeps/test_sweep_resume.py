@@ -145,7 +145,9 @@ def geared(path):
     )
     stiffness = np.array([5.0, 10.0])
     axes = {"stiffness": stiffness_axis(stiffness)}
-    found = cj.sweep(scene, state, END, axes, path=path, rtol=1e-9, progress=False)
+    found = cj.sweep(
+        scene, state, END, axes, settings=cj.Settings(rtol=1e-9), path=path, progress=False
+    )
     expected = SPEED * np.cos(np.sqrt(GAIN * stiffness / INERTIA) * END)
     return found.final_spin.sel(body="rotor", component="z").values, expected
 
@@ -204,7 +206,10 @@ def other_scene(options):
 @pytest.mark.parametrize(
     ("other", "names"),
     [
-        (partial(swept, STIFFNESS, rtol=1e-7), r"setting rtol: stored 1e-06, now 1e-07"),
+        (
+            partial(swept, STIFFNESS, settings=cj.Settings(rtol=1e-7)),
+            r"setting rtol: stored 1e-06, now 1e-07",
+        ),
         (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
         (
             partial(swept, STIFFNESS[:5]),

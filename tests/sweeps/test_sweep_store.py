@@ -58,7 +58,7 @@ def test_labels_follow_from_the_axes():
         "rtol": 1e-6,
         "end_time": 0.5,
         "solver": "Tsit5",
-        "record_impacts": True,
+        "impacts": True,
     }
     # Lane 7 of four clearances by three restitutions is the third clearance, second restitution.
     at = {"clearance": 7e-4, "restitution": 0.5}
@@ -150,8 +150,8 @@ LOST = "lanes: 3 of 12 stored lanes, by all the numbers that they start from, ar
 DIFFERENT = {
     "setting": ({"settings": {"rtol": 1e-8}}, ["setting rtol: stored 1e-06, now 1e-08"]),
     "type": (
-        {"settings": {"record_impacts": 1}},
-        ["setting record_impacts: stored True, now 1"],
+        {"settings": {"impacts": 1}},
+        ["setting impacts: stored True, now 1"],
     ),
     "new setting": ({"settings": {"order": 5}}, ["setting order: stored nothing, now 5"]),
     "values": (

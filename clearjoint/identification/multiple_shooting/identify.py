@@ -28,7 +28,7 @@ from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
-from ...simulation.settings import Integration
+from ...simulation.settings import Settings
 from ..fit import Fit
 from ..gauss_newton import search_in_whole_steps
 from ..identify import OnFitIteration, OnIteration, iteration_callback
@@ -72,11 +72,11 @@ def identify_by_shots(
     measurements: Measurements,
     parameters: Mapping[str, Parameter],
     boundaries: Sequence[float],
+    settings: Settings | None = None,
     *,
     start_time: float = 0.0,
     guess: Guess | None = None,
     continuity: float = 1e-9,
-    integration: Integration | None = None,
     max_iterations: int = 50,
     tolerance: float = 1e-3,
     progress: bool | OnIteration = True,
@@ -85,7 +85,7 @@ def identify_by_shots(
 
     **Arguments:**
 
-    - `scene`, `state`, `measurements`, `parameters`, `start_time`, `guess`, `integration`,
+    - `scene`, `state`, `measurements`, `parameters`, `settings`, `start_time`, `guess`,
       `max_iterations`, `tolerance`, `progress`: as in `identify`. An iteration runs all windows.
     - `boundaries`: rising times, s, inside the record, at which windows meet. Windows should be
       shorter than the convergence horizon (see `horizon`), but long enough for their samples to
@@ -93,7 +93,7 @@ def identify_by_shots(
       which all contacts are farthest open. The first window is fitted as a record by itself: if
       the guess is far off, fit that by `identify` with `grow`, and pass the estimates as the guess.
     - `continuity`: gap in m that counts as one standard deviation of a measurement; in velocities,
-      a hundred times as much in m/s. Choose tolerances of the integration below it.
+      a hundred times as much in m/s. Choose tolerances of the settings below it.
 
     **Returns:** a `ShootingFit`. The covariance of the parameters allows for the starts, which are
     estimated with them.
@@ -104,7 +104,7 @@ def identify_by_shots(
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     require_positive("continuity", continuity, "give a gap in m, far below the clearance")
-    problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, integration)
+    problem = Shooting(scene, state, measurements, parameters, boundaries, start_time, settings)
     row = start_coordinates(scene, state, parameters, guess, None)[0]
     at = problem.begin(row)
     with iteration_callback(progress, parameters, 1) as on_iteration:

@@ -16,10 +16,11 @@ from ...parametrisation.parameter import Parameter, check_parameters
 from ...parametrisation.parametrised_scene import AbstractFamily, parametrised
 from ...quantities.joints import Penetration
 from ...results import RESULTS
+from ...simulation import presets
 from ...simulation.batch.reductions import Quantity
+from ...simulation.derivative_runs import derivative_scheme
 from ...simulation.method import Scheme
-from ...simulation.run_ends import default_first_step
-from ...simulation.settings import Integration
+from ...simulation.settings import Settings, settings_or
 from ..levenberg_marquardt import SINGULAR, Iteration
 from ..residuals import RunMisfit
 from .record import DividedRecord, Piece
@@ -61,17 +62,16 @@ class Shooting:
         parameters: Mapping[str, Parameter],
         boundaries: Sequence[float],
         start_time: float,
-        integration: Integration | None,
+        settings: Settings | None,
     ):
         check_parameters(parameters)
-        integration = Integration() if integration is None else integration
-        self.scheme: Scheme = integration.scheme(scene, state, start_time)
+        self.settings = settings_or(settings, presets.derivatives)
+        self.scheme: Scheme = derivative_scheme(scene, state, self.settings, start_time)
         self.base = parametrised(scene, state, parameters, np.zeros(len(parameters)))
         self.scales = [parameter.scale for parameter in parameters.values()]
         self.outputs: dict[str, Quantity] = {
             name: series.channel for name, series in measurements.series.items()
         }
-        self.max_steps = integration.max_steps
         self.watched: dict[str, Quantity] = {
             f"{joint} {contact}": Penetration(joint, contact)
             for joint, laws in scene.laws().items()
@@ -154,9 +154,9 @@ class Shooting:
                 variables,
                 memory,
             )
-        first_step = default_first_step(piece.start, piece.end)
+        first_step = self.settings.length_of_first_step(piece.start, piece.end)
         numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
-        limit = jnp.asarray(self.max_steps)
+        limit = jnp.asarray(self.settings.max_steps)
         outputs = self.outputs | self.watched
         return run_window(self.scheme, family, outputs, piece.times, *numbers, limit)
 

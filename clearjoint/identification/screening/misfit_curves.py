@@ -18,7 +18,6 @@ from ...runtime import busy_devices
 from ...simulation.batch.device_pool import Common, Task
 from ...simulation.batch.lane import Plan
 from ...simulation.batch.scheduler import Batch, Ended
-from ...simulation.run_ends import default_first_step
 from ...sweeps.work import extent
 from ..residuals import UNREACHED, Experiment, Samples
 
@@ -84,13 +83,13 @@ class SideBySide:
     def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
         varied, states = jax.device_get(_made(self.runs, self._varied, coordinates))
         lanes, times = len(coordinates), self.times.copy()
-        end_time, start_time = times[count - 1], float(self.runs.start_time)
+        end_time = times[count - 1]
         times[count:] = np.inf  # never come to, so that nothing is recorded for padding
         return Task(
             varied,
             states,
             np.full(lanes, end_time),
-            np.full(lanes, default_first_step(start_time, end_time)),
+            np.full(lanes, float(self.runs.first_step)),
             np.tile(times, (lanes, 1)),
         )
 

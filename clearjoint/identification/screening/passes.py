@@ -1,11 +1,10 @@
 """Screening and searches in turn, until noise explains what they leave."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...simulation.settings import Integration
 from .. import goodness_of_fit as statistics
 from ..residuals import Experiment, Samples
 from ..searches import Search
@@ -51,9 +50,3 @@ class Passes:
 def lowest(found: Sequence[Search]) -> Search:
     """The search that led to the smallest chi squared."""
     return min(found, key=lambda search: search.best.chi_squared)
-
-
-def coarser(integration: Integration | None) -> Integration:
-    """The integration of runs that only screen."""
-    integration = Integration() if integration is None else integration
-    return replace(integration, rtol=LOOSER * integration.rtol)

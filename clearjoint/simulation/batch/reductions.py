@@ -269,7 +269,7 @@ class ImpactCount(AbstractReduction):
 
 
 class DissipatedEnergy(AbstractReduction):
-    """Energy that normal damping and friction took, by the energy ledger (`ledger=True`)."""
+    """Energy that normal damping and friction took; for `Settings(ledger=True)`."""
 
     needs_ledger = True
 

@@ -6,22 +6,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.assembly import check_names
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
 from ...dynamics.system import System
-from ...fields.checks import concrete, recheck, require, require_positive, require_range
+from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.readable import AbstractReadable
 from ...math.vectors import Scalar, Structured, pack, structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
-from ..method import make_formulation
-from ..run_checks import check_precision, check_structure
-from ..solution import SimulationError, Trajectory
-from ..spans import check_span, checked_times
+from ..run_checks import check_precision, check_start
+from ..saving import Saving, saving_or_nothing
+from ..solution import Trajectory, raise_failure
+from ..spans import check_span
 from .moreau_jean import ContactStep, Rigid, advanced
 
 
@@ -75,9 +74,9 @@ def simulate_nonsmooth(
     scene: Scene,
     state: State,
     end_time: Any,
+    save: Saving | None = None,
     *,
     step: Any,
-    save_at: Any = None,
     start_time: Any = 0.0,
     restitution: Any = None,
     coordinates: AbstractCoordinates | None = None,
@@ -99,10 +98,10 @@ def simulate_nonsmooth(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time`, `start_time`, `coordinates`, `redundant`, `throw`: as of
-      `simulate`.
+    - `scene`, `state`, `end_time`, `start_time`, `throw`: as of `simulate`; `coordinates`,
+      `redundant`: as of `Settings`.
     - `step`: s, the longest step. Between two times to save at, steps are equal.
-    - `save_at`: (N,) s, rising times at which to save the state; a step ends at each.
+    - `save`: the times at which to save the state; a step ends at each.
     - `restitution`: Newton's coefficient of every contact, 0 to 1, in place of the delivered one.
 
     **Raises:** `ValueError` for arguments that no run can use, such as a law that does not report
@@ -111,37 +110,34 @@ def simulate_nonsmooth(
     finite.
     """
     check_precision(False)
+    save = saving_or_nothing(save)
+    save.require_times_alone("of a run with rigid contacts", "take simulate() for it")
+    times = save.times
     coordinates = JointCoordinates() if coordinates is None else coordinates
     numbers = scene, state, end_time, start_time, step, restitution
     traced = any(concrete(leaf) is None for leaf in jax.tree.leaves((numbers, jnp.zeros(()))))
     names: tuple[str, ...] = ()
     require_restitution(scene, restitution)
     if not traced:
-        recheck(scene)
-        check_names(scene, state)
         require_positive("step", step, "give the longest step in s")
         check_span(start_time, end_time)
-        if save_at is not None:
-            save_at = checked_times(start_time, end_time, save_at, "save_at")
-        names = check_structure(scene, state, start_time, coordinates)
-    formulation = make_formulation(
-        coordinates, None, bool(names) if redundant is None else redundant
+        times = save.times_between(start_time, end_time)
+        names = check_start(scene, state, start_time, coordinates)
+    formulation = Formulation(
+        coordinates, redundant=bool(names) if redundant is None else redundant
     )
     ends = (jnp.asarray([time], dtype=float) for time in (start_time, end_time))
-    stops = jnp.concatenate([next(ends), jnp.asarray([] if save_at is None else save_at), *ends])
+    stops = jnp.concatenate([next(ends), jnp.asarray([] if times is None else times), *ends])
     chosen = None if restitution is None else jnp.asarray(restitution, dtype=float)
     run = _run_compiled(
         structured(scene), formulation, state, stops, jnp.asarray(step, dtype=float), chosen
     )
-    solution = _solution(run, stops, save_at, formulation, names, traced)
+    solution = _solution(run, stops, times is not None, formulation, names, traced)
     if not traced:
         kept = [] if solution.saved is None else [(solution.saved.times, solution.saved.states)]
         warn_of_journals_outside(scene, solution.time, solution.final, kept)
-    if throw and not traced and solution.result != RESULTS.successful:
-        raise SimulationError(
-            f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
-            solution,
-        )
+    if throw and not traced:
+        raise_failure(solution)
     return solution
 
 
@@ -282,13 +278,13 @@ def _added(totals: ContactTotals, step: ContactStep, touched: Scalar) -> Contact
 def _solution(
     run: _Run,
     stops: Any,
-    save_at: Any,
+    saves: bool,
     formulation: Formulation,
     names: tuple[str, ...],
     traced: bool,
 ) -> NonsmoothSolution:
     saved, history, count = None, None, None
-    if save_at is not None:
+    if saves:
         states, history = jax.tree.map(lambda leaf: leaf[:-1], (run.states, run.totals))
         count = (run.results == RESULTS.successful)[:-1].sum()
         memory = jax.tree.map(

@@ -53,10 +53,8 @@ def probes(values: Sequence[float], times: np.ndarray) -> np.ndarray:
         scene,
         state,
         times[-1],
-        save_at=times,
-        rtol=RTOL,
-        landing_tolerance=1e-13,
-        max_steps=MAX_STEPS,
+        cj.Settings(rtol=RTOL, landing_tolerance=1e-13, max_steps=MAX_STEPS),
+        save=cj.Saving(times),
         progress=False,
     )
     arm = run.states.bodies["arm 2"]

@@ -1,0 +1,35 @@
+"""What runs with derivatives ask of a scene and of settings."""
+
+from ..fields.checks import require
+from ..model.bodies import State
+from ..model.scene import Scene
+from .decisions import require_declared
+from .dense_output import require_dense
+from .method import Scheme
+from .run_checks import check_precision, check_start
+from .settings import Settings
+
+
+def derivative_scheme(
+    scene: Scene, state: State, settings: Settings, start_time: float = 0.0
+) -> Scheme:
+    """How a motion is computed with its derivatives.
+
+    **Raises:** `ValueError` for a scene or state that no run can use, for settings that no run with
+    derivatives can honour, and for an element that changes with time at instants it doesn't declare
+    as `breakpoints`.
+    """
+    settings.require_double()
+    check_precision(False)
+    require(
+        settings.landing_tolerance is not None,
+        "landing_tolerance",
+        None,
+        "a penetration in m",
+        "derivatives hold only where steps land on the begin and end of contacts",
+    )
+    redundant = check_start(scene, state, start_time, settings.coordinates)
+    require_declared(scene)
+    scheme = Scheme.of(settings, bool(redundant))
+    require_dense(scheme.method.solver)
+    return scheme
