@@ -1,5 +1,6 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,10 @@ import clearjoint as cj  # noqa: E402
 
 cj.configure()
 
+gc.freeze()
+gc.set_threshold(50_000, 50, 100)
+"""Tracing makes so many objects that collecting garbage at the usual rate takes a third of it."""
+
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
 
 
@@ -21,10 +26,27 @@ LONGEST = ("notebook", "simulate", "slider_crank_study", "sweep_study", "referen
 """Files of tests that take a minute or more each: begun first, they leave no worker waiting."""
 
 
+def compile_quickly(quickly: bool) -> None:
+    """Whether JAX compiles, here and in processes begun here, without most optimisations: half the
+    time of compiling, and runs that take twice as long."""
+    if quickly != jax.config.read("jax_disable_most_optimizations"):
+        jax.config.update("jax_disable_most_optimizations", quickly)
+        jax.clear_caches()
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = str(int(quickly))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first."""
     ranks = {f"test_{name}.py": rank for rank, name in enumerate(LONGEST)}
     items.sort(key=lambda item: ranks.get(item.path.name, len(ranks)))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def optimisation(request: pytest.FixtureRequest) -> None:
+    """Slow tests run long, and tests marked `optimised` are of what compiling makes: they have the
+    programs that users have. All others compile quickly."""
+    chosen = request.config.getoption("markexpr")
+    compile_quickly(chosen == "not slow" and not request.node.get_closest_marker("optimised"))
 
 
 @pytest.fixture(scope="session")
