@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
@@ -108,7 +108,7 @@ def screen(
 ) -> Screened:
     """Screen the box around a guess (p,); `number` is that of the pass."""
     spread = half_widths(screening.spread, names)
-    excess = float(stats.chi2.ppf(LEVEL, len(centre)))
+    excess = float(special.chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     points = centre + spread * evenly(FIRST * screening.number, len(centre), generator)
     ahead = max(lanes.count // EIGHTH, 1)
