@@ -1,5 +1,6 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,17 +15,52 @@ import clearjoint as cj  # noqa: E402
 
 cj.configure()
 
+gc.freeze()
+gc.set_threshold(50_000, 50, 100)
+"""Tracing makes so many objects that collecting garbage at the usual rate takes a third of it."""
+
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
 
 
-LONGEST = ("notebook", "simulate", "slider_crank_study", "sweep_study", "reference", "sweep")
-"""Files of tests that take a minute or more each: begun first, they leave no worker waiting."""
+LONGEST = (
+    "notebook",
+    "slider_crank_study",
+    "simulate",
+    "tolerance_study",
+    "sweep_study",
+    "sweep_resume",
+    "sweep_execution",
+)
+"""Files of tests that take longest: begun first, they leave no worker waiting."""
+
+
+def compile_quickly(quickly: bool) -> None:
+    """Whether JAX compiles, here and in processes begun here, without most optimisations: half the
+    time of compiling, and runs that take twice as long."""
+    if quickly != jax.config.read("jax_disable_most_optimizations"):
+        jax.config.update("jax_disable_most_optimizations", quickly)
+        jax.clear_caches()
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = str(int(quickly))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first."""
+    """Put files marked `optimised` first, since what is compiled is forgotten after them, and then
+    the longest."""
     ranks = {f"test_{name}.py": rank for rank, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: ranks.get(item.path.name, len(ranks)))
+
+    def rank(item: pytest.Item) -> tuple[bool, int]:
+        marked = item.get_closest_marker("optimised") is not None
+        return not marked, ranks.get(item.path.name, len(ranks))
+
+    items.sort(key=rank)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Slow tests run long, and files marked `optimised` are about what compiling makes: they have
+    the programs that users have. All others compile quickly. Fixtures come after this."""
+    fast = item.config.getoption("markexpr") == "not slow"
+    compile_quickly(fast and item.get_closest_marker("optimised") is None)
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ..information import fisher_information as information
 
@@ -51,7 +51,7 @@ def covariance(jacobian: np.ndarray) -> np.ndarray:
 
 def chi_squared_p(chi_squared: float, freedom: int) -> float:
     """Probability of so large a chi squared if noise and model are right; NaN without freedom."""
-    return float(stats.chi2.sf(chi_squared, freedom)) if freedom > 0 else math.nan
+    return float(special.chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
 
 
 def whiteness(residuals: np.ndarray) -> float:
@@ -66,7 +66,7 @@ def whiteness(residuals: np.ndarray) -> float:
     lags = np.arange(1, LAGS + 1)
     autocorrelations = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
     statistic = count * (count + 2) * np.sum(autocorrelations**2 / (count - lags))
-    return float(stats.chi2.sf(statistic, LAGS))
+    return float(special.chdtrc(LAGS, statistic))
 
 
 def normality(residuals: np.ndarray) -> float:
@@ -74,6 +74,8 @@ def normality(residuals: np.ndarray) -> float:
 
     R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
+    from scipy.stats import normaltest  # a second of every import, for this alone
+
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
         return math.nan
-    return float(stats.normaltest(residuals).pvalue)
+    return float(normaltest(residuals).pvalue)

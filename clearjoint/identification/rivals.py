@@ -9,13 +9,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from . import goodness_of_fit as statistics
 from .residuals import RunMisfit
 
 CONFIDENCE = 0.95
-DEVIATIONS = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE))
+DEVIATIONS = float(special.ndtri(0.5 + 0.5 * CONFIDENCE))
 
 
 def intervals(best: RunMisfit, others: Sequence[RunMisfit]) -> tuple[np.ndarray, np.ndarray]:
@@ -38,7 +38,7 @@ def intervals(best: RunMisfit, others: Sequence[RunMisfit]) -> tuple[np.ndarray,
 def rivals(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Minima whose chi squared noise allows beside the best one's, though they lie outside its own
     interval: each once, the smallest chi squared first."""
-    limit = float(stats.chi2.ppf(CONFIDENCE, len(best.coordinates)))
+    limit = float(special.chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
     minima = [best]
     for one in sorted(others, key=lambda other: other.chi_squared):
         if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):

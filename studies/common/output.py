@@ -18,7 +18,7 @@ PALETTE = 128
 class Output:
     """A folder for stores and pictures; `quick` studies take few lanes and coarse pictures.
 
-    `kept`: the study's own folder, whose pictures are renewed too; ``None`` where they are not.
+    `kept`: the study's own folder, if the pictures in it are renewed too.
     """
 
     folder: Path
@@ -26,19 +26,13 @@ class Output:
     kept: Path | None = None
 
     @staticmethod
-    def of(study: str, options: argparse.Namespace, standard: bool = True) -> "Output":
-        """The output of a study, the file of its ``__main__``, for the options `add_options` adds.
-
-        A full run in the study's own (`standard`) settings that is given no folder renews the
-        pictures beside the study.
-        """
-        if options.output is not None:
-            return Output(options.output, options.quick)
-        kept = Path(study).resolve().parent
-        folder = Path("results") / kept.name
+    def of(study: str, options: argparse.Namespace) -> "Output":
+        """The output for `study`, the file of its `__main__`, and the options of `add_options`."""
+        own = Path(study).resolve().parent
+        folder = Path("results") / own.name
         if options.quick:
-            return Output(folder / "quick", True)
-        return Output(folder, False, kept if standard else None)
+            folder = folder / "quick"
+        return Output(options.output or folder, options.quick, own if options.renew else None)
 
     def store(self, name: str) -> Path:
         """Path of a sweep's store; says how much of it is there already."""
@@ -65,10 +59,10 @@ class Output:
 
 
 def add_options(parser: argparse.ArgumentParser, quick: str) -> None:
-    """Add `--quick`, with a line that says what it leaves out, and `--output`."""
-    parser.add_argument("--quick", action="store_true", help=quick)
+    """Add `--quick`, with a line that says what it leaves out, `--renew` and `--output`."""
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--quick", action="store_true", help=quick)
+    how.add_argument("--renew", action="store_true", help="replace the pictures beside the study")
     parser.add_argument(
-        "--output",
-        type=Path,
-        help="folder for what it writes; results/NAME unless given, and the pictures here",
+        "--output", type=Path, help="folder for what it writes; results/NAME unless given"
     )

@@ -40,7 +40,7 @@ def parse(arguments: list[str] | None) -> tuple[Settings, Output]:
         duration,
         options.quick,
     )
-    return settings, Output.of(__file__, options, standard=settings == Settings())
+    return settings, Output.of(__file__, options)
 
 
 def main(arguments: list[str] | None = None) -> None:

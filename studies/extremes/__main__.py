@@ -26,8 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     scenes = options.scenes or (QUICK_SCENES if options.quick else SCENES)
     findings = find(options.quick, scenes, options.seed)
     print(report(findings))
-    standard = (scenes, options.seed) == (SCENES, SEED)
-    output = Output.of(__file__, options, standard)
+    output = Output.of(__file__, options)
     output.save(drawn_map(findings.rows, findings.batches), "extremes")
     print(f"Map: {output.folder}")
     if findings.wrong():

@@ -38,7 +38,7 @@ def parse(arguments: list[str] | None = None) -> tuple[Settings, Output]:
     settings = Settings(**given)
     if settings.revolutions <= SHOWN:
         parser.error(f"--revolutions must be more than the {SHOWN} that are drawn")
-    return settings, Output.of(__file__, options, standard=settings == Settings())
+    return settings, Output.of(__file__, options)
 
 
 def main_of_sweep(arguments: list[str]) -> None:

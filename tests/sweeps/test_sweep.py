@@ -11,7 +11,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.sweeps.axes import lanes_of
+
+pytestmark = pytest.mark.optimised
 
 CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
 END = 0.04
@@ -184,61 +185,3 @@ def test_result_is_labelled_with_units_and_settings(grid):
     assert codes["pending"] == -1 and codes["successful"] == 0 and "bad_parameters" in codes
     assert grid.attrs["rtol"] == "1e-06"
     assert grid.attrs["scene.bodies['arm 2'].mass"] == "7.02"
-
-
-def lanes(axes):
-    values = {name: axis.values for name, axis in axes.items()}
-    return lanes_of(*cj.double_pendulum(), axes, values)
-
-
-def test_tied_places_components_and_initial_states_reach_the_lanes():
-    found = lanes(
-        {
-            "masses": cj.Axis(lambda s: [body.mass for body in s.bodies.values()], [1.0, 2.0]),
-            "gravity": cj.Axis(lambda s: s.gravity[1], [9.0, 10.0]),
-            "height": cj.Axis.initial(lambda s: s.bodies["arm 2"].position[1], [0.1, 0.2]),
-        }
-    )
-    scene, state = found.of(1)
-    assert [float(body.mass) for body in scene.bodies.values()] == [2.0, 2.0]
-    np.testing.assert_array_equal(scene.gravity, [0.0, 10.0, 0.0])
-    np.testing.assert_array_equal(state.bodies["arm 2"].position, [0.5, 0.2, 0.0])
-    np.testing.assert_array_equal(state.bodies["arm 3"].position, [1.0, 0.0, 0.5])
-    varied = [value for value in jax.tree.leaves(found.varied) if value]
-    assert len(varied) == 3 and not found.bad
-
-
-def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
-    """One arm of steel on a pin with clearance; its mass and inertia go with its length."""
-    mass = 10.0 * length
-    moment = mass * length**2 / 12
-    pin = cj.ClearanceJoint(
-        "ground",
-        "arm",
-        journal_point=(-length / 2, 0.0, 0.0),
-        bearing_radius=10e-3,
-        clearance=0.5e-3,
-        journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
-    )
-    body = cj.Body(mass, (moment / 100, moment, moment))
-    scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, -9.81, 0.0))
-    return scene, cj.State({"arm": cj.body_state((length / 2, 0.0, 0.0))})
-
-
-def test_change_moves_points_inertia_and_start_together():
-    """Arms of other lengths, each until its first impact is over."""
-    lengths = [0.5, 1.0, 2.0]
-    found = cj.sweep(
-        *pendulum(1.0),
-        0.012,
-        {"length": cj.Axis.change(lambda scene, state, length: pendulum(length), lengths, "m")},
-        devices=jax.devices()[:1],
-    )
-    assert found.length.attrs["units"] == "m"
-    for length in lengths:
-        run = cj.simulate(*pendulum(length), 0.012)
-        here, there = found.sel(length=length), run.final.bodies["arm"]
-        assert int(here.attempts) == int(run.attempts) > 30
-        np.testing.assert_allclose(here.final_position[0], there.position, rtol=1e-12, atol=1e-18)
-        np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)

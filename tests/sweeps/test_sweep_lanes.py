@@ -14,6 +14,8 @@ from clearjoint.simulation.batch import scheduler as batch
 from clearjoint.sweeps import sweep as sweeping
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
+pytestmark = pytest.mark.optimised
+
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
 FREQUENCY = np.sqrt(STIFFNESS / INERTIA)
 AMPLITUDE = SPEED / FREQUENCY

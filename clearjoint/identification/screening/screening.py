@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from scipy.stats import qmc
 from tqdm import tqdm
 
@@ -109,7 +109,7 @@ def screen(
 ) -> Screened:
     """Screen the box around a guess (p,); `number` is that of the pass."""
     spread = half_widths(screening.spread, names)
-    excess = float(stats.chi2.ppf(LEVEL, len(centre)))
+    excess = float(special.chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)

@@ -1,0 +1,55 @@
+"""A study writes where the user stands; the pictures beside it change only if that is asked for."""
+
+import argparse
+
+import matplotlib.pyplot as plt
+import pytest
+
+from studies.common.output import Output, add_options
+
+
+@pytest.fixture
+def drawn(tmp_path, monkeypatch):
+    """Draws with a study's options, as its `__main__` does; the study keeps one picture."""
+    study = tmp_path / "studies" / "example"
+    study.mkdir(parents=True)
+    (study / "motion.png").write_bytes(b"kept")
+    monkeypatch.chdir(tmp_path)
+
+    def draw(*arguments):
+        parser = argparse.ArgumentParser()
+        add_options(parser, "coarse")
+        output = Output.of(str(study / "__main__.py"), parser.parse_args(arguments))
+        for name in ("motion", "orbit"):
+            figure = plt.figure(figsize=(1, 1))
+            output.save(figure, name)
+            plt.close(figure)
+        return output.folder, {file.name: file.read_bytes() for file in study.iterdir()}
+
+    return draw
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        ((), "results/example"),
+        (("--quick",), "results/example/quick"),
+        (("--output", "mine"), "mine"),
+    ],
+)
+def test_a_run_leaves_the_kept_pictures(drawn, arguments, place):
+    folder, kept = drawn(*arguments)
+    assert folder.as_posix() == place
+    assert {file.name for file in folder.iterdir()} == {"motion.png", "orbit.png"}
+    assert kept == {"motion.png": b"kept"}
+
+
+def test_renewing_replaces_the_pictures_that_are_kept(drawn):
+    folder, kept = drawn("--renew")
+    assert kept == {"motion.png": (folder / "motion.png").read_bytes()}
+
+
+def test_coarse_pictures_are_not_to_be_kept(drawn, capsys):
+    with pytest.raises(SystemExit):
+        drawn("--quick", "--renew")
+    assert "not allowed with argument" in capsys.readouterr().err
