@@ -18,7 +18,7 @@ from .dense_output import look_inside
 from .method import Scheme
 from .run_ends import begun, named, state_of
 from .step_state import Attempt, Method, Step, choose
-from .stepping import not_tried, running
+from .stepping import blank_attempt, running
 
 BLOCK_ROWS = 64
 
@@ -110,7 +110,7 @@ def begin(
     step = begun(method, system, state, t0, t_end, first_step)
     last = record = None
     if saves:
-        last = not_tried(method, system, step, t_end)
+        last = blank_attempt(method, system, step, t_end)
     if record_rows is not None:
         row = _row(system, step)
         record = Rows.like(row, record_rows).with_row(row, 1)

@@ -27,14 +27,14 @@ from ..quantities.base import check_quantity
 from ..quantities.instant import Instant
 from ..results import RESULTS
 from .batch.reductions import Quantity
-from .dense_output import corrected, look_inside
+from .dense_output import correct, look_inside
 from .method import Scheme
 from .run_ends import default_first_step, final_result
 from .settings import Integration
 from .solution import SimulationError
 from .spans import check_span, checked_times
 from .step_state import Attempt, Method, Step, Variables, choose
-from .stepping import attempt, not_tried, running
+from .stepping import attempt, blank_attempt, running
 from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
 
@@ -75,7 +75,7 @@ def followed(
     method, systems = scheme.method, SystemFamily(family, scheme.formulation)
     system = systems.system()
     first = start_with_tangents(method, systems, t0, t_end, first_step)
-    last = not_tried(method, system, first, t_end, systems)
+    last = blank_attempt(method, system, first, t_end, systems)
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
         tried = attempt(method, system, now[0], t_end, systems)
@@ -121,7 +121,7 @@ def _looked_at(
     dense = look_inside(method, family.system(), tried, time)
 
     def observed(system: System, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
-        y = corrected(system, y, time)
+        y = correct(system, y, time)
         now = Instant(system, time, y.motion, memory, y.work)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
 

@@ -91,12 +91,14 @@ class Stepper:
         y, error, state = self._solved(step, length)
         controller: Any = self.method.controller.wrap(1)
         order = self.method.solver.error_order(self._term(step))
-        t0, past = step.t, step.controller_state
+        t0, past = step.t, step.proposal.controller_state
         _, _, t_next, _, past, _ = controller.adapt_step_size(
             t0, t0 + length, step.y, y, None, error, order, past
         )
         fields = (y, state, past)
-        after = eqx.tree_at(lambda s: (s.y, s.solver_state, s.controller_state), step, fields)
+        after = eqx.tree_at(
+            lambda s: (s.y, s.solver_state, s.proposal.controller_state), step, fields
+        )
         return after, t_next
 
     def attempt(self, step: Step) -> Step:

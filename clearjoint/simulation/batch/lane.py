@@ -249,7 +249,9 @@ def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Br
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
     row = Row(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    return Bracket(row, row, stages, step.enters if shapes.graded is not None else None)
+    return Bracket(
+        row, row, stages, step.proposal.begins_contact if shapes.graded is not None else None
+    )
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:
