@@ -1,7 +1,5 @@
 """How a run is computed: solver, controller and landing, with the formulation of its equations."""
 
-from typing import Any
-
 import diffrax
 import equinox as eqx
 import jax
@@ -12,7 +10,7 @@ from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.formulation import Formulation
 from ..dynamics.stabilisation import AbstractStabilisation, Baumgarte
 from ..dynamics.system import System
-from ..math.vectors import Structured, unpack
+from ..math.vectors import Scalar, Structured, unpack
 from ..model.scene import Scene
 from .landing import Landing
 from .solvers import default_controller, ready_solver
@@ -50,9 +48,9 @@ def make_scheme(
     solver: diffrax.AbstractSolver | None,
     controller: diffrax.AbstractStepSizeController | None,
     formulation: Formulation,
-    landing_tolerance: Any,
-    rtol: Any,
-    atol: Any,
+    landing_tolerance: Scalar | None,
+    rtol: Scalar,
+    atol: Scalar | None,
 ) -> Scheme:
     """The scheme for the arguments of `simulate`."""
     atol = rtol * 1e-5 if atol is None else atol
@@ -67,10 +65,12 @@ def _with_arrays(scheme: Scheme) -> Scheme:
     """The scheme with its floats as arrays, so that changing one compiles nothing anew. Zeros stay:
     they tell the controller which terms to leave out."""
     return jax.tree.map(
-        lambda leaf: jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _kept(leaf),
+        lambda leaf: (
+            jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _on_device(leaf)
+        ),
         scheme,
     )
 
 
-def _kept(leaf: Any) -> Any:
+def _on_device(leaf: object) -> object:
     return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf

@@ -1,7 +1,5 @@
 """What is checked of a scene, a state and the settings before a run is compiled."""
 
-from typing import Any
-
 import jax
 
 from ..dynamics.assembly import (
@@ -14,6 +12,7 @@ from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
 from ..fields.checks import recheck, require, require_positive
+from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
 
@@ -28,7 +27,12 @@ def check_precision(allow_float32: bool) -> None:
 
 
 def check_values(
-    scene: Scene, state: State, rtol: Any, atol: Any, first_step: Any, landing_tolerance: Any
+    scene: Scene,
+    state: State,
+    rtol: Scalar,
+    atol: Scalar | None,
+    first_step: Scalar | None,
+    landing_tolerance: Scalar | None,
 ) -> None:
     """Check the numbers of a run, those of the scene included."""
     recheck(scene)
@@ -51,7 +55,7 @@ def check_values(
 
 
 def check_structure(
-    scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:

@@ -1,18 +1,19 @@
 """Elements that change at instants which they don't declare.
 
 A force that is switched on at t_s is constant before and after: no derivative along t_s passes
-through the comparison, and nothing in a run tells. So the element's program is looked at: whether
-it compares, rounds or clips anything that depends on time.
+through the comparison, and no run shows that it is missing. So the element's program is looked at:
+whether it compares, rounds or clips anything that depends on time.
 """
 
 from collections.abc import Hashable
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.core import AbstractValue, ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jaxtyping import PyTree
 
 from ..fields.checks import require
 from ..math.vectors import Matrix, Scalar, Vector, unpack
@@ -66,16 +67,16 @@ def _decides_of(structure: Hashable, rows: tuple[tuple[tuple[int, ...], str, byt
 def decides_by_time(element: AbstractElement) -> bool:
     """Whether anything that an element (in scalar form) says depends on a comparison with time."""
 
-    def said(t: Scalar, number: Scalar) -> Any:
+    def statements(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
-        return _said(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+        return _statements(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
 
-    program = jax.make_jaxpr(said)(0.0, 1.0).jaxpr
+    program = jax.make_jaxpr(statements)(0.0, 1.0).jaxpr
     return _decides(_needed(program), {program.invars[0]})
 
 
-def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> Any:
+def _statements(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
     """What the equations of motion take from an element; of a constraint's value, its rates."""
     if isinstance(element, AbstractForce):
         return element.wrenches(motions, t)
@@ -84,23 +85,23 @@ def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> An
     return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
 
-def _needed(program: Jaxpr) -> list[Any]:
+def _needed(program: Jaxpr) -> list[JaxprEqn]:
     """The equations on which the results depend, in order."""
-    wanted, kept = {v for v in program.outvars if not isinstance(v, Literal)}, []
+    wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
     for equation in reversed(program.eqns):
         if not wanted.isdisjoint(equation.outvars):
-            kept.append(equation)
+            needed.append(equation)
             wanted.update(v for v in equation.invars if not isinstance(v, Literal))
-    return kept[::-1]
+    return needed[::-1]
 
 
-def _decides(equations: list[Any], timed: set[Any]) -> bool:
+def _decides(equations: list[JaxprEqn], timed: set[Var]) -> bool:
     """Whether any equation decides by a variable that depends on time; `timed` are such."""
     for equation in equations:
         which = [not isinstance(v, Literal) and v in timed for v in equation.invars]
         if not any(which):
             continue
-        real = all(jnp.issubdtype(v.aval.dtype, jnp.inexact) for v in equation.outvars)
+        real = all(_is_real(v.aval) for v in equation.outvars)
         if equation.primitive.name in KINKED or not real:
             return True
         for inner in _inner(equation):
@@ -112,11 +113,15 @@ def _decides(equations: list[Any], timed: set[Any]) -> bool:
     return False
 
 
-def _inner(equation: Any) -> list[Jaxpr]:
+def _is_real(value: AbstractValue) -> bool:
+    return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
+
+
+def _inner(equation: JaxprEqn) -> list[Jaxpr]:
     """The programs inside an equation, as of a loop."""
     leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
     return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
 
 
-def _is_program(part: Any) -> bool:
+def _is_program(part: object) -> bool:
     return isinstance(part, Jaxpr | ClosedJaxpr)

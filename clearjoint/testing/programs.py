@@ -30,7 +30,7 @@ from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
 from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
 from ..simulation.method import Scheme
-from ..simulation.run_ends import begun, default_first_step
+from ..simulation.run_ends import begin_run, default_first_step
 from ..simulation.sensitivities import Sampled, sampled_compiled
 from ..simulation.settings import Integration
 from ..simulation.step_state import Method, Step, Variables
@@ -158,7 +158,7 @@ class RunProgram(eqx.Module):
         form = structured(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
-            step = begun(scheme.method, scheme.unpacked(form), state, *span)
+            step = begin_run(scheme.method, scheme.unpacked(form), state, *span)
             return RunProgram(scheme, form, step, None)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
