@@ -15,6 +15,7 @@ from ..fields.checks import recheck, require, require_positive
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
+from .caching import cached_by_numbers
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -35,7 +36,7 @@ def check_values(
     landing_tolerance: Scalar | None,
 ) -> None:
     """Check the numbers of a run, those of the scene included."""
-    recheck(scene)
+    _recheck(scene)
     check_names(scene, state)
     require_positive("rtol", rtol, "give a relative tolerance such as 1e-6", zero=True)
     for name, value, remedy, zero in (
@@ -61,6 +62,18 @@ def check_structure(
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
+    return _redundant(scene, state, t, coordinates)
+
+
+@cached_by_numbers
+def _recheck(scene: Scene) -> None:
+    recheck(scene)
+
+
+@cached_by_numbers
+def _redundant(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
     require_certain(report.uncertain)

@@ -5,12 +5,8 @@ through the comparison, and no run shows that it is missing. So the element's pr
 whether it compares, rounds or clips anything that depends on time.
 """
 
-from collections.abc import Hashable
-from functools import lru_cache
-
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import AbstractValue, ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jaxtyping import PyTree
@@ -25,6 +21,7 @@ from ..model.joints.base import (
     AbstractForce,
 )
 from ..model.scene import Scene
+from .caching import cached_by_numbers
 
 KINKED = frozenset(["abs", "ceil", "clamp", "floor", "max", "min", "rem", "round", "sign", "sort"])
 """Primitives whose result has a jump or a kink; besides those that make no real numbers, such as
@@ -41,7 +38,7 @@ def require_declared(scene: Scene) -> None:
         for name, element in members.items():
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
-                not (silent and _decides_as_before(element)),
+                not (silent and _decides_when_unpacked(element)),
                 f"scene.{family}[{name!r}]",
                 type(element).__name__,
                 "smooth in time, or declare where it isn't, for derivatives to be right",
@@ -50,18 +47,10 @@ def require_declared(scene: Scene) -> None:
             )
 
 
-def _decides_as_before(element: AbstractElement) -> bool:
-    """`decides_by_time` of an element in packed form, traced once for the same class and numbers:
-    a call of `sensitivities` that compiles nothing would else trace as long as it runs."""
-    leaves, structure = jax.tree.flatten(element)
-    rows = [np.asarray(leaf) for leaf in leaves]
-    return _decides_of(structure, tuple((row.shape, row.dtype.str, row.tobytes()) for row in rows))
-
-
-@lru_cache(maxsize=256)
-def _decides_of(structure: Hashable, rows: tuple[tuple[tuple[int, ...], str, bytes], ...]) -> bool:
-    leaves = [np.frombuffer(content, kind).reshape(shape) for shape, kind, content in rows]
-    return decides_by_time(unpack(jax.tree.unflatten(structure, leaves)))
+@cached_by_numbers
+def _decides_when_unpacked(element: AbstractElement) -> bool:
+    """`decides_by_time` of an element in packed form."""
+    return decides_by_time(unpack(element))
 
 
 def decides_by_time(element: AbstractElement) -> bool:
