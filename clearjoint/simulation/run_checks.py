@@ -11,11 +11,11 @@ from ..dynamics.assembly import (
 from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
+from ..fields.caching import cached_by_numbers
 from ..fields.checks import recheck, require, require_positive
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from .caching import cached_by_numbers
 
 
 def check_precision(allow_float32: bool) -> None:

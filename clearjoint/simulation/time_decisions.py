@@ -11,6 +11,7 @@ from jax.core import AbstractValue, ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jaxtyping import PyTree
 
+from ..fields.caching import cached_by_numbers
 from ..fields.checks import require
 from ..math.vectors import Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, Motion
@@ -21,7 +22,6 @@ from ..model.joints.base import (
     AbstractForce,
 )
 from ..model.scene import Scene
-from .caching import cached_by_numbers
 
 KINKED = frozenset(["abs", "ceil", "clamp", "floor", "max", "min", "rem", "round", "sign", "sort"])
 """Primitives whose result has a jump or a kink; besides those that make no real numbers, such as

@@ -1,4 +1,4 @@
-"""Results that are kept for the same numbers: the checks of a run take longer than a short run."""
+"""Results that are kept for the same numbers: checking a run anew takes longer than a short run."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -20,7 +20,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
     """The function, computed once for arguments of the same classes, static fields and numbers.
 
     For functions of PyTrees that do nothing beside returning a result that nobody changes, or
-    raising an error, which is raised anew each time. Numbers that JAX traces are computed with anew.
+    raising an error, which is raised each time. Numbers that JAX traces are never looked up.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
