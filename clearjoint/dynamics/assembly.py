@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..fields.caching import cached_by_numbers
 from ..fields.checks import require, require_finite
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
@@ -165,6 +166,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
         )
 
 
+@cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates have something left to move; nothing is compiled for it."""
     variables, _ = eqx.filter_eval_shape(_held.__wrapped__, scene, state, coordinates)

@@ -7,22 +7,24 @@ back, as `diffrax.RecursiveCheckpointAdjoint` does.
 
 import abc
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import TypeVar
 
 import diffrax
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.system import System
 from ..math.vectors import Scalar
-from .step_state import Attempt, Method, Step
+from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 
 CHECKPOINTS = 300
-"""Unless told. Measured: with 894 steps 4471 took 4.4 times as long, and with 36 000 steps 120 took
-1.5 times as long."""
+"""Of an adjoint that does not say how many. Measured: with 894 steps 4471 took 4.4 times as long,
+and with 36 000 steps 120 took 1.5 times as long."""
 REMEDY = (
     "Reverse-mode differentiation of `simulate` needs checkpoints: pass "
     "adjoint=diffrax.RecursiveCheckpointAdjoint() to it. For few parameters forward mode, "
@@ -30,43 +32,63 @@ REMEDY = (
 )
 
 
+Carry = TypeVar("Carry")
+Place = TypeVar("Place")
+Visit = TypeVar("Visit")
+
+
 class AbstractLoops(eqx.Module):
-    """What a run repeats."""
+    """The loops of a run, and the step inside them, as a way of differentiation wants them."""
 
     @abc.abstractmethod
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step."""
+        """Try one step, as `clearjoint.simulation.stepping.attempt` does."""
 
     @abc.abstractmethod
-    def repeat(self, goes: Callable, go: Callable, start: Any) -> Any:
-        """Like `jax.lax.while_loop`."""
+    def repeat(
+        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+    ) -> Carry:
+        """Apply `go` to a state as long as `goes` holds of it, like `jax.lax.while_loop`."""
 
     @abc.abstractmethod
-    def each(self, visit: Callable, start: Any, places: Any) -> tuple[Any, Any]:
-        """Like `jax.lax.scan`."""
+    def each(
+        self,
+        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        start: Carry,
+        places: Place,
+    ) -> tuple[Carry, Visit]:
+        """Visit places one after the other, like `jax.lax.scan`; places and visits have their
+        number in front."""
 
     @abc.abstractmethod
-    def closed(self, outcome: Any) -> Any:
-        """The outcome, which says what is missing if it cannot be gone back from."""
+    def closed(self, outcome: Carry) -> Carry:
+        """The outcome of a run. A reverse pass that cannot go back over it raises an error."""
 
 
 class PlainLoops(AbstractLoops):
     """JAX's loops, which forward differentiation can follow."""
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step."""
+        """`clearjoint.simulation.stepping.attempt` itself."""
         return attempt(method, system, step, t_end)
 
-    def repeat(self, goes: Callable, go: Callable, start: Any) -> Any:
-        """`jax.lax.while_loop`."""
+    def repeat(
+        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+    ) -> Carry:
+        """JAX's loop, whose number of turns is not known beforehand."""
         return jax.lax.while_loop(goes, go, start)
 
-    def each(self, visit: Callable, start: Any, places: Any) -> tuple[Any, Any]:
-        """`jax.lax.scan`."""
+    def each(
+        self,
+        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        start: Carry,
+        places: Place,
+    ) -> tuple[Carry, Visit]:
+        """JAX's loop over a known number of places."""
         return jax.lax.scan(visit, start, places)
 
-    def closed(self, outcome: Any) -> Any:
-        """Raises a `RuntimeError` where a reverse pass would begin."""
+    def closed(self, outcome: Carry) -> Carry:
+        """The outcome; a reverse pass that begins at it raises a `RuntimeError`."""
         return eqxi.nondifferentiable_backward(outcome, msg=REMEDY)
 
 
@@ -74,7 +96,8 @@ PLAIN = PlainLoops()
 
 
 class CheckpointedLoops(AbstractLoops):
-    """Loops that reverse differentiation can follow, with so many `checkpoints` each."""
+    """Loops that reverse differentiation can follow; each keeps its state at so many
+    `checkpoints`."""
 
     checkpoints: int = eqx.field(static=True)
 
@@ -82,16 +105,23 @@ class CheckpointedLoops(AbstractLoops):
         """Try one step; a trial that overflowed has no derivatives."""
         return _attempt_without_overflow(method, system, step, t_end)
 
-    def repeat(self, goes: Callable, go: Callable, start: Any) -> Any:
+    def repeat(
+        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+    ) -> Carry:
         """equinox's loop with checkpoints."""
         return eqxi.while_loop(goes, go, start, kind="checkpointed", checkpoints=self.checkpoints)
 
-    def each(self, visit: Callable, start: Any, places: Any) -> tuple[Any, Any]:
+    def each(
+        self,
+        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        start: Carry,
+        places: Place,
+    ) -> tuple[Carry, Visit]:
         """JAX's loop, keeping the state at each place and nothing of the way there."""
         return jax.lax.scan(jax.checkpoint(visit, prevent_cse=False), start, places)
 
-    def closed(self, outcome: Any) -> Any:
-        """The outcome."""
+    def closed(self, outcome: Carry) -> Carry:
+        """The outcome as it is, since a reverse pass can go back over these loops."""
         return outcome
 
 
@@ -112,36 +142,36 @@ def _attempt_without_overflow(method: Method, system: System, step: Step, t_end:
 
 
 @_attempt_without_overflow.def_jvp
-def _(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Attempt, Attempt]:
+def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attempt, Attempt]:
     """A trial that overflows is rejected, so that its tangents are multiplied by zero; but going
     backwards that zero would meet their infinite slopes, and make NaN. So none enter it."""
     tangents = jax.tree.map(_tangent, primals, tangents, is_leaf=_is_none)
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
 
-    def numbers(inputs: Any) -> tuple[Any, Any]:
+    def numbers(inputs: PyTree) -> tuple[PyTree, PyTree]:
         return eqx.partition(_attempt(*eqx.combine(inputs, others)), eqx.is_inexact_array)
 
-    tried, push, rest = jax.linearize(numbers, inputs, has_aux=True)
-    finite = _is_finite(tried.information)
+    outcome, derivative, rest = jax.linearize(numbers, inputs, has_aux=True)
+    finite = _is_finite(outcome.information)
 
-    def gated(tree: Any) -> Any:
+    def gated(tree: Carry) -> Carry:
         return jax.tree.map(lambda leaf: jnp.where(finite, leaf, 0.0), tree)
 
-    pushed = gated(push(gated(tangents)))
-    step = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pushed.step, tangents[2])
-    return eqx.combine(tried, rest), eqx.tree_at(lambda a: a.step, pushed, step)
+    along = gated(derivative(gated(tangents)))
+    step = choose(finite, along.step, tangents[2])
+    return eqx.combine(outcome, rest), replace(along, step=step)
 
 
-def _is_none(leaf: Any) -> bool:
+def _is_none(leaf: object) -> bool:
     return leaf is None
 
 
-def _tangent(primal: Any, tangent: Any) -> Any:
+def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
     missing = tangent is None and eqx.is_inexact_array(primal)
     return jnp.zeros_like(primal) if missing else tangent
 
 
-def _is_finite(tree: Any) -> Scalar:
+def _is_finite(tree: PyTree[Scalar]) -> Scalar:
     """Whether all numbers are finite, and their squares."""
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):

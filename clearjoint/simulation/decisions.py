@@ -1,19 +1,17 @@
 """Elements that decide: by time, at instants which they don't declare, or by the motion.
 
 A force that is switched on at t_s is constant before and after: no derivative along t_s passes
-through the comparison, and nothing in a run tells. So the element's program is looked at: whether
-it compares, rounds or clips anything that depends on time.
+through the comparison, and no run shows that it is missing. So the element's program is looked at:
+whether it compares, rounds or clips anything that depends on time.
 """
-
-from collections.abc import Hashable
-from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.core import AbstractValue, ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jaxtyping import PyTree
 
+from ..fields.caching import cached_by_numbers
 from ..fields.checks import require
 from ..math.vectors import Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, Motion
@@ -41,7 +39,7 @@ def require_declared(scene: Scene) -> None:
         for name, element in members.items():
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
-                not (silent and _decides_as_before(element)),
+                not (silent and _decides_when_unpacked(element)),
                 f"scene.{family}[{name!r}]",
                 type(element).__name__,
                 "smooth in time, or declare where it isn't, for derivatives to be right",
@@ -50,18 +48,10 @@ def require_declared(scene: Scene) -> None:
             )
 
 
-def _decides_as_before(element: AbstractElement) -> bool:
-    """`decides_by_time` of an element in packed form, traced once for the same class and numbers:
-    a call of `sensitivities` that compiles nothing would else trace as long as it runs."""
-    leaves, structure = jax.tree.flatten(element)
-    rows = [np.asarray(leaf) for leaf in leaves]
-    return _decides_of(structure, tuple((row.shape, row.dtype.str, row.tobytes()) for row in rows))
-
-
-@lru_cache(maxsize=256)
-def _decides_of(structure: Hashable, rows: tuple[tuple[tuple[int, ...], str, bytes], ...]) -> bool:
-    leaves = [np.frombuffer(content, kind).reshape(shape) for shape, kind, content in rows]
-    return decides_by_time(unpack(jax.tree.unflatten(structure, leaves)))
+@cached_by_numbers
+def _decides_when_unpacked(element: AbstractElement) -> bool:
+    """`decides_by_time` of an element in packed form."""
+    return decides_by_time(unpack(element))
 
 
 def decides_by_time(element: AbstractElement) -> bool:
@@ -80,15 +70,15 @@ def may_jump_by_motion(element: AbstractElement) -> bool:
 def _program_of(element: AbstractElement) -> Jaxpr:
     """What an element says, of a time and of a number that stands for all those of the motion."""
 
-    def said(t: Scalar, number: Scalar) -> Any:
+    def statements(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
-        return _said(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+        return _statements(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
 
-    return jax.make_jaxpr(said)(0.0, 1.0).jaxpr
+    return jax.make_jaxpr(statements)(0.0, 1.0).jaxpr
 
 
-def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> Any:
+def _statements(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
     """What the equations of motion take from an element; of a constraint's value, its rates."""
     if isinstance(element, AbstractForce):
         return element.wrenches(motions, t)
@@ -97,17 +87,17 @@ def _said(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> An
     return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
 
-def _needed(program: Jaxpr) -> list[Any]:
+def _needed(program: Jaxpr) -> list[JaxprEqn]:
     """The equations on which the results depend, in order."""
-    wanted, kept = {v for v in program.outvars if not isinstance(v, Literal)}, []
+    wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
     for equation in reversed(program.eqns):
         if not wanted.isdisjoint(equation.outvars):
-            kept.append(equation)
+            needed.append(equation)
             wanted.update(v for v in equation.invars if not isinstance(v, Literal))
-    return kept[::-1]
+    return needed[::-1]
 
 
-def _decides(equations: list[Any], causes: set[Any], deciding: frozenset[str]) -> bool:
+def _decides(equations: list[JaxprEqn], causes: set[Var], deciding: frozenset[str]) -> bool:
     """Whether any equation decides by a variable that depends on one of `causes`, by one of the
     `deciding` primitives or by a comparison."""
     causes = set(causes)
@@ -115,7 +105,7 @@ def _decides(equations: list[Any], causes: set[Any], deciding: frozenset[str]) -
         which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
         if not any(which):
             continue
-        real = all(jnp.issubdtype(v.aval.dtype, jnp.inexact) for v in equation.outvars)
+        real = all(_is_real(v.aval) for v in equation.outvars)
         if equation.primitive.name in deciding or not real:
             return True
         for inner in _inner(equation):
@@ -127,11 +117,15 @@ def _decides(equations: list[Any], causes: set[Any], deciding: frozenset[str]) -
     return False
 
 
-def _inner(equation: Any) -> list[Jaxpr]:
+def _is_real(value: AbstractValue) -> bool:
+    return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
+
+
+def _inner(equation: JaxprEqn) -> list[Jaxpr]:
     """The programs inside an equation, as of a loop."""
     leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
     return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
 
 
-def _is_program(part: Any) -> bool:
+def _is_program(part: object) -> bool:
     return isinstance(part, Jaxpr | ClosedJaxpr)

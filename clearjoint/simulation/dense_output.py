@@ -1,57 +1,60 @@
 """What a run is like inside a step, and on the constraints."""
 
-from typing import Any
-
 import diffrax
 import jax.numpy as jnp
 
+from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar
+from .aliases import MotionVariables
 from .step_state import Attempt, Method, Variables, choose
 from .unrolled_runge_kutta import UnrolledExplicit, place_in_step
 
 
-def look_inside(method: Method, system: System, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
+def look_inside(
+    method: Method, system: System, attempt: Attempt, t: Scalar
+) -> tuple[Variables, Memory]:
     """Variables and memory at an instant of an accepted step, by the solver's dense output.
 
     The memory is that of the step's start: what the step's end changes holds from there on.
     """
-    end = tried.step.t
-    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **tried.information)
-    y = choose(t >= end, tried.step.y, dense.evaluate(dense_time(tried, t)))
-    return on_constraints(system, y, t), choose(t >= end, tried.step.memory, tried.memory_start)
+    end = attempt.step.t
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
+    y = choose(t >= end, attempt.step.y, dense.evaluate(dense_time(attempt, t)))
+    memory = choose(t >= end, attempt.step.memory, attempt.memory_start)
+    return on_constraints(system, y, t), memory
 
 
-def dense_time(tried: Attempt, t: Scalar) -> Scalar:
+def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
     """The time at which the dense output of a graded step has what belongs to t."""
-    if tried.graded is None:
+    if attempt.graded is None:
         return t
-    h = tried.step.t - tried.t_start
-    x = (t - tried.t_start) / jnp.where(h > 0.0, h, 1.0)
-    return tried.t_start + h * place_in_step(x, tried.graded)
+    length = attempt.step.t - attempt.t_start
+    x = (t - attempt.t_start) / jnp.where(length > 0.0, length, 1.0)
+    return attempt.t_start + length * place_in_step(x, attempt.graded)
 
 
-def corrected(system: System, y: Variables, t: Scalar) -> Variables:
+def correct(system: System, y: Variables, t: Scalar) -> Variables:
     """The variables as the stabilisation wants them at the end of a step; what a projection takes
     is booked in the ledger."""
-    return system.formulation.stabilisation.corrected(y, lambda y: _projected(system, y, t))
+    return system.formulation.stabilisation.corrected(y, lambda y: _project(system, y, t))
 
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """The variables as they are saved inside a step: corrected too, but nothing is booked."""
-    return Variables(corrected(system, y, t).motion, y.work)
+    return Variables(correct(system, y, t).motion, y.work)
 
 
-def _projected(system: System, y: Variables, t: Scalar) -> Variables:
+def _project(system: System, y: Variables, t: Scalar) -> Variables:
     motion, work = system.project(y.motion, t), y.work
     if system.formulation.ledger and "stabilisation" in work:
-        taken = _energy(system, y.motion, t) - _energy(system, motion, t)
-        work = {**work, "stabilisation": work["stabilisation"] + taken}
+        loss = _energy(system, y.motion, t) - _energy(system, motion, t)
+        work = {**work, "stabilisation": work["stabilisation"] + loss}
     return Variables(motion, work)
 
 
-def _energy(system: System, motion: Any, t: Scalar) -> Scalar:
+def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
     return sum(system.energies(motion, t).values())
 
 

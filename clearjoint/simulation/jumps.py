@@ -44,59 +44,61 @@ def across_contacts(
     `before` are the reaches, and `memory` the entry speeds, at its start.
     """
 
-    def pushed(y: Variables) -> Variables:
+    def cross(y: Variables) -> Variables:
         times = _times(system.scene, before, system.reaches(y.motion))
         forces = _surface_forces(system, y, memory)
 
         def rates(times: Times) -> Variables:
-            scaled = {
-                name: {label: _scaled(forces[name][label], time) for label, time in family.items()}
+            impulses = {
+                name: {
+                    label: _multiplied(forces[name][label], time) for label, time in family.items()
+                }
                 for name, family in times.items()
             }
-            dynamics = system.dynamics_under(y.motion, scaled, t)
+            dynamics = system.dynamics_under(y.motion, impulses, t)
             powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
         none = jax.tree.map(jnp.zeros_like, times)
-        return _moved(y, jax.jvp(rates, (none,), (times,))[1])
+        return _changed_by(y, jax.jvp(rates, (none,), (times,))[1])
 
     changes = any_changes(system.scene, before, system.reaches(y.motion))
-    return jax.lax.cond(lands & changes, pushed, lambda y: y, y)
+    return jax.lax.cond(lands & changes, cross, lambda y: y, y)
 
 
-def _jumping(scene: Scene) -> dict[str, list[str]]:
+def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
     """The contacts whose force may jump, by joint."""
-    found = {
+    labels_by_joint = {
         name: [label for label, law in family.items() if law.force_jumps]
         for name, family in scene.laws().items()
     }
-    return {name: labels for name, labels in found.items() if labels}
+    return {name: labels for name, labels in labels_by_joint.items() if labels}
 
 
-def _changed(before: Reach, after: Reach) -> Scalar:
+def _changes(before: Reach, after: Reach) -> Scalar:
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
 def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Scalar:
     """Whether a contact whose force may jump then begins or ends between two instants."""
-    found: Scalar = jnp.asarray(False)
-    for name, labels in _jumping(scene).items():
+    any_change: Scalar = jnp.asarray(False)
+    for name, labels in _jumping_contacts(scene).items():
         for label in labels:
-            found = found | some(_changed(before[name][label], after[name][label]))
-    return found
+            any_change |= some(_changes(before[name][label], after[name][label]))
+    return any_change
 
 
 def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
     """How much longer each contact pushed than the step says; negative where it ended."""
 
     def time(start: Reach, end: Reach) -> Scalar:
-        moves = _changed(start, end) & (end.rate != 0.0)
+        moves = _changes(start, end) & (end.rate != 0.0)
         since = end.depth / jnp.where(moves, end.rate, 1.0)
         return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
     return {
         name: {label: time(before[name][label], after[name][label]) for label in labels}
-        for name, labels in _jumping(scene).items()
+        for name, labels in _jumping_contacts(scene).items()
     }
 
 
@@ -106,7 +108,7 @@ def _surface_forces(
     """The forces of closed contacts at the wall."""
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: dict[str, dict[str, ContactForce]] = {}
-    for name, labels in _jumping(system.scene).items():
+    for name, labels in _jumping_contacts(system.scene).items():
         laws, contacts = joints[name].laws(), joints[name].contacts(motions)
         forces[name] = {}
         for label in labels:
@@ -118,12 +120,12 @@ def _surface_forces(
     return forces
 
 
-def _scaled(force: ContactForce, factor: Scalar) -> ContactForce:
+def _multiplied(force: ContactForce, factor: Scalar) -> ContactForce:
     friction = None if force.friction is None else force.friction * factor
     normal, elastic = force.normal_force * factor, force.elastic_force * factor
     return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)
 
 
-def _moved(y: Variables, change: Variables) -> Variables:
+def _changed_by(y: Variables, change: Variables) -> Variables:
     motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
     return Variables(motion, {name: e + change.work.get(name, 0.0) for name, e in y.work.items()})

@@ -5,8 +5,6 @@ to the root of the gap's Hermite interpolant; likewise one that leaves a contact
 are, and what they remember, is in `clearjoint.dynamics.contact_events`.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,6 +12,7 @@ import jax.numpy as jnp
 from ..dynamics.contact_events import Reach, Reaches
 from ..math.groups import least
 from ..math.vectors import Scalar
+from .aliases import SecondRates
 
 NEWTON_STEPS = 4
 LATEST = 1e-11
@@ -30,23 +29,23 @@ class Landing(eqx.Module):
     proportion to their rate.
     """
 
-    tolerance: Any
+    tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
         """The depth within which to land at a rate in m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
-    def due(self, found: Reaches, second_rates: Any) -> Scalar:
+    def due(self, reaches: Reaches, second_rates: SecondRates) -> Scalar:
         """Time in s to the next event, by the parabolas through depths, rates and second rates.
 
         A step that would go past it ends there instead: a trial step that meets a wall it does not
         know of has an error beyond all bounds, and would be cut down again and again.
         """
         soonest: Scalar = jnp.inf
-        for name, family in found.items():
+        for name, family in reaches.items():
             for label, reach in family.items():
-                here = self._time_to_zero(reach, second_rates[name][label])
-                soonest = jnp.minimum(soonest, least(here))
+                time = self._time_to_zero(reach, second_rates[name][label])
+                soonest = jnp.minimum(soonest, least(time))
         return jax.lax.stop_gradient(soonest)
 
     def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
@@ -110,7 +109,7 @@ def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
-    """Rate of the interpolant there."""
+    """Rate of the same interpolant, m/s."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.depth - start.depth) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate

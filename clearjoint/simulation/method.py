@@ -1,7 +1,5 @@
 """How a run is computed: solver, controller and landing, with the formulation of its equations."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -53,10 +51,12 @@ def _with_arrays(scheme: Scheme) -> Scheme:
     """The scheme with its floats as arrays, so that changing one compiles nothing anew. Zeros stay:
     they tell the controller which terms to leave out."""
     return jax.tree.map(
-        lambda leaf: jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _kept(leaf),
+        lambda leaf: (
+            jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _on_device(leaf)
+        ),
         scheme,
     )
 
 
-def _kept(leaf: Any) -> Any:
+def _on_device(leaf: object) -> object:
     return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf

@@ -2,7 +2,8 @@
 
 import enum
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -20,9 +21,11 @@ from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ..model.joints.clearance import BASES, ClearanceJoint
 from ..model.scene import Scene
+from .aliases import Integers, Numbers, Vectors
 from .nonsmooth.simulate import NonsmoothSolution
 from .solution import Solution, Trajectory
 
+Parts = TypeVar("Parts")
 CHUNK = 512
 """Instants that are observed at once."""
 
@@ -47,15 +50,15 @@ class ContactObservation(eqx.Module):
       global, m.
     """
 
-    penetration: Any
-    penetration_rate: Any
-    eccentricity: Any | None
-    offset: Any | None
-    normal_force: Any
-    friction_force: Any | None
-    normal: Any
-    point_on_bearing: Any
-    point_on_journal: Any
+    penetration: Numbers
+    penetration_rate: Numbers
+    eccentricity: Numbers | None
+    offset: Vectors | None
+    normal_force: Numbers
+    friction_force: Vectors | None
+    normal: Vectors
+    point_on_bearing: Vectors
+    point_on_journal: Vectors
 
 
 class Load(eqx.Module):
@@ -64,8 +67,8 @@ class Load(eqx.Module):
     `force`: (N, 3) global, N; `moment`: (N, 3) about the centre of mass, in body axes, N m.
     """
 
-    force: Any
-    moment: Any
+    force: Vectors
+    moment: Vectors
 
 
 class BodyAcceleration(eqx.Module):
@@ -75,8 +78,8 @@ class BodyAcceleration(eqx.Module):
     rad/s^2.
     """
 
-    linear: Any
-    angular: Any
+    linear: Vectors
+    angular: Vectors
 
 
 class Observation(eqx.Module):
@@ -94,17 +97,17 @@ class Observation(eqx.Module):
       damping", "friction", "stabilisation" (dissipated) and "supplied".
     """
 
-    times: Any
+    times: Numbers
     contacts: dict[str, dict[str, ContactObservation]]
-    modes: dict[str, Any]
+    modes: dict[str, Integers]
     reactions: dict[str, dict[str, Load]]
     accelerations: dict[str, BodyAcceleration]
-    drift: dict[str, Any]
-    drift_rate: dict[str, Any]
-    energies: dict[str, Any]
+    drift: dict[str, Numbers]
+    drift_rate: dict[str, Numbers]
+    energies: dict[str, Numbers]
     reactions_unique: bool = eqx.field(static=True)
 
-    def ledger_residual(self) -> Any:
+    def ledger_residual(self) -> Numbers:
         """What the energy ledger does not account for since the first instant, (N,) J."""
         dissipated = sum(
             self.energies.get(name, 0.0) for name in ("normal damping", "friction", "stabilisation")
@@ -140,21 +143,22 @@ def observe(
     ran, states = solution.formulation, trajectory.states
     absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
     rows = np.asarray(trajectory.times), State(states.bodies, states.memory)
-    parts = _in_chunks(lambda part: observe_compiled(structured(scene), absolute, *part), rows)
-    *others, energies = parts
-    energies |= {name: np.asarray(integral) for name, integral in states.work.items()}
-    unique = not solution.redundant_constraints
-    return Observation(rows[0], *others, energies, reactions_unique=unique)
+    form, unique = structured(scene), not solution.redundant_constraints
+    observation = _in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
+    integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
+    return replace(observation, energies={**observation.energies, **integrals})
 
 
-def _in_chunks(observed: Callable[[Any], Any], rows: Any) -> Any:
+def _in_chunks(
+    look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
+) -> Parts:
     """What is observed of each row (numpy): of a fixed number at a time, so that their number
     compiles nothing."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
     parts = []
     for first in range(0, max(count, 1), CHUNK):
         part = jax.tree.map(lambda leaf, k=first: _filled(leaf[k : k + CHUNK]), rows)
-        parts.append(jax.device_get(observed(part)))
+        parts.append(jax.device_get(look(part)))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
 
@@ -165,13 +169,14 @@ def _filled(rows: np.ndarray) -> np.ndarray:
 
 @eqx.filter_jit
 def observe_compiled(
-    structure: Structured, absolute: Formulation, times: Any, states: State
-) -> tuple[Any, ...]:
-    """What there is to observe at times (N,) s, with N in front, in absolute coordinates."""
-    scene = unpack(structure)
+    form: Structured, absolute: Formulation, unique: bool, times: Numbers, states: State
+) -> Observation:
+    """What there is to observe at times (N,) s, with N in front, in absolute coordinates; without
+    the ledger's integrals, which states hold."""
+    scene = unpack(form)
     system = System(scene, absolute)
 
-    def at(t: Scalar, state: State) -> tuple[Any, ...]:
+    def at(t: Scalar, state: State) -> Observation:
         dynamics = system.dynamics(system.encode(unpack(state.bodies)), state.memory, t)
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())
@@ -180,47 +185,49 @@ def observe_compiled(
             name: BodyAcceleration(pack(part.linear), pack(part.angular))
             for name, part in dynamics.accelerations.items()
         }
-        parts = (
-            _contacts(scene, dynamics),
-            _modes(scene, dynamics),
-            _reactions(dynamics),
-            accelerations,
-            drift,
-            drift_rate,
-            energies,
+        observation = Observation(
+            times=t,
+            contacts=_contacts(scene, dynamics),
+            modes=_modes(scene, dynamics),
+            reactions=_reactions(dynamics),
+            accelerations=accelerations,
+            drift=drift,
+            drift_rate=drift_rate,
+            energies=energies,
+            reactions_unique=unique,
         )
-        return jax.tree.map(jnp.asarray, parts)
+        return jax.tree.map(jnp.asarray, observation)
 
     return jax.vmap(at)(times, states)
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
-    observed: dict[str, dict[str, ContactObservation]] = {}
+    observations: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
         joint = scene.contact_joints()[name]
         first, second = joint.pair()
-        observed[name] = {}
+        observations[name] = {}
         for label, force in family.items():
             gap = force.contact.gap
             eccentricity = offset = None
             if isinstance(joint, ClearanceJoint) and label in BASES:
                 eccentricity = gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
-            observed[name][label] = ContactObservation(
-                gap.depth,
-                gap.rate,
-                eccentricity,
-                offset,
-                force.normal_force,
-                None if force.friction is None else pack(force.friction),
-                pack(force.contact.normal),
-                pack(dynamics.motions[first].point(force.contact.arm_first)),
-                pack(dynamics.motions[second].point(force.contact.arm_second)),
+            observations[name][label] = ContactObservation(
+                penetration=gap.depth,
+                penetration_rate=gap.rate,
+                eccentricity=eccentricity,
+                offset=offset,
+                normal_force=force.normal_force,
+                friction_force=None if force.friction is None else pack(force.friction),
+                normal=pack(force.contact.normal),
+                point_on_bearing=pack(dynamics.motions[first].point(force.contact.arm_first)),
+                point_on_journal=pack(dynamics.motions[second].point(force.contact.arm_second)),
             )
-    return observed
+    return observations
 
 
-def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Any]:
+def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
     modes = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, ClearanceJoint):
@@ -237,7 +244,7 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Any]:
 def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
     reactions: dict[str, dict[str, Load]] = {}
     for name, rows in dynamics.rows.items():
-        total: dict[str, Any] = {}
+        total: dict[str, Wrench] = {}
         for label, row in rows.items():
             multiplier = dynamics.multipliers[name][label]
             for body, pair in row.jacobian.items():
@@ -251,12 +258,12 @@ def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
     return reactions
 
 
-def _dense(vector: Vector) -> Any:
+def _dense(vector: Vector) -> Vectors:
     return jnp.stack([jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z)])
 
 
-def _drift(dynamics: Dynamics) -> tuple[dict[str, Any], dict[str, Any]]:
-    def largest(values: list[Any]) -> Any:
+def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
+    def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
 
     values, rates = {}, {}

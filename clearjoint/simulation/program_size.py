@@ -1,4 +1,4 @@
-"""What compiling a scene's program will take, told before it begins.
+"""A warning before the compilation of a scene's program that will take long.
 
 A step holds the equations of motion once for each stage of the solver, unrolled into arithmetic on
 scalars, and compiling takes time and memory with the number of their operations. A chain of 12
@@ -8,9 +8,11 @@ of 24 has 11 000 (21 000) and took 264 s; one of 48 has 55 000 (83 000) and took
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 import jax
+
+Shapes = TypeVar("Shapes")
 
 LARGE = 5_000
 """Operations of the equations of motion from which compiling takes minutes."""
@@ -18,7 +20,7 @@ WITH_DERIVATIVES = 3
 """How many times as many operations a step has that carries derivatives."""
 
 
-def shapes_of(equations: Callable[[], Any], derivatives: bool) -> Any:
+def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     """`jax.eval_shape` of the equations of motion, which warns if they are large.
 
     It runs while a program is traced, so once for each that is compiled.

@@ -1,7 +1,5 @@
 """What is checked of a scene, a state and JAX's precision before a run is compiled."""
 
-from typing import Any
-
 import jax
 
 from ..dynamics.assembly import (
@@ -13,7 +11,9 @@ from ..dynamics.assembly import (
 from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
+from ..fields.caching import cached_by_numbers
 from ..fields.checks import recheck
+from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
 
@@ -29,12 +29,12 @@ def check_precision(allow_float32: bool) -> None:
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check the numbers of a scene, and that a state is one of its."""
-    recheck(scene)
+    _recheck(scene)
     check_names(scene, state)
 
 
 def check_start(
-    scene: Scene, state: State, start_time: Any, coordinates: AbstractCoordinates
+    scene: Scene, state: State, start_time: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
     """Check the numbers of a run, and its state against the constraints; the names of those that
     are redundant."""
@@ -43,12 +43,24 @@ def check_start(
 
 
 def check_structure(
-    scene: Scene, state: State, t: Any, coordinates: AbstractCoordinates
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
+    return _redundant(scene, state, t, coordinates)
+
+
+@cached_by_numbers
+def _recheck(scene: Scene) -> None:
+    recheck(scene)
+
+
+@cached_by_numbers
+def _redundant(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
     require_certain(report.uncertain)

@@ -1,7 +1,6 @@
 """How a run begins and how it ends: the same for single runs, sensitivities and lanes of sweeps."""
 
-from typing import Any
-
+from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.groups import by_name, gathered
 from ..math.vectors import Scalar, unpack
@@ -11,18 +10,18 @@ from .step_state import Method, Step, Variables
 from .stepping import start
 
 
-def begun(
+def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """What there is before the first step from a state in packed form, whose memory and ledger are
-    continued."""
+    """The run before its first step, from a state in packed form whose memory and ledger it goes on
+    with."""
     motion = system.encode(unpack(state.bodies))
     y = Variables(motion, state.work if system.formulation.ledger else {})
     memory = gathered(state.memory, system.scene.joints)
     return start(method, system, t0, t_end, first_step, y, memory)
 
 
-def state_of(system: System, y: Variables, memory: Any) -> State:
+def state_of(system: System, y: Variables, memory: Memory) -> State:
     """The state in scalar form, as the system names its elements."""
     return State(system.decode(y.motion), memory, y.work)
 
@@ -38,6 +37,7 @@ def final_state(system: System, step: Step) -> State:
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """How a run ended after its last step: without a failure before `t_end`, it had no more."""
+    """The result after the last step: a run that neither failed nor came to `t_end` has used up its
+    steps."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

@@ -16,9 +16,9 @@ from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .dense_output import look_inside
 from .method import Scheme
-from .run_ends import begun, named, state_of
+from .run_ends import begin_run, named, state_of
 from .step_state import Attempt, Method, Step, choose
-from .stepping import not_tried, running
+from .stepping import blank_attempt, running
 
 BLOCK_ROWS = 64
 
@@ -107,10 +107,10 @@ def begin(
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
     method, system = scheme.method, scheme.unpacked(form)
-    step = begun(method, system, state, t0, t_end, first_step)
+    step = begin_run(method, system, state, t0, t_end, first_step)
     last = record = None
     if saves:
-        last = not_tried(method, system, step, t_end)
+        last = blank_attempt(method, system, step, t_end)
     if record_rows is not None:
         row = _row(system, step)
         record = Rows.like(row, record_rows).with_row(row, 1)

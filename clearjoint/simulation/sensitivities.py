@@ -28,7 +28,7 @@ from ..quantities.instant import Instant
 from ..results import RESULTS
 from . import presets
 from .batch.reductions import Quantity
-from .dense_output import corrected, look_inside
+from .dense_output import correct, look_inside
 from .derivative_runs import derivative_scheme
 from .method import Scheme
 from .run_ends import final_result
@@ -36,7 +36,7 @@ from .settings import Settings, settings_or
 from .solution import raise_failure
 from .spans import check_span, checked_times
 from .step_state import Attempt, Method, Step, Variables, choose
-from .stepping import attempt, not_tried, running
+from .stepping import attempt, blank_attempt, running
 from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
 
@@ -77,7 +77,7 @@ def followed(
     method, systems = scheme.method, SystemFamily(family, scheme.formulation)
     system = systems.system()
     first = start_with_tangents(method, systems, t0, t_end, first_step)
-    last = not_tried(method, system, first, t_end, systems)
+    last = blank_attempt(method, system, first, t_end, systems)
 
     def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
         tried = attempt(method, system, now[0], t_end, systems)
@@ -123,7 +123,7 @@ def _looked_at(
     dense = look_inside(method, family.system(), tried, time)
 
     def observed(system: System, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
-        y = corrected(system, y, time)
+        y = correct(system, y, time)
         now = Instant(system, time, y.motion, memory, y.work)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
 

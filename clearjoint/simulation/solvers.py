@@ -1,32 +1,33 @@
 """diffrax's solvers and controllers, made ready for a stepping loop of our own."""
 
 from functools import reduce
-from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..fields.checks import require
+from ..math.vectors import Scalar
 from .unrolled_runge_kutta import unrolled
 
 
-def largest_component(tree: Any) -> Any:
+def largest_component(tree: PyTree[Scalar]) -> Scalar:
     """The largest absolute value of all leaves.
 
     A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
     gathered into an array, which keeps the loop native; leaves of one shape are compared element by
     element before the elements are.
     """
-    largest: dict[Any, Any] = {}
+    largest: dict[tuple[int, ...], Scalar] = {}
     for leaf in jax.tree.leaves(tree):
         shape = jnp.shape(leaf)
         largest[shape] = jnp.maximum(largest.get(shape, 0.0), jnp.abs(leaf))
-    return reduce(jnp.maximum, [jnp.max(one) for one in largest.values()])
+    return reduce(jnp.maximum, [jnp.max(leaf) for leaf in largest.values()])
 
 
-def default_controller(rtol: Any, atol: Any) -> diffrax.PIDController:
+def default_controller(rtol: Scalar, atol: Scalar) -> diffrax.PIDController:
     """diffrax's controller, bounding the error of each component of the state."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
@@ -43,7 +44,9 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
     )
 
 
-def ready_solver(solver: diffrax.AbstractSolver, rtol: Any, atol: Any) -> diffrax.AbstractSolver:
+def ready_solver(
+    solver: diffrax.AbstractSolver, rtol: Scalar, atol: Scalar
+) -> diffrax.AbstractSolver:
     """What `diffrax.diffeqsolve` does to a solver before it steps.
 
     Explicit Runge-Kutta methods get their stages written out. Others loop over them in a way that

@@ -1,17 +1,18 @@
 """The span of a run, and times within it."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require
+from ..math.vectors import Scalar
 
 ROUNDINGS = 4.0
 """Times may be so many roundings outside of a span: sums of steps, and single precision, are."""
 
 
-def check_span(start: Any, end: Any) -> None:
+def check_span(start: Scalar, end: Scalar) -> None:
     """Check the span of a run in s.
 
     **Raises:** `ValueError` if it does not go forward to a finite end.
@@ -25,7 +26,9 @@ def check_span(start: Any, end: Any) -> None:
     )
 
 
-def checked_times(start: Any, end: Any, times: Any, argument: str) -> np.ndarray:
+def checked_times(
+    start: Scalar, end: Scalar, times: ArrayLike, argument: str
+) -> Float[np.ndarray, " N"]:
     """Times to look at during a run, found to rise within its span.
 
     **Arguments:** `argument`: what the caller calls these times.
@@ -47,7 +50,7 @@ def checked_times(start: Any, end: Any, times: Any, argument: str) -> np.ndarray
     return np.clip(row.astype(float), float(start), float(end))
 
 
-def check_rising(times: Any, argument: str) -> np.ndarray:
+def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray, " N"]:
     """The times as an array, (N,).
 
     **Raises:** `ValueError` for times that don't rise.
@@ -64,13 +67,13 @@ def check_rising(times: Any, argument: str) -> np.ndarray:
     return row
 
 
-def rounding(start: Any, end: Any, times: Any) -> float:
+def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> float:
     """How far times may be outside of a span by rounding alone, s: that of the coarsest of the
     types in which these are given."""
     precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
     return ROUNDINGS * precision * max(abs(float(start)), abs(float(end)))
 
 
-def _float_type(value: Any) -> Any:
+def _float_type(value: ArrayLike) -> np.dtype:
     kind = np.asarray(value).dtype
     return kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)

@@ -1,21 +1,23 @@
 """How long steps are: up to the next event, on from there, and what errors are judged against."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.breakpoints import next_breakpoint
 from ..dynamics.contact_events import Reaches, begins
 from ..dynamics.system import System
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import BodyState
-from .step_state import Method, Step, Variables
+from .step_state import Method, Proposal, Step, Variables
+
+CUT = 0.99
+"""A step shorter than this share of its full length was cut short."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
     """Where the step ends: where it is proposed to, or at the next breakpoint or event."""
-    t1 = jnp.minimum(step.t_next, t_end)
+    t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system.scene, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
@@ -26,32 +28,38 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     return jnp.minimum(t1, step.t + jnp.maximum(due, resolution))
 
 
-def resumed(
+def lengths_after_contacts(
     step: Step, after: Reaches, t1: Scalar, keep: Scalar, lands: Scalar, proposed: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """`intended`, `enters` and `entering` of the next step.
+    """`full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
-    What an event cut short tells nothing of the step to take next: that is the one intended
-    before, or where a contact begins about as long as the last time.
+    A step that an event cut short says nothing about the length of the next one. That is then the
+    full length of the one that was cut or, where a contact begins, at most twice the length that
+    held when one last began.
+
+    **Arguments:** `after`: the contacts at t1; `keep`: whether the step up to there is accepted;
+    `lands`: whether it is tried again up to an event instead; `proposed`: the controller's length
+    for the next one, s.
     """
-    h = t1 - step.t
-    cut = h < 0.99 * step.intended
-    begun = begins(step.reaches, after)
-    entering = jnp.where(keep & step.enters & ~cut, h, step.entering)
-    length = _uncut(step, cut, proposed)
-    length = jnp.where(begun, jnp.minimum(length, 2.0 * entering), length)
-    intended = jnp.where(lands, step.intended, jnp.where(keep, length, proposed))
-    return intended, jnp.where(keep, begun, step.enters), entering
+    last = step.proposal
+    length_tried = t1 - step.t
+    is_cut = length_tried < CUT * last.full_length
+    begins_contact = begins(step.reaches, after)
+    entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
+    length = _uncut(last, is_cut, proposed)
+    length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
+    full_length = jnp.where(lands, last.full_length, jnp.where(keep, length, proposed))
+    return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
 
 
-def resumed_in_time(step: Step, t1: Scalar, keep: Scalar, proposed: Scalar) -> Scalar:
-    """`intended` of the next step where there are breakpoints, but no contacts."""
-    cut = t1 - step.t < 0.99 * step.intended
-    return jnp.where(keep, _uncut(step, cut, proposed), proposed)
+def length_after_breakpoints(step: Step, t1: Scalar, keep: Scalar, proposed: Scalar) -> Scalar:
+    """`full_length` of the next `Proposal` where there are breakpoints, but no contacts."""
+    is_cut = t1 - step.t < CUT * step.proposal.full_length
+    return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
-def _uncut(step: Step, cut: Scalar, proposed: Scalar) -> Scalar:
-    return jnp.where(cut, jnp.maximum(proposed, step.intended), proposed)
+def _uncut(last: Proposal, is_cut: Scalar, proposed: Scalar) -> Scalar:
+    return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
@@ -65,11 +73,11 @@ def magnitudes(y: Variables) -> Variables:
         size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
         return Vector(size, size, size)
 
-    def of(node: Any) -> Any:
+    def magnitude(node: PyTree) -> PyTree:
         if not isinstance(node, BodyState):
             return node
         return BodyState(
             largest(node.position), node.orientation, largest(node.velocity), node.spin
         )
 
-    return jax.tree.map(of, y, is_leaf=lambda node: isinstance(node, BodyState))
+    return jax.tree.map(magnitude, y, is_leaf=lambda node: isinstance(node, BodyState))

@@ -1,6 +1,6 @@
 """What a run carries from step to step."""
 
-from typing import Any
+from typing import TypeVar
 
 import diffrax
 import equinox as eqx
@@ -11,7 +11,10 @@ from ..dynamics.contact_events import Reaches
 from ..dynamics.contact_forces import Memory
 from ..math.vectors import Scalar
 from ..results import RESULTS
+from .aliases import ControllerState, DenseInformation, MotionVariables, SecondRates, SolverState
 from .landing import Landing
+
+Tree = TypeVar("Tree")
 
 
 class Method(eqx.Module):
@@ -25,7 +28,7 @@ class Method(eqx.Module):
 class Variables(eqx.Module):
     """What the solver integrates: the coordinates' variables, and the ledger's integrals in J."""
 
-    motion: Any
+    motion: MotionVariables
     work: dict[str, Scalar]
 
 
@@ -34,29 +37,43 @@ class Tangents(eqx.Module):
 
     y: Variables
     memory: Memory
-    solver_state: Any
+    solver_state: SolverState
+
+
+class Proposal(eqx.Module):
+    """The step to try next.
+
+    - `t_next`: s, where it ends, unless the run or an event cuts it short.
+    - `full_length`: s, how long it would be if no event had cut the steps before it short.
+    - `begins_contact`: whether a contact begins where it starts.
+    - `entry_length`: s, length of the last step that began a contact and was not cut short.
+    - `made_jump`: whether the rates may have jumped since the solver computed those it keeps.
+    - `controller_state`: of the step-size controller.
+    """
+
+    t_next: Scalar
+    full_length: Scalar
+    begins_contact: Scalar
+    entry_length: Scalar
+    made_jump: Scalar
+    controller_state: ControllerState
 
 
 class Step(eqx.Module):
     """Everything between two steps: enough to go on from.
 
-    `second_rates` are those of the contacts' depths, m/s^2. `intended` is the length of the next
-    step, s, were it not cut short by an event; `enters` says that it is the first in a contact, of
-    which `entering` is the length that held last. `tangents` is ``None`` unless they are wanted.
+    `t` s, variables, `memory` and `reaches` are those at the end of the last accepted step, and
+    `attempts` and `accepted` count the steps so far. `second_rates` are zero where the solver does
+    not tell the rates there. `tangents` is ``None`` in runs without derivatives.
     """
 
     t: Scalar
-    t_next: Scalar
     y: Variables
     memory: Memory
     reaches: Reaches
-    second_rates: Any
-    intended: Scalar
-    enters: Scalar
-    entering: Scalar
-    solver_state: Any
-    controller_state: Any
-    jumped: Any
+    second_rates: SecondRates
+    solver_state: SolverState
+    proposal: Proposal
     result: RESULTS
     attempts: Scalar
     accepted: Scalar
@@ -64,24 +81,32 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """A step, and what is needed to look inside it; `graded` as in `.unrolled_runge_kutta`."""
+    """A step after it was tried, and what is needed to look inside it.
+
+    - `step`: after the trial, with the proposal for the next one.
+    - `kept`: whether the trial was accepted; if not, `step` is where it was.
+    - `t_start`, `memory_start`: s, and entry speeds, where it began.
+    - `information`: what its dense output is made of.
+    - `graded`: whether it was graded, see `.unrolled_runge_kutta`; ``None`` where no step can be.
+    - `tangents`: what is needed to look at its derivatives; ``None`` without any.
+    """
 
     step: Step
     kept: Scalar
     t_start: Scalar
     memory_start: Memory
-    information: Any
-    graded: Any
+    information: DenseInformation
+    graded: Scalar | None
     tangents: "TangentsInside | None" = None
 
 
 class TangentsInside(eqx.Module):
-    """What is needed to look at the tangents inside a step."""
+    """What is needed to look at the derivatives inside a step: as the fields of `Attempt`."""
 
     memory_start: Memory
-    information: Any
+    information: DenseInformation
 
 
-def choose(condition: Scalar, first: Any, second: Any) -> Any:
-    """One of two PyTrees, leaf by leaf."""
+def choose(condition: Scalar, first: Tree, second: Tree) -> Tree:
+    """The first of two PyTrees where a condition holds, else the second, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

@@ -6,8 +6,6 @@ the motion along whatever the breakpoint depends on. Where the angle of a driver
 velocities jump by an impulse of the constraints, with least kinetic energy.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -19,7 +17,7 @@ from ..math.vectors import Scalar
 from ..model.bodies import NO_WRENCH, Wrench
 from ..model.joints.base import AbstractForce, Motions
 from ..model.scene import Scene
-from .step_state import Variables
+from .step_state import Tree, Variables
 
 
 class SwitchedForce(AbstractForce):
@@ -31,26 +29,26 @@ class SwitchedForce(AbstractForce):
     share: Scalar
 
     def body_names(self) -> tuple[str, ...]:
-        """The force's bodies."""
+        """Names of the bodies that the switched force acts on."""
         return self.force.body_names()
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Between the wrenches before and after."""
+        """Wrenches on the bodies, of which `share` is that of the force after."""
         del t
         old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
         return {
-            name: self._mixed(old.get(name, NO_WRENCH), new.get(name, NO_WRENCH))
+            name: self._between(old.get(name, NO_WRENCH), new.get(name, NO_WRENCH))
             for name in {**old, **new}
         }
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Between the powers before and after, W."""
+        """Power in W, of which `share` is that of the force after."""
         del t
-        return self._mixed(
+        return self._between(
             *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
         )
 
-    def _mixed(self, old: Any, new: Any) -> Any:
+    def _between(self, old: Tree, new: Tree) -> Tree:
         return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
 
 
@@ -60,11 +58,10 @@ def across_breakpoints(
     y: Variables,
     memory: Memory,
     t: Scalar,
-    kept: Scalar,
+    keep: Scalar,
 ) -> Variables:
-    """The variables at the end of a step from `start` to t, if it is kept and lands on breakpoints.
-
-    `memory` is that at its start.
+    """The variables at the end of a step from `start` to t, changed if that is kept and lands on
+    breakpoints; `memory` is that at its start.
     """
     scene = system.scene
     since = since_breakpoints(scene, start, t)
@@ -73,30 +70,31 @@ def across_breakpoints(
     before, after = seen(scene, start, t), seen(scene, t, t)
 
     def rates(shares: dict[str, Scalar], y: Variables, time: Scalar) -> Variables:
-        switched = _switched(system, before, after, shares)
-        found = switched.rates(y.motion, memory, time)
-        return jax.tree.map(jnp.asarray, Variables(*found))
+        between = _with_shares(system, before, after, shares)
+        return jax.tree.map(jnp.asarray, Variables(*between.rates(y.motion, memory, time)))
 
     none = {name: jnp.zeros(()) for name in forces}
 
-    def crossed(y: Variables) -> Variables:
+    def cross(y: Variables) -> Variables:
         if joints:
             time = _mean(joints)
-            y = _moved(y, rates(none, y, before), -time)
-            y = _kicked(_switched(system, before, after, none), y, after - time)
-            y = _moved(y, rates(none, y, after), time)
+            y = _moved_on(y, rates(none, y, before), -time)
+            y = _past_kink(_with_shares(system, before, after, none), y, after - time)
+            y = _moved_on(y, rates(none, y, after), time)
         if forces:
             times = {name: time for name, (_, time) in forces.items()}
-            y = _moved(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
+            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
         return y
 
     lands: Scalar = jnp.asarray(False)
-    for here, _ in since.values():
-        lands = lands | here
-    return jax.lax.cond(kept & lands, crossed, lambda y: y, y)
+    for lands_here, _ in since.values():
+        lands = lands | lands_here
+    return jax.lax.cond(keep & lands, cross, lambda y: y, y)
 
 
-def _switched(system: System, before: Scalar, after: Scalar, shares: dict[str, Scalar]) -> System:
+def _with_shares(
+    system: System, before: Scalar, after: Scalar, shares: dict[str, Scalar]
+) -> System:
     """The system with given shares of what its forces with breakpoints change by."""
     forces = {
         name: SwitchedForce(force, before, after, shares[name]) if name in shares else force
@@ -108,15 +106,15 @@ def _switched(system: System, before: Scalar, after: Scalar, shares: dict[str, S
 def _mean(since: dict[str, tuple[Scalar, Scalar]]) -> Scalar:
     """The time since the breakpoints that a step lands on; drivers that change at one instant are
     taken to do so together."""
-    count = sum(jnp.asarray(here, float) for here, _ in since.values())
+    count = sum(jnp.asarray(lands, float) for lands, _ in since.values())
     return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
 
 
-def _moved(y: Variables, rates: Variables, time: Scalar) -> Variables:
+def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 
-def _kicked(system: System, y: Variables, t: Scalar) -> Variables:
+def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """The variables with velocities as the constraints want them from t on; what their impulse
     brings in is booked as supplied."""
     motion = system.project_velocities(y.motion, t)

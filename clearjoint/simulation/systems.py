@@ -1,40 +1,49 @@
 """Systems over parameters, for derivatives along these."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
+from jaxtyping import PyTree
 
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
-from ..parametrisation.parametrised_scene import AbstractFamily
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parametrised_scene import AbstractFamily, Coordinates
+
+Value = TypeVar("Value")
+Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The systems of a family of scenes, each element by itself."""
+    """The systems of a family of scenes, in which no elements are grouped."""
 
     family: AbstractFamily
     formulation: Formulation
 
     @property
-    def values(self) -> Any:
-        """(p,) where the family is looked at, in scaled coordinates."""
+    def values(self) -> Coordinates:
+        """The coordinates of the parameters at which derivatives are taken, (p,)."""
         return self.family.values
 
     def system(self) -> System:
-        """The system there."""
+        """The system at these coordinates."""
         return System(self.family.scene(self.values), self.formulation)
 
-    def start(self, values: Any) -> Any:
-        """The initial state, in scalar form."""
+    def start(self, values: Coordinates) -> State:
+        """The initial state at coordinates (p,), in scalar form."""
         return self.family.start(values)
 
     def pushed(
-        self, function: Callable[..., tuple[Any, Any]], primals: tuple[Any, ...], tangents: Any
-    ) -> tuple[Any, Any, Any]:
+        self,
+        function: Callable[..., tuple[Value, Auxiliary]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[Value, Auxiliary, Value]:
         """`AbstractFamily.pushed` for a function of system and `primals`."""
 
-        def of_scene(scene: Any, *primals: Any) -> tuple[Any, Any]:
+        def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation), *primals)
 
         return self.family.pushed(of_scene, primals, tangents)

@@ -1,11 +1,10 @@
-"""One trial of the solver: a step taken, and its derivatives, before anybody judges it."""
-
-from typing import Any
+"""One trial of the solver: a step, and its derivatives, before it is accepted or rejected."""
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import closed, has_memory
@@ -14,68 +13,85 @@ from ..dynamics.system import System
 from ..math.groups import total
 from ..math.vectors import Scalar
 from ..model.scene import Scene
-from .dense_output import corrected
+from .aliases import DenseInformation, SolverState
+from .dense_output import correct
 from .jumps import contacts_jump
 from .step_state import Method, Step, Variables, choose
 from .systems import SystemFamily
 from .unrolled_runge_kutta import UnrolledExplicit
 
 REJECTED_ERROR = 1e30
+"""Of a trial that is not finite: no controller accepts it."""
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """The rates of the variables, as diffrax takes them; the arguments are system and memory.
+    """The rates of the variables as a diffrax term, whose arguments are system and memory.
 
-    Of a `step` that lands, those of its open and closed contacts.
+    Of a `step` that lands on events: the rates with the contacts that are closed at its start.
     """
     lands = step is not None and method.landing is not None
-    modes = closed(step.reaches) if step is not None and lands else None
+    closed_contacts = closed(step.reaches) if step is not None and lands else None
 
-    def field(t: Scalar, y: Variables, args: Any) -> Variables:
+    def rates(t: Scalar, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
         t = seen(system.scene, t if step is None else step.t, t)
-        rates = Variables(*system.rates(y.motion, memory, t, modes))
+        rates = Variables(*system.rates(y.motion, memory, t, closed_contacts))
         return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
-    return diffrax.ODETerm(field)
+    return diffrax.ODETerm(rates)
 
 
-class Taken(eqx.Module):
-    """What a solver's step gives, or its derivatives along p parameters."""
+def error_order(method: Method) -> Scalar:
+    """The order of the solver's error estimate, which the controller needs."""
+    order = method.solver.error_order(term_of(method))
+    assert order is not None, "only solvers of stochastic equations have none"
+    return order
+
+
+class SolverStep(eqx.Module):
+    """What a solver's step gives, or its derivatives along p parameters, which come first."""
 
     y: Variables
     error: Variables
-    information: Any
-    solver_state: Any
+    information: DenseInformation
+    solver_state: SolverState
 
 
 class Trial(eqx.Module):
-    """A step as the solver took it, before it is accepted or not."""
+    """A step as the solver made it.
+
+    - `t1`: s, where it ends.
+    - `outcome`: what it gives, and `tangents` the derivatives of that, ``None`` without any.
+    - `finite`: whether both were finite. If not, the variables are those of the start.
+    - `solver_result`: the solver's own code.
+    """
 
     t1: Scalar
-    taken: Taken
-    tangents: Taken | None
+    outcome: SolverStep
+    tangents: SolverStep | None
     finite: Scalar
-    solver_result: Any
+    solver_result: diffrax.RESULTS
 
 
 def graded_step(method: Method, step: Step) -> Scalar | None:
-    """Whether the step is one that begins a contact; ``None`` where there are none to begin at."""
+    """Whether the step is graded, since a contact begins at its start (see
+    `.unrolled_runge_kutta`); ``None`` where no step can be."""
     if method.landing is None or not step.reaches:
         return None
-    return step.enters if isinstance(method.solver, UnrolledExplicit) else None
+    return step.proposal.begins_contact if isinstance(method.solver, UnrolledExplicit) else None
 
 
-def tried(
+def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """The solver's step, projected if steps are, and settled. What is not finite stays where it
-    was."""
-    made_jump = step.jumped if may_jump(method, system.scene) else False
+    """The solver's step up to t1, corrected as the stabilisation wants it."""
+    made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     graded = graded_step(method, step)
     options = {} if graded is None else {"graded": graded}
 
-    def taken(system: System, y: Variables, memory: Memory, solver_state: Any) -> tuple[Taken, Any]:
+    def advance(
+        system: System, y: Variables, memory: Memory, solver_state: SolverState
+    ) -> tuple[SolverStep, diffrax.RESULTS]:
         y1, error, information, solver_state, result = method.solver.step(
             term_of(method, step),
             step.t,
@@ -86,57 +102,63 @@ def tried(
             made_jump,
             **options,
         )
-        y1 = corrected(system, y1, seen(system.scene, step.t, t1))
-        y1, solver_state = _settled(system, y1, solver_state)
+        y1 = correct(system, y1, seen(system.scene, step.t, t1))
+        y1, solver_state = _without_drift(system, y1, solver_state)
         assert isinstance(error, Variables)
-        return Taken(y1, error, information, solver_state), result
+        return SolverStep(y1, error, information, solver_state), result
 
     start = step.y, step.memory, step.solver_state
     if family is None:
-        found, result = taken(system, *start)
-        finite, tangents = _all_finite((found.y, found.error)), None
+        outcome, result = advance(system, *start)
+        finite, tangents = _all_finite((outcome.y, outcome.error)), None
     else:
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.memory, step.tangents.solver_state
-        found, result, tangents = family.pushed(taken, start, along)
-        finite = _all_finite((found.y, found.error, tangents.y, tangents.error))
+        outcome, result, tangents = family.pushed(advance, start, along)
+        finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
-    return Trial(t1, _unless(finite, found, step.y), tangents, finite, result)
+    return Trial(t1, _unless(finite, outcome, step.y), tangents, finite, result)
 
 
-def _settled(system: System, y: Variables, solver_state: Any) -> tuple[Variables, Any]:
+def _without_drift(
+    system: System, y: Variables, solver_state: SolverState
+) -> tuple[Variables, SolverState]:
     """The variables in numbers that don't drift in many steps, and what the solver keeps of their
     rates to match."""
 
-    def matched(node: Any) -> Any:
+    def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
             return node
         return Variables(jax.jvp(system.settled, (y.motion,), (node.motion,))[1], node.work)
 
-    kept = jax.tree.map(matched, solver_state, is_leaf=lambda node: isinstance(node, Variables))
-    return Variables(system.settled(y.motion), y.work), kept
+    state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
+    return Variables(system.settled(y.motion), y.work), state
 
 
-def _unless(finite: Scalar, taken: Taken, y: Variables) -> Taken:
-    """What was taken if it is finite; else the given variables, with an error beyond all bounds."""
-    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), taken.error)
-    return Taken(choose(finite, taken.y, y), error, taken.information, taken.solver_state)
+def _unless(finite: Scalar, outcome: SolverStep, y: Variables) -> SolverStep:
+    """The outcome if it is finite; else with the given variables, and an error beyond all
+    bounds."""
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
+    return SolverStep(
+        choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
+    )
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Whether a new memory, or a force that jumps, may leave the last stage stale.
+    """Whether the rates at the start of a step may differ from those at the end of the last one.
 
-    Landing sets the memory where the force is still zero, so that it leaves it right.
+    A new memory changes them, and a force that jumps does; but where steps land on the begin of
+    contacts, memory changes where the force is still zero.
     """
     if method.landing is None:
         return has_memory(scene) or bool(breakpoints(scene))
     return contacts_jump(scene) or bool(breakpoints(scene))
 
 
-def _all_finite(tree: Any) -> Scalar:
+def _all_finite(tree: PyTree[Scalar]) -> Scalar:
     """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
     one shape are added element by element before the elements are."""
-    sums: dict[Any, Scalar] = {}
+    sums: dict[tuple[int, ...], Scalar] = {}
     for leaf in jax.tree.leaves(tree):
         shape = jnp.shape(leaf)
         sums[shape] = sums.get(shape, 0.0) + leaf * 0.0

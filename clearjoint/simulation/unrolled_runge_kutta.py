@@ -10,16 +10,23 @@ start, t = t0 + h s^2. Forces that begin as (t - t0)^1.5 are smooth in s. In t t
 estimates then miss nearly all of the error, which cost 1e-6 of an impact's energy at rtol 1e-8.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import TypeVar
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, PyTree
 
 from ..math.vectors import Scalar
+from .aliases import DenseInformation
+
+Weights = Float[np.ndarray, " n"]
+Y = TypeVar("Y")
+"""A PyTree of variables, or of their rates."""
 
 
 class UnrolledExplicit(diffrax.AbstractSolver):
@@ -32,44 +39,44 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     term_structure = diffrax.ODETerm
 
     @property
-    def interpolation_cls(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The method's dense output."""
         return self._interpolation
 
     def _interpolation(
-        self, *, t0: Scalar, t1: Scalar, y0: Any, y1: Any, stages: tuple[Any, ...]
+        self, *, t0: Scalar, t1: Scalar, y0: Y, y1: Y, stages: tuple[Y, ...]
     ) -> "DenseOutput":
         del y1
         return DenseOutput(self.method, t0, t1, y0, stages)
 
-    def order(self, terms: Any) -> int | None:
-        """Order of the method."""
+    def order(self, terms: diffrax.ODETerm) -> int | None:
+        """Order of the wrapped method's solution."""
         return self.method.order(terms)
 
-    def error_order(self, terms: Any) -> Any:
-        """Order of the error estimate."""
+    def error_order(self, terms: diffrax.ODETerm) -> Scalar | None:
+        """Order of the wrapped method's error estimate."""
         return self.method.error_order(terms)
 
-    def func(self, terms: Any, t0: Scalar, y0: Any, args: Any) -> Any:
-        """The rates."""
+    def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
+        """The rates of the variables at a time."""
         return terms.vf(t0, y0, args)
 
-    def init(self, terms: Any, t0: Scalar, t1: Scalar, y0: Any, args: Any) -> Any:
-        """The rates at the start."""
+    def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
+        """The solver's state before the first step: the rates there."""
         del t1
         return terms.vf(t0, y0, args)
 
     def step(
         self,
-        terms: Any,
+        terms: diffrax.ODETerm,
         t0: Scalar,
         t1: Scalar,
-        y0: Any,
-        args: Any,
-        solver_state: Any,
-        made_jump: Any,
-        graded: Any = None,
-    ) -> tuple[Any, Any, dict[str, Any], Any, diffrax.RESULTS]:
+        y0: Y,
+        args: PyTree,
+        solver_state: Y,
+        made_jump: Scalar,
+        graded: Scalar | None = None,
+    ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
         """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
         tableau = _tableau(self.method)
         h = t1 - t0
@@ -103,15 +110,15 @@ class DenseOutput(eqx.Module):
     method: diffrax.AbstractERK
     t0: Scalar
     t1: Scalar
-    y0: Any
-    stages: tuple[Any, ...]
+    y0: PyTree[Scalar]
+    stages: tuple[PyTree[Scalar], ...]
 
-    def evaluate(self, t: Scalar) -> Any:
-        """The variables at a time."""
+    def evaluate(self, t: Scalar) -> PyTree[Scalar]:
+        """The variables at a time within the step, s."""
         h = self.t1 - self.t0
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
-    def at(self, x: Scalar) -> Any:
+    def at(self, x: Scalar) -> PyTree[Scalar]:
         """The variables at a fraction x of the step."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
@@ -124,12 +131,12 @@ class DenseOutput(eqx.Module):
         return jax.tree.map(leaf, self.y0, *self.stages)
 
 
-def _elapsed(s: float, graded: Any) -> Scalar:
+def _elapsed(s: float, graded: Scalar | None) -> Scalar:
     """The part of a step's time that has passed at a place s in it."""
     return s if graded is None else jnp.where(graded, s * s, s)
 
 
-def _per_place(rates: Any, s: float, graded: Any) -> Any:
+def _per_place(rates: Y, s: float, graded: Scalar | None) -> Y:
     """Rates against the place in the step, over its length."""
     if graded is None:
         return rates
@@ -137,7 +144,7 @@ def _per_place(rates: Any, s: float, graded: Any) -> Any:
     return jax.tree.map(lambda rate: slope * rate, rates)
 
 
-def place_in_step(x: Scalar, graded: Any) -> Scalar:
+def place_in_step(x: Scalar, graded: Scalar | None) -> Scalar:
     """Where in a step, between 0 and 1, a part x of its time has passed; see the module's head."""
     return x if graded is None else jnp.where(graded, jnp.sqrt(jnp.maximum(x, 0.0)), x)
 
@@ -147,11 +154,11 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
     return method.tableau
 
 
-def _advanced(y0: Any, h: Scalar, weights: Any, stages: list[Any]) -> Any:
+def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
     return jax.tree.map(lambda y, *rates: y + h * _weighted(weights, rates), y0, *stages)
 
 
-def _weighted(weights: Any, values: Any) -> Scalar:
+def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
     terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
     return sum(terms[1:], terms[0])
 
@@ -165,7 +172,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     return solver
 
 
-def _horner(coefficients: Any, x: Scalar) -> Scalar:
+def _horner(coefficients: Weights, x: Scalar) -> Scalar:
     """A polynomial without constant term, lowest power first."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
@@ -174,7 +181,7 @@ def _horner(coefficients: Any, x: Scalar) -> Scalar:
 
 
 @cache
-def dense_weights(method: diffrax.AbstractERK) -> np.ndarray:
+def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
     """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
 
     Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off

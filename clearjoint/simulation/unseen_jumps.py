@@ -58,7 +58,7 @@ def jumped_unseen(
         y = eqx.tree_at(lambda y: y.motion, step.y, motion)
         return term.vf(t, y, fixed).motion
 
-    start, end = step.y.motion, trial.taken.y.motion
+    start, end = step.y.motion, trial.outcome.y.motion
     change = trial.t1 - step.t, jax.tree.map(jnp.subtract, end, start)
     early, early_change = jax.jvp(rates, (step.t, start), change)
     late, late_change = jax.jvp(rates, (trial.t1, end), change)

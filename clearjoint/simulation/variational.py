@@ -5,15 +5,16 @@ same step of the variational equations, error estimate included. So `attempt` di
 solver's step, for all parameters at once, and judges its error over state and derivatives.
 """
 
-from typing import Any
+from dataclasses import replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.vectors import Scalar
+from ..parametrisation.parametrised_scene import Coordinates
+from .aliases import SolverState
 from .dense_output import dense_time
 from .step_state import Attempt, Method, Step, Tangents, Variables, choose
 from .stepping import start
@@ -26,33 +27,32 @@ def start_with_tangents(
 ) -> Step:
     """`start` for a family of systems, with the derivatives of the initial state."""
 
-    def begun(system: System, values: Any) -> tuple[tuple[Variables, Memory], None]:
+    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, Memory], None]:
         state = family.start(values)
         motion = system.encode(state.bodies)
         return (Variables(motion, {}), jax.tree.map(jnp.asarray, state.memory)), None
 
     count = len(family.values)
     (y, memory), _, (y_along, memory_along) = family.pushed(
-        begun, (family.values,), (jnp.eye(count),)
+        initial, (family.values,), (jnp.eye(count),)
     )
     system = family.system()
     step = start(method, system, t0, t_end, first_step, y, memory, derivatives=True)
 
-    def rates(system: System, y: Variables, memory: Memory) -> tuple[Any, None]:
+    def solver_state(system: System, y: Variables, memory: Memory) -> tuple[SolverState, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (system, memory)), None
 
-    nothing = jnp.zeros(count)
-    y_along = Variables(y_along.motion, dict.fromkeys(step.y.work, nothing))
-    memory_along = memory_along or jax.tree.map(lambda _: nothing, step.memory)
-    _, _, rates_along = family.pushed(rates, (step.y, step.memory), (y_along, memory_along))
-    tangents = Tangents(y_along, memory_along, rates_along)
-    return eqx.tree_at(lambda s: s.tangents, step, tangents, is_leaf=lambda leaf: leaf is None)
+    none = jnp.zeros(count)
+    y_along = Variables(y_along.motion, dict.fromkeys(step.y.work, none))
+    memory_along = memory_along or jax.tree.map(lambda _: none, step.memory)
+    _, _, state_along = family.pushed(solver_state, (step.y, step.memory), (y_along, memory_along))
+    return replace(step, tangents=Tangents(y_along, memory_along, state_along))
 
 
-def look_at_tangents(method: Method, tried: Attempt, t: Scalar) -> tuple[Any, Any]:
+def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, Memory]:
     """Derivatives of what `look_inside` gives, before it is projected."""
-    end, inside, ahead = tried.step.t, tried.tangents, tried.step.tangents
-    assert inside is not None and ahead is not None
-    dense = method.solver.interpolation_cls(t0=tried.t_start, t1=end, **inside.information)
-    y = choose(t >= end, ahead.y, dense.evaluate(dense_time(tried, t)))
-    return y, choose(t >= end, ahead.memory, inside.memory_start)
+    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and last is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
+    y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
+    return y, choose(t >= end, last.memory, inside.memory_start)

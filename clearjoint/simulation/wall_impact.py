@@ -1,26 +1,29 @@
 """A free mass against a wall: what a law delivers, and what its smoothing costs."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
+from jaxtyping import Float
 
 from ..fields.checks import require
+from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
 from ..model.contact.laws import AbstractContactLaw, AbstractHertzianLaw, contact_normal_force
 
 TOLERANCE = 1e-11
 STEPS_A_CONTACT = 500
 LONGEST = 100.0
+"""s that a contact may last."""
 
 
 @dataclass(frozen=True)
 class FreeImpact:
-    """One impact.
+    """What comes of throwing a free mass at a wall.
 
     `restitution`: rebound over entry speed; `peak_force` N; `largest_penetration` m; `duration` s,
     from where the force begins to where it ends.
@@ -67,13 +70,13 @@ def free_impact(
 @eqx.filter_jit
 def _contact(
     law: AbstractContactLaw,
-    mass: Any,
-    entry_speed: Any,
-    bearing_radius: Any,
-    clearance: Any,
-    longest_step: Any,
+    mass: Scalar,
+    entry_speed: Scalar,
+    bearing_radius: float | None,
+    clearance: float | None,
+    longest_step: Scalar,
 ) -> diffrax.Solution:
-    def field(t: Any, y: Any, args: Any) -> Any:
+    def rates(t: Scalar, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
@@ -85,7 +88,7 @@ def _contact(
         direction=False,
     )
     return diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
+        diffrax.ODETerm(rates),
         diffrax.Dopri8(),
         0.0,
         LONGEST,

@@ -33,7 +33,7 @@ from ..simulation.batch.scheduler import Batch
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_precision, check_start
-from ..simulation.run_ends import begun
+from ..simulation.run_ends import begin_run
 from ..simulation.sensitivities import Sampled, sampled_compiled
 from ..simulation.settings import Settings, settings_or
 from ..simulation.step_state import Method, Step, Variables
@@ -92,12 +92,14 @@ class Stepper:
         y, error, state = self._solved(step, length)
         controller: Any = self.method.controller.wrap(1)
         order = self.method.solver.error_order(self._term(step))
-        t0, past = step.t, step.controller_state
+        t0, past = step.t, step.proposal.controller_state
         _, _, t_next, _, past, _ = controller.adapt_step_size(
             t0, t0 + length, step.y, y, None, error, order, past
         )
         fields = (y, state, past)
-        after = eqx.tree_at(lambda s: (s.y, s.solver_state, s.controller_state), step, fields)
+        after = eqx.tree_at(
+            lambda s: (s.y, s.solver_state, s.proposal.controller_state), step, fields
+        )
         return after, t_next
 
     def attempt(self, step: Step) -> Step:
@@ -156,7 +158,7 @@ class RunProgram(eqx.Module):
         if parameters is None:
             redundant = check_start(scene, state, time, settings.coordinates)
             scheme = Scheme.of(settings, bool(redundant))
-            step = begun(scheme.method, scheme.unpacked(form), state, *span)
+            step = begin_run(scheme.method, scheme.unpacked(form), state, *span)
             return RunProgram(scheme, form, step, None)
         scheme = derivative_scheme(scene, state, settings, time)
         values = jnp.asarray(coordinates_of(scene, state, parameters))

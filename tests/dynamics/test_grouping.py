@@ -151,7 +151,7 @@ def attempts(smallest, growth):
         steps.append(attempt(method, system, steps[-1], t_end).step)
     found = [
         (
-            (step.t, step.t_next, step.intended, step.y.work),
+            (step.t, step.proposal.t_next, step.proposal.full_length, step.y.work),
             [by_name(part) for part in (step.memory, step.reaches, step.second_rates)],
             by_name(system.decode(step.y.motion)),
         )

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.fields.declarations import quantity
+from clearjoint.math.vectors import ZERO, Vector
+from clearjoint.model.bodies import Wrench
 from clearjoint.simulation.nonsmooth.bounded_lcp import BoxProblem
 from tests.support.planes import Plane
 
@@ -288,3 +291,72 @@ def test_bad_arguments_are_refused(pendulum):
     silent, _ = cj.double_pendulum(law=Silent())
     with pytest.raises(ValueError, match=r"shoulder.*delivered_restitution.*Silent"):
         cj.simulate_nonsmooth(silent, state, 1.0, step=1e-3)
+
+
+class Push(cj.AbstractForce):
+    """A force along X on the ball from `start` to `end`."""
+
+    force: Any = quantity("N")
+    start: Any = quantity("s")
+    end: Any = quantity("s")
+
+    def body_names(self):
+        return ("ball",)
+
+    def breakpoints(self):
+        return self.start, self.end
+
+    def wrenches(self, motions, t):
+        force = jnp.where((t >= self.start) & (t < self.end), self.force, 0.0)
+        return {"ball": Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+def test_steps_end_where_a_force_changes():
+    """It is on for 0.333 s of far longer steps, whose own ends lie elsewhere."""
+    mass, force, start, end = 2.0, 4.0, 0.123, 0.456
+    scene = cj.Scene(
+        {"ball": cj.Body(mass, (1.0, 1.0, 1.0))}, forces={"push": Push(force, start, end)}
+    )
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+    times = np.array([0.0, 0.2, 0.3, 0.5, 0.9])
+    solution = cj.simulate_nonsmooth(scene, state, 1.0, step=0.4, save_at=times)
+    assert solution.saved is not None and solution.saved_count == len(times)
+    ball, time_on = solution.saved.states.bodies["ball"], np.clip(times, start, end) - start
+    speed = force / mass * time_on
+    np.testing.assert_allclose(ball.velocity[:, 0], speed, rtol=1e-12, atol=1e-12)
+    place = 0.5 * speed * time_on + speed * np.maximum(times - end, 0.0)
+    np.testing.assert_allclose(ball.position[:, 0], place, rtol=1e-12, atol=1e-12)
+
+
+class Ramp(cj.AbstractRotationDriver):
+    """At rest until the start, and at 10 rad/s from there on."""
+
+    start: Any = quantity("s")
+    first: str = eqx.field(default="ground", static=True)
+    second: str = eqx.field(default="shaft", static=True)
+    axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
+    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def angle(self, t):
+        return jnp.where(t < self.start, 0.0, 10.0 * (t - self.start))
+
+    def breakpoints(self):
+        return self.start
+
+
+def test_velocities_jump_with_a_driver_at_its_kink():
+    origin, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    scene = cj.Scene(
+        {"shaft": cj.Body(1.0, (0.02, 0.02, 0.02))},
+        {
+            "bearing": cj.RevoluteJoint("ground", "shaft", origin, origin, axis, axis),
+            "motor": Ramp(0.123),
+        },
+    )
+    state = cj.State({"shaft": cj.body_state(origin)})
+    solution = cj.simulate_nonsmooth(scene, state, 0.5, step=0.1, save_at=[0.1, 0.123, 0.3])
+    assert solution.saved is not None
+    spins = solution.saved.states.bodies["shaft"].spin[:, 2]
+    np.testing.assert_allclose(spins, [0.0, 10.0, 10.0], atol=1e-12)
+    e0, _, _, e3 = solution.final.bodies["shaft"].orientation
+    assert 2.0 * np.arctan2(e3, e0) == pytest.approx(10.0 * (0.5 - 0.123), abs=1e-9)

@@ -24,7 +24,7 @@ from ...quantities.instant import Instant
 from ...results import RESULTS
 from ..dense_output import on_constraints
 from ..method import Scheme
-from ..run_ends import begun, final_result, final_state
+from ..run_ends import begin_run, final_result, final_state
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
 from .recording import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
@@ -100,7 +100,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     """The lane before its first step."""
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
-    step = begun(plan.method, system, state, start_time, orders.end_time, orders.first_step)
+    step = begin_run(plan.method, system, state, start_time, orders.end_time, orders.first_step)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
@@ -249,7 +249,9 @@ def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Br
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
     row = Row(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    return Bracket(row, row, stages, step.enters if shapes.graded is not None else None)
+    return Bracket(
+        row, row, stages, step.proposal.begins_contact if shapes.graded is not None else None
+    )
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:

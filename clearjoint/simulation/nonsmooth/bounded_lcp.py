@@ -67,8 +67,8 @@ class BoxProblem:
             jnp.where(lower < upper, number, 0.0)
             for number, lower, upper in zip(start, self._lower, self._upper, strict=True)
         ]
-        found = largest(loose)
-        return jnp.where(found > 0.0, found, 1.0)
+        scale = largest(loose)
+        return jnp.where(scale > 0.0, scale, 1.0)
 
     def _row(self, i: int) -> list[Scalar]:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
@@ -141,10 +141,10 @@ class BoxProblem:
 
 def largest(numbers: Sequence[Scalar]) -> Scalar:
     """The largest magnitude of some numbers."""
-    found: Scalar = 0.0
+    magnitude: Scalar = 0.0
     for number in numbers:
-        found = jnp.maximum(found, jnp.abs(number))
-    return found
+        magnitude = jnp.maximum(magnitude, jnp.abs(number))
+    return magnitude
 
 
 def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:

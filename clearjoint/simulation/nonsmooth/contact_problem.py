@@ -9,7 +9,6 @@ nonlinear programming approach to the unilateral contact and friction boundary v
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +30,9 @@ TOLERANCE = 1e-9
 """Of the alternation between normal and tangential impulses."""
 FAST = 1e3
 """Slip speed, m/s, at which a friction law is asked for its Coulomb coefficient."""
+
+Turn = tuple[Impulses, Impulses, Scalar, Scalar]
+"""Normal and tangential impulses, their residual, and the number of turns so far."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class ContactProblem:
         rows = flattened(system.rows(mechanics.motions, t))
         held = [mechanics.projected(row.jacobian) for row in rows]
 
-        def freed(direction: Speeds) -> Speeds:
+        def free_response(direction: Speeds) -> Speeds:
             rates = mechanics.solved(direction)
             if not held:
                 return rates
@@ -118,7 +120,7 @@ class ContactProblem:
         self.rows = [touch.normal for touch in contacts]
         self.rows += [row for touch in contacts for row in touch.slip]
         directions = [mechanics.projected(row.jacobian) for row in self.rows]
-        self._responses = [freed(direction) for direction in directions]
+        self._responses = [free_response(direction) for direction in directions]
         self._matrix = [
             [inner(direction, other) for other in self._responses[: i + 1]]
             for i, direction in enumerate(directions)
@@ -129,10 +131,10 @@ class ContactProblem:
         """Those along all rows, m/s: opening velocities, and then slips."""
         return [row_rate(row, motions) for row in self.rows]
 
-    def changed(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
+    def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
         """The velocities after impulses."""
         rows = range(len(self.rows))
-        return self._pushed(rows, rows, velocities, impulses)
+        return self._with_impulses(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """The change of the speeds by impulses along the first rows."""
@@ -141,7 +143,7 @@ class ContactProblem:
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
         return change
 
-    def _pushed(
+    def _with_impulses(
         self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
     ) -> list[Scalar]:
         """Velocities of some rows after impulses along others."""
@@ -181,19 +183,22 @@ class ContactProblem:
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
-        def go(now: tuple[Impulses, Impulses, Scalar, Scalar]) -> Any:
+        def go(now: Turn) -> Turn:
             _, tangential, _, turns = now
-            seen = self._pushed(normals, tangents, aims, tangential)
-            normal, left = self.normal_impulses(closed, seen)
+            aims_with_friction = self._with_impulses(normals, tangents, aims, tangential)
+            normal, normal_residual = self.normal_impulses(closed, aims_with_friction)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
-            following, rest = problem.solve(self._pushed(tangents, normals, slips, normal))
+            following, slip_residual = problem.solve(
+                self._with_impulses(tangents, normals, slips, normal)
+            )
             differences = [a - b for a, b in zip(following, tangential, strict=True)]
-            felt = self._pushed(normals, tangents, [0.0] * count, differences)
-            change = _largest_of(closed, felt) / scale
-            return normal, following, largest([left, rest, change]), turns + 1
+            changes = self._with_impulses(normals, tangents, [0.0] * count, differences)
+            change = _largest_of(closed, changes) / scale
+            residual = largest([normal_residual, slip_residual, change])
+            return normal, following, residual, turns + 1
 
-        def goes(now: tuple[Impulses, Impulses, Scalar, Scalar]) -> Scalar:
+        def goes(now: Turn) -> Scalar:
             return (now[2] > TOLERANCE) & (now[3] < ALTERNATIONS)
 
         zero = jnp.zeros(())

@@ -16,15 +16,16 @@ end of the next step, the positions are projected out of the wall, in the metric
 (V. Acary, Projected event-capturing time-stepping schemes, 2013).
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
+from ...dynamics.breakpoints import seen
 from ...dynamics.system import System
 from ...math.rotations import normalised
 from ...math.vectors import EulerParameters, Scalar, add, multiply
+from ..aliases import MotionVariables
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -48,34 +49,35 @@ class ContactStep(eqx.Module):
     penetration: Scalar
 
 
-class Stepped(eqx.Module):
-    """The variables after a step, and its contacts.
+class StepEnd(eqx.Module):
+    """The variables at the end of a step, and what its contacts did.
 
     `residual` is the largest violation of their laws, over their largest velocity; `solved` whether
     it is small; `shallow` whether no bearing was penetrated deeper than its clearance.
     """
 
-    variables: Any
+    variables: MotionVariables
     contacts: dict[str, dict[str, ContactStep]]
     residual: Scalar
     solved: Scalar
     shallow: Scalar
 
 
-def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
-    """One step of length h from time t, s."""
+def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
+    """One step of length h from time t, s; elements that change at t have changed."""
     middle_time = t + 0.5 * h
-    middle, free = _smooth_step(rigid, variables, t, h)
+    t = seen(rigid.system.scene, t, t)
+    middle, free = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = rigid.system.mechanics(free)
     contacts = touches(rigid.system.scene, mechanics.motions)
     if not contacts:
-        return Stepped(
-            _arrived(
-                rigid, variables, _mean_speeds(rigid.system, middle, free), free, middle_time, h
-            ),
-            {},
-            jnp.zeros(()),
-            *(jnp.asarray(True),) * 2,
+        mean = _mean_speeds(rigid.system, middle, free)
+        return StepEnd(
+            variables=_arrived(rigid, variables, mean, free, middle_time, h),
+            contacts={},
+            residual=jnp.zeros(()),
+            solved=jnp.asarray(True),
+            shallow=jnp.asarray(True),
         )
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
@@ -86,25 +88,27 @@ def advanced(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> Stepped:
         for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
-    after = problem.changed(unloaded, impulses)
-    moved = mechanics.kicked(problem.kick(impulses))
+    after = problem.velocities_after(unloaded, impulses)
+    last = mechanics.kicked(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
-    push, pushed_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, moved)).kicked(push)
-    residual = jnp.maximum(residual, pushed_residual)
-    return Stepped(
-        _arrived(rigid, variables, mean, moved, middle_time, h),
-        _contact_steps(contacts, impulses, before, after),
-        residual,
-        residual <= SOLVED,
-        _is_shallow(contacts),
+    push, projection_residual = _projection(problem, closed, after, sinks, h)
+    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).kicked(push)
+    residual = jnp.maximum(residual, projection_residual)
+    return StepEnd(
+        variables=_arrived(rigid, variables, mean, last, middle_time, h),
+        contacts=_contact_steps(contacts, impulses, before, after),
+        residual=residual,
+        solved=residual <= SOLVED,
+        shallow=_is_shallow(contacts),
     )
 
 
-def _smooth_step(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> tuple[Any, Any]:
+def _smooth_step(
+    rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
+) -> tuple[MotionVariables, MotionVariables]:
     """The variables at the middle of a step with the speeds of its start, and with those that it
     ends with if no contact is closed."""
-    half, middle_time = 0.5 * h, t + 0.5 * h
+    half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
     return middle, _accelerated(
@@ -112,7 +116,14 @@ def _smooth_step(rigid: Rigid, variables: Any, t: Scalar, h: Scalar) -> tuple[An
     )
 
 
-def _arrived(rigid: Rigid, start: Any, mean: Any, last: Any, middle_time: Scalar, h: Scalar) -> Any:
+def _arrived(
+    rigid: Rigid,
+    start: MotionVariables,
+    mean: MotionVariables,
+    last: MotionVariables,
+    middle_time: Scalar,
+    h: Scalar,
+) -> MotionVariables:
     """The positions moved for a step at the mean speeds, with the last speeds."""
     return rigid.system.with_speeds(
         _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
@@ -156,43 +167,49 @@ def _contact_steps(
     works = [
         -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
     ]
-    found: dict[str, dict[str, ContactStep]] = {}
+    steps: dict[str, dict[str, ContactStep]] = {}
     first = len(contacts)
     for k, touch in enumerate(contacts):
         last = first + len(touch.slip)
         work = sum(works[first:last], works[k])
         penetration = jnp.maximum(-touch.gap, 0.0)
         step = ContactStep(impulses[k], jnp.asarray(before[k]), work, penetration)
-        found.setdefault(touch.joint, {})[touch.label] = step
+        steps.setdefault(touch.joint, {})[touch.label] = step
         first = last
-    return found
+    return steps
 
 
-def _smooth_rates(rigid: Rigid, variables: Any, t: Scalar) -> Any:
+def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
     """Time derivative of the variables without contact."""
     return rigid.system.dynamics_under(variables, {}, t).variable_rates
 
 
-def _displaced(system: System, variables: Any, rates: Any, time: Scalar) -> Any:
+def _displaced(
+    system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
+) -> MotionVariables:
     """Positions moved by their rates for a time; Euler parameters have unit norm again."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
-def _accelerated(system: System, variables: Any, rates: Any, time: Scalar) -> Any:
+def _accelerated(
+    system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
+) -> MotionVariables:
     """Speeds changed by their rates for a time."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
-def _mean_speeds(system: System, first: Any, second: Any) -> Any:
+def _mean_speeds(
+    system: System, first: MotionVariables, second: MotionVariables
+) -> MotionVariables:
     """The variables, of equal positions, with the mean of their speeds."""
     half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
     return system.with_speeds(first, half)
 
 
-def _plus(start: Any, rate: Any, time: Scalar) -> Any:
+def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
     """start + time rate, of a PyTree of scalars."""
 
-    def move(a: Any, b: Any) -> Any:
+    def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):
             return normalised(jax.tree.map(lambda x, y: x + time * y, a, b))
         return add(a, multiply(time, b))

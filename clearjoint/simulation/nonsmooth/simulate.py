@@ -1,11 +1,14 @@
 """Simulation with rigid contacts: impacts have no duration, and steps do not follow them."""
 
-from typing import Any
+from dataclasses import replace
+from functools import reduce
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Float, Int
 
+from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
@@ -14,14 +17,16 @@ from ...dynamics.system import System
 from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.readable import AbstractReadable
 from ...math.vectors import Scalar, Structured, pack, structured, unpack
-from ...model.bodies import State
+from ...model.bodies import BodyState, State
 from ...model.scene import Scene
 from ...results import RESULTS
+from ..aliases import Integers, MotionVariables, Numbers
 from ..run_checks import check_precision, check_start
 from ..saving import Saving, saving_or_nothing
 from ..solution import Trajectory, raise_failure
 from ..spans import check_span
-from .moreau_jean import ContactStep, Rigid, advanced
+from ..step_state import choose
+from .moreau_jean import ContactStep, Rigid, advance
 
 
 class ContactTotals(AbstractReadable):
@@ -35,12 +40,12 @@ class ContactTotals(AbstractReadable):
     - `penetration`: deepest in the middle of a step, m.
     """
 
-    impacts: Any
-    impulse: Any
-    dissipated: Any
-    hardest: Any
-    fastest: Any
-    penetration: Any
+    impacts: Integers
+    impulse: Numbers
+    dissipated: Numbers
+    hardest: Numbers
+    fastest: Numbers
+    penetration: Numbers
 
 
 class NonsmoothSolution(AbstractReadable):
@@ -57,15 +62,15 @@ class NonsmoothSolution(AbstractReadable):
       such a solution too, for all but forces.
     """
 
-    time: Any
+    time: Numbers
     final: State
     result: RESULTS
-    steps: Any
+    steps: Integers
     saved: Trajectory | None
     history: dict[str, dict[str, ContactTotals]] | None
-    saved_count: Any
+    saved_count: Integers | None
     contacts: dict[str, dict[str, ContactTotals]]
-    residual: Any
+    residual: Numbers
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
@@ -73,12 +78,12 @@ class NonsmoothSolution(AbstractReadable):
 def simulate_nonsmooth(
     scene: Scene,
     state: State,
-    end_time: Any,
+    end_time: Scalar,
     save: Saving | None = None,
     *,
-    step: Any,
-    start_time: Any = 0.0,
-    restitution: Any = None,
+    step: Scalar,
+    start_time: Scalar = 0.0,
+    restitution: Scalar | None = None,
     coordinates: AbstractCoordinates | None = None,
     redundant: bool | None = None,
     throw: bool = True,
@@ -91,6 +96,9 @@ def simulate_nonsmooth(
     duration of impacts are absent, and so are peak forces; a step may be far longer than an impact.
     An impact happens in the middle of its step, so that its instant, and with it every state, is
     known to half a step: order one.
+
+    A step ends at each breakpoint of a joint or force, and where a driver makes velocities jump,
+    they jump with the least kinetic energy, as in `simulate`.
 
     Works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But derivatives
     across impacts are not those of the motion: which step an impact falls into does not move with
@@ -132,16 +140,19 @@ def simulate_nonsmooth(
     run = _run_compiled(
         structured(scene), formulation, state, stops, jnp.asarray(step, dtype=float), chosen
     )
-    solution = _solution(run, stops, times is not None, formulation, names, traced)
-    if not traced:
-        kept = [] if solution.saved is None else [(solution.saved.times, solution.saved.states)]
-        warn_of_journals_outside(scene, solution.time, solution.final, kept)
-    if throw and not traced:
+    solution = _solution(run, stops, times is not None, formulation, names)
+    if traced:
+        return solution
+    solution = jax.device_get(solution)
+    saved = solution.saved
+    rows = [] if saved is None else [(saved.times, saved.states)]
+    warn_of_journals_outside(scene, solution.time, solution.final, rows)
+    if throw:
         raise_failure(solution)
     return solution
 
 
-def require_restitution(scene: Scene, restitution: Any) -> None:
+def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
     """Check that every contact has a restitution."""
     if restitution is not None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
@@ -157,65 +168,105 @@ def require_restitution(scene: Scene, restitution: Any) -> None:
             )
 
 
-class _Now(eqx.Module):
+class _Run(eqx.Module):
     """A run between two steps; `touching` tells of each contact whether it had an impulse."""
 
     t: Scalar
-    variables: Any
-    touching: Any
-    totals: Any
+    variables: MotionVariables
+    touching: dict[str, dict[str, Scalar]]
+    totals: dict[str, dict[str, ContactTotals]]
     residual: Scalar
     result: RESULTS
     steps: Scalar
 
 
-class _Run(eqx.Module):
-    """The end of a run in packed form, and the states, totals and results at all stops but the
-    first."""
+class _Stop(eqx.Module):
+    """What is kept of a run at a time at which a step ends; bodies in packed form."""
 
-    end: _Now
-    final: Any
-    states: Any
-    totals: Any
-    results: Any
+    bodies: dict[str, BodyState]
+    totals: dict[str, dict[str, ContactTotals]]
+    result: RESULTS
+
+
+class _Outcome(eqx.Module):
+    """The end of a run with its bodies in packed form, and all stops but the first."""
+
+    end: _Run
+    bodies: dict[str, BodyState]
+    stops: _Stop
 
 
 def _run(
     form: Structured,
     formulation: Formulation,
     state: State,
-    stops: Any,
-    longest: Any,
-    restitution: Any,
-) -> _Run:
+    stops: Float[jax.Array, " stops"],
+    longest: Scalar,
+    restitution: Scalar | None,
+) -> _Outcome:
     system = System(unpack(form), formulation)
     rigid = Rigid(system, _restitutions(system.scene, restitution))
-    begin = _begin(rigid, system.encode(unpack(state.bodies)), stops[0])
+    first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    times, places = _with_breakpoints(system.scene, stops)
 
-    def to_stop(now: _Now, span: tuple[Any, Any]) -> tuple[_Now, Any]:
-        start, stop = span
-        count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
-        h = (stop - start) / jnp.maximum(count, 1.0)
+    def to_stop(now: _Run, span: tuple[Scalar, Scalar]) -> tuple[_Run, _Stop]:
+        now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
+        return now, _Stop(pack(system.decode(now.variables)), now.totals, now.result)
 
-        def goes(carried: tuple[_Now, Scalar]) -> Scalar:
-            return (carried[1] < count) & (carried[0].result == RESULTS.successful)
-
-        def go(carried: tuple[_Now, Scalar]) -> tuple[_Now, Scalar]:
-            now, k = carried
-            return _stepped(rigid, now, start + k * h, h), k + 1.0
-
-        now, _ = jax.lax.while_loop(goes, go, (now, jnp.zeros(())))
-        kept = pack(system.decode(now.variables)), now.totals, now.result
-        return now, kept
-
-    end, (states, totals, results) = jax.lax.scan(to_stop, begin, (stops[:-1], stops[1:]))
-    return _Run(end, pack(system.decode(end.variables)), states, totals, results)
+    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    if places is not None:
+        kept = jax.tree.map(lambda leaf: leaf[places], kept)
+    return _Outcome(end, pack(system.decode(end.variables)), kept)
 
 
 _run_compiled = eqx.filter_jit(_run)
 
 
-def _restitutions(scene: Scene, restitution: Any) -> dict[str, dict[str, Scalar]]:
+def _with_breakpoints(
+    scene: Scene, stops: Float[jax.Array, " stops"]
+) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
+    """The stops and the breakpoints between them, rising; and where behind the first the stops
+    behind the first are, ``None`` if there are no breakpoints."""
+    elements = jax.tree.leaves(breakpoints(scene))
+    if not elements:
+        return stops, None
+    inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
+    times = jnp.sort(jnp.concatenate([stops, *inside]))
+    return times, jnp.searchsorted(times, stops[1:], side="right") - 2
+
+
+def _past_kink(system: System, now: _Run, start: Scalar, stop: Scalar) -> _Run:
+    """The run with the velocities that drivers want from `stop` on, if one changes there."""
+    since = since_breakpoints(system.scene, start, stop)
+    joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
+    if not joints:
+        return now
+    time = seen(system.scene, stop, stop)
+    variables = jax.lax.cond(
+        reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
+        lambda variables: system.project_velocities(variables, time),
+        lambda variables: variables,
+        now.variables,
+    )
+    return replace(now, variables=variables)
+
+
+def _to_stop(rigid: Rigid, now: _Run, start: Scalar, stop: Scalar, longest: Scalar) -> _Run:
+    """The run after equal steps from one stop to the next."""
+    count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
+    h = (stop - start) / jnp.maximum(count, 1.0)
+
+    def goes(carry: tuple[_Run, Scalar]) -> Scalar:
+        return (carry[1] < count) & (carry[0].result == RESULTS.successful)
+
+    def go(carry: tuple[_Run, Scalar]) -> tuple[_Run, Scalar]:
+        now, k = carry
+        return _after_step(rigid, now, start + k * h, h), k + 1.0
+
+    return jax.lax.while_loop(goes, go, (now, jnp.zeros(())))[0]
+
+
+def _restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
     return {
         name: {
             label: law.delivered_restitution() if restitution is None else restitution  # pyright: ignore
@@ -225,83 +276,87 @@ def _restitutions(scene: Scene, restitution: Any) -> dict[str, dict[str, Scalar]
     }
 
 
-def _begin(rigid: Rigid, variables: Any, t: Any) -> _Now:
+def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> _Run:
     """The run before its first step."""
-    variables = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables)
-    zero = jnp.zeros(())
-    nothing = ContactTotals(jnp.zeros((), int), zero, zero, zero, zero, zero)
+    zero, none = jnp.zeros(()), jnp.zeros((), int)
+    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
-    totals = {name: dict.fromkeys(family, nothing) for name, family in laws.items()}
-    touching = {name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()}
-    none = jnp.zeros((), int)
-    return _Now(t, variables, touching, totals, zero, RESULTS.successful, none)
-
-
-def _stepped(rigid: Rigid, now: _Now, t: Scalar, h: Scalar) -> _Now:
-    """The run a step further, or as it was if the step failed."""
-    tried = advanced(rigid, now.variables, t, h)
-    sums = [0.0 * leaf for leaf in jax.tree.leaves(tried.variables)]
-    finite = sum(sums[1:], sums[0]) == 0.0
-    touching = jax.tree.map(lambda one: one.impulse > 0.0, tried.contacts, is_leaf=_is_contact)
-    totals = jax.tree.map(_added, now.totals, tried.contacts, now.touching, is_leaf=_is_contact)
-    result = RESULTS.where(finite, now.result, RESULTS.non_finite)
-    result = RESULTS.where(finite & ~tried.solved, RESULTS.solver_failed, result)
-    result = RESULTS.where(finite & ~tried.shallow, RESULTS.step_too_long, result)
-    good = finite & tried.solved & tried.shallow
-    residual = jnp.maximum(now.residual, tried.residual)
-    ahead = _Now(t + h, tried.variables, touching, totals, residual, result, now.steps + 1)
-    kept = jax.tree.map(
-        lambda new, old: jnp.where(good, new, old),
-        eqx.tree_at(lambda n: n.result, ahead, now.result),
-        now,
+    return _Run(
+        t=t,
+        variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
+        touching={name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()},
+        totals={name: dict.fromkeys(family, nothing) for name, family in laws.items()},
+        residual=zero,
+        result=RESULTS.successful,
+        steps=none,
     )
-    return eqx.tree_at(lambda n: n.result, kept, result)
 
 
-def _is_contact(tree: Any) -> bool:
+def _after_step(rigid: Rigid, now: _Run, t: Scalar, h: Scalar) -> _Run:
+    """The run a step further, or as it was if the step failed."""
+    end = advance(rigid, now.variables, t, h)
+    sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
+    finite = sum(sums[1:], sums[0]) == 0.0
+    touching = jax.tree.map(lambda one: one.impulse > 0.0, end.contacts, is_leaf=_is_contact)
+    totals = jax.tree.map(_total, now.totals, end.contacts, now.touching, is_leaf=_is_contact)
+    result = RESULTS.where(finite, now.result, RESULTS.non_finite)
+    result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
+    following = _Run(
+        t=t + h,
+        variables=end.variables,
+        touching=touching,
+        totals=totals,
+        residual=jnp.maximum(now.residual, end.residual),
+        result=now.result,
+        steps=now.steps + 1,
+    )
+    return replace(choose(finite & end.solved & end.shallow, following, now), result=result)
+
+
+def _is_contact(tree: object) -> bool:
     return isinstance(tree, ContactTotals | ContactStep)
 
 
-def _added(totals: ContactTotals, step: ContactStep, touched: Scalar) -> ContactTotals:
+def _total(totals: ContactTotals, step: ContactStep, touched: Scalar) -> ContactTotals:
+    """The totals with those of a step; `touched` tells whether the one before had an impulse."""
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
     return ContactTotals(
-        totals.impacts + (pushes & ~touched),
-        totals.impulse + step.impulse,
-        totals.dissipated + step.dissipated,
-        jnp.maximum(totals.hardest, step.impulse),
-        jnp.maximum(totals.fastest, approach),
-        jnp.maximum(totals.penetration, step.penetration),
+        impacts=totals.impacts + (pushes & ~touched),
+        impulse=totals.impulse + step.impulse,
+        dissipated=totals.dissipated + step.dissipated,
+        hardest=jnp.maximum(totals.hardest, step.impulse),
+        fastest=jnp.maximum(totals.fastest, approach),
+        penetration=jnp.maximum(totals.penetration, step.penetration),
     )
 
 
 def _solution(
-    run: _Run,
-    stops: Any,
+    run: _Outcome,
+    stops: Float[jax.Array, " stops"],
     saves: bool,
     formulation: Formulation,
-    names: tuple[str, ...],
-    traced: bool,
+    redundant_constraints: tuple[str, ...],
 ) -> NonsmoothSolution:
     saved, history, count = None, None, None
     if saves:
-        states, history = jax.tree.map(lambda leaf: leaf[:-1], (run.states, run.totals))
-        count = (run.results == RESULTS.successful)[:-1].sum()
+        rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
+        history, count = rows.totals, (run.stops.result == RESULTS.successful)[:-1].sum()
         memory = jax.tree.map(
             lambda totals: jnp.zeros_like(totals.impulse), history, is_leaf=_is_contact
         )
-        saved = Trajectory(stops[1:-1], State(states, memory))
-    solution = NonsmoothSolution(
-        run.end.t,
-        State(run.final),
-        run.end.result,
-        run.end.steps,
-        saved,
-        history,
-        count,
-        run.end.totals,
-        run.end.residual,
-        formulation,
-        names,
+        saved = Trajectory(stops[1:-1], State(rows.bodies, memory))
+    return NonsmoothSolution(
+        time=run.end.t,
+        final=State(run.bodies),
+        result=run.end.result,
+        steps=run.end.steps,
+        saved=saved,
+        history=history,
+        saved_count=count,
+        contacts=run.end.totals,
+        residual=run.end.residual,
+        formulation=formulation,
+        redundant_constraints=redundant_constraints,
     )
-    return solution if traced else jax.device_get(solution)

@@ -1,0 +1,132 @@
+"""Whether a trial is accepted, how long the next step shall be, and whether the run has failed."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..dynamics.breakpoints import breakpoints, seen
+from ..dynamics.contact_events import Reaches, too_deep
+from ..dynamics.system import System
+from ..math.vectors import Scalar
+from ..results import RESULTS
+from .step_length import length_after_breakpoints, lengths_after_contacts, magnitudes
+from .step_state import Method, Proposal, Step, choose
+from .trial_step import Trial, error_order, may_jump
+from .unseen_jumps import jumped_unseen, may_jump_unseen
+
+TANGENT_TOLERANCE = 10.0
+"""Tolerances of the tangents in those of the state. How right derivatives are with it, the study
+`studies.benchmark` measures."""
+PRESCRIBED_TOLERANCE = 1e-3
+"""rad or m: a driver farther off what it prescribes is not followed. Stabilised constraints drift
+by a thousandth of this at usual tolerances."""
+
+
+class Verdict(eqx.Module):
+    """Whether to keep a trial, which step to try next, and the result of the run so far."""
+
+    keep: Scalar
+    proposal: Proposal
+    result: RESULTS
+
+
+class _Judgement(eqx.Module):
+    """What the step-size controller says of a trial: its own outputs, by diffrax's names."""
+
+    keep: Scalar
+    t_next: Scalar
+    made_jump: Scalar
+    controller_state: object
+    result: diffrax.RESULTS
+
+
+def judge(
+    method: Method, system: System, step: Step, trial: Trial, after: Reaches, t_end: Scalar
+) -> Verdict:
+    """What becomes of a trial that ends with the contacts `after`.
+
+    The step-size controller decides, unless the trial passes an event on which it must land: then
+    it is rejected, and tried again up to there.
+    """
+    t1, last = trial.t1, step.proposal
+    judgement = _judgement(method, system, step, trial)
+    keep, t_next = judgement.keep, judgement.t_next
+    controller_state = judgement.controller_state
+    full_length = t_next - jnp.where(keep, t1, step.t)
+    begins_contact, entry_length = last.begins_contact, last.entry_length
+    if method.landing is not None and after:
+        passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
+        lands = keep & passes
+        controller_state = choose(lands, last.controller_state, controller_state)
+        keep = keep & ~passes
+        full_length, begins_contact, entry_length = lengths_after_contacts(
+            step, after, t1, keep, lands, full_length
+        )
+        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + full_length)
+    elif breakpoints(system.scene):
+        full_length = length_after_breakpoints(step, t1, keep, full_length)
+        t_next = jnp.where(keep, t1, step.t) + full_length
+    made_jump = jnp.where(
+        keep, judgement.made_jump | may_jump(method, system.scene), last.made_jump
+    )
+    result = _result(system, step, trial, keep, t_next, judgement.result, after, t_end)
+    if trial.tangents is not None and may_jump_unseen(system.scene):
+        jumps = keep & jumped_unseen(method, system, step, trial, after)
+        result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+    proposal = Proposal(
+        t_next=t_next,
+        full_length=full_length,
+        begins_contact=begins_contact,
+        entry_length=entry_length,
+        made_jump=made_jump,
+        controller_state=controller_state,
+    )
+    return Verdict(keep, proposal, result)
+
+
+def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:
+    before, after, error = magnitudes(step.y), magnitudes(trial.outcome.y), trial.outcome.error
+    if trial.tangents is not None:
+        assert step.tangents is not None
+        before = before, magnitudes(step.tangents.y)
+        after = after, magnitudes(trial.tangents.y)
+        error = error, jax.tree.map(lambda e: e / TANGENT_TOLERANCE, trial.tangents.error)
+    keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
+        step.t,
+        trial.t1,
+        before,
+        after,
+        (system, step.memory),
+        error,
+        error_order(method),
+        step.proposal.controller_state,
+    )
+    return _Judgement(keep, t_next, made_jump, state, result)
+
+
+def _result(
+    system: System,
+    step: Step,
+    trial: Trial,
+    keep: Scalar,
+    t_next: Scalar,
+    controller_result: diffrax.RESULTS,
+    after: Reaches,
+    t_end: Scalar,
+) -> RESULTS:
+    now = jnp.where(keep, trial.t1, step.t)
+    eps = jnp.finfo(now.dtype).eps
+    resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))  # at t = 0 as well
+    stuck = (t_next - now <= resolution) & (now < t_end)
+    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
+        controller_result != diffrax.RESULTS.successful
+    )
+    result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
+    if after:
+        result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
+    off = system.off_prescribed(trial.outcome.y.motion, seen(system.scene, step.t, trial.t1))
+    if off is not None:
+        result = RESULTS.where(keep & (off > PRESCRIBED_TOLERANCE), RESULTS.not_followed, result)
+    result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
+    return RESULTS.where(gave_up, RESULTS.solver_failed, result)

@@ -1,0 +1,55 @@
+"""Checks that are carried out once for the same numbers."""
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.fields.caching import KEPT, cached_by_numbers
+
+
+@pytest.fixture
+def counted():
+    """A function with the list of what it was called with."""
+    calls: list[object] = []
+
+    @cached_by_numbers
+    def function(tree):
+        calls.append(tree)
+        if isinstance(tree, float) and tree < 0.0:
+            raise ValueError("negative")
+        return len(calls)
+
+    return function, calls
+
+
+def test_same_numbers_are_looked_at_once_and_others_anew(counted):
+    function, calls = counted
+    body = cj.Body(1.0, (1.0, 1.0, 1.0))
+    assert function(body) == function(cj.Body(1.0, (1.0, 1.0, 1.0))) == 1
+    assert function(cj.put(body, lambda b: b.mass, 2.0)) == 2
+    assert function({"body": body}) == 3
+    numbers = np.ones(3)
+    assert function(numbers) == 4
+    numbers[0] = 2.0
+    assert function(numbers) == 5
+    assert len(calls) == 5
+
+
+def test_errors_are_raised_each_time_and_traced_numbers_looked_at_each_time(counted):
+    function, calls = counted
+    for _ in range(2):
+        with pytest.raises(ValueError, match="negative"):
+            function(-1.0)
+    jax.eval_shape(lambda x: (function([x]), function([x]), x)[2], 1.0)
+    assert len(calls) == 4
+
+
+def test_only_the_latest_are_kept(counted):
+    function, calls = counted
+    for number in range(KEPT + 1):
+        function(float(number))
+    function(float(KEPT))
+    assert len(calls) == KEPT + 1
+    function(0.0)
+    assert len(calls) == KEPT + 2
