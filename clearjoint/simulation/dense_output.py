@@ -61,7 +61,7 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method where sweeps save states, sections or statistics, or a run "
-        "has derivatives",
+        "an explicit Runge-Kutta method where sweeps look inside steps (saved states, sections, "
+        "peaks, statistics, impacts), or a run has derivatives",
         "take one such as diffrax.Tsit5(), or leave these outputs out",
     )

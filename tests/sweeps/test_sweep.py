@@ -12,6 +12,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import quantities as q
 from clearjoint.sweeps.axes import lanes_of
+from tests.support.reference import Case
 
 CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
 END = 0.04
@@ -117,12 +118,22 @@ def test_final_states_are_the_last_saved_ones(grid, pairs):
 
 
 def test_peak_force_is_that_of_the_impact_table(pairs):
-    """The parabola over accepted steps against the table's quintic: 5e-4 at rtol 1e-6."""
+    """Within steps too, by the dense output: of successive steps' ends it would be 1e-3 off."""
     for lane, run in pairs:
         impacts = run.impacts.of("shoulder", "V")
         strongest = impacts.peak_force.argmax()
-        assert float(lane.force) == pytest.approx(impacts.peak_force[strongest], rel=1e-3)
-        assert float(lane.force_time) == pytest.approx(impacts.peak_time[strongest], abs=1e-5)
+        assert float(lane.force) == pytest.approx(impacts.peak_force[strongest], rel=1e-6)
+        assert float(lane.force_time) == pytest.approx(impacts.peak_time[strongest], abs=2e-8)
+
+
+@pytest.mark.parametrize("clearance", [5e-5, 1e-3])
+def test_peak_force_is_that_of_the_reference(grid, reference_folder, clearance):
+    """The first impact is the strongest; the default tolerance has it to 1e-7."""
+    impacts = Case(clearance, 0.9, END).impacts(reference_folder, "V")
+    lane = grid.sel(clearance=clearance, restitution=0.9, method="nearest")
+    assert impacts["F_peak"].argmax() == 0
+    assert float(lane.force) == pytest.approx(impacts["F_peak"][0], rel=1e-6)
+    assert float(lane.force_time) == pytest.approx(impacts["t_F_peak"][0], abs=2e-8)
 
 
 def test_impacts_are_counted_open_ones_included(pairs):

@@ -130,10 +130,10 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
         bracket = choose(kept, Bracket.of(tried), lane.bracket)
         lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
 
-    def middle() -> Instant:
-        return Bracket.of(tried).middle(plan.method).instant(system)
+    def inside(x: Scalar) -> Instant:
+        return Bracket.of(tried).within(plan.method, x).instant(system)
 
-    now = Row(step.t, step.y, step.memory).instant(system, middle)
+    now = Row(step.t, step.y, step.memory).instant(system, inside)
     lane = _with_tallies(plan, lane, now, kept)
     lane = _with_crossings(plan, system, lane, now, kept, orders)
     return _with_save(plan, system, lane, orders)

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 
 from ...dynamics.contact_forces import Memory
 from ...dynamics.system import System
+from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
 from ...quantities.instant import Instant
 from ..dense_output import require_dense
@@ -22,7 +23,6 @@ from ..unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
 from .reductions import Quantity
 
 SLOTS = 8
-ROOT_STEPS = 4
 
 
 class Row(eqx.Module):
@@ -35,11 +35,11 @@ class Row(eqx.Module):
     def instant(
         self,
         system: System,
-        middle: Callable[[], Instant] | None = None,
+        inside: Callable[[Scalar], Instant] | None = None,
     ) -> Instant:
-        """The system at this row; `middle` gives that in the middle of the step that ends here."""
+        """The system at this row; `inside` gives that at a place of the step that ends here."""
         motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.memory, work, middle)
+        return Instant(system, self.t, motion, self.memory, work, inside)
 
 
 class Bracket(eqx.Module):
@@ -68,11 +68,11 @@ class Bracket(eqx.Module):
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
         return dense.at(place_in_step(x, self.graded))
 
-    def middle(self, method: Method) -> Row:
-        """The row half-way through the step."""
+    def within(self, method: Method, x: Scalar) -> Row:
+        """The row at a fraction x of the step."""
         require_dense(method.solver)
-        y = self.inside(method, 0.5)
-        return Row(0.5 * (self.start.t + self.end.t), y, self.start.memory)
+        t = self.start.t + x * (self.end.t - self.start.t)
+        return Row(t, self.inside(method, x), self.start.memory)
 
     def at(self, method: Method, t: Scalar) -> Row:
         """The row at a time of the step."""
@@ -125,22 +125,14 @@ class Crossing(eqx.Module):
 
 
 def crossing_row(
-    method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any
+    method: Method,
+    bracket: Bracket,
+    before: Scalar,
+    after: Scalar,
+    value: Callable[[Row], Scalar],
 ) -> Row:
-    """The row where a function of the variables, of given values at both ends, rises through zero.
-
-    Secant steps on the dense output, kept inside the step. `value(row)` evaluates the function.
-    """
+    """The row where a function of rows, of given values at both ends of the step, rises through
+    zero, by the dense output."""
     start, end = bracket.start.t, bracket.end.t
-    x_old, x, value_old = jnp.zeros_like(before), jnp.ones_like(after), before
-    value_here = after
-    for _ in range(ROOT_STEPS):
-        change = value_here - value_old
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x_old, x = x, jnp.clip(x - value_here * (x - x_old) / slope, 0.0, 1.0)
-        t = start + x * (end - start)
-        value_old, value_here = (
-            value_here,
-            value(Row(t, bracket.inside(method, x), bracket.start.memory)),
-        )
+    x = secant_root(lambda x: value(bracket.within(method, x)), before, after)
     return bracket.at(method, start + x * (end - start))

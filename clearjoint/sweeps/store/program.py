@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...math.vectors import Structured, unpack
+from ...math.vectors import Scalar, Structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.instant import Instant
@@ -86,9 +86,9 @@ class _Traced:
             for name, reduction in self.plan.reductions.items()
         }
 
-    def read(self, numbers: Any, row: Row, middle: Row, tallies: dict[str, Any]) -> dict[str, Any]:
+    def read(self, numbers: Any, row: Row, inside: Row, tallies: dict[str, Any]) -> dict[str, Any]:
         """By variable, all that an output computes for it at the end of a step."""
-        now, found = self._instant(numbers, row, middle), {}
+        now, found = self._instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
             whole = (
@@ -107,9 +107,15 @@ class _Traced:
             }
         return found
 
-    def _instant(self, numbers: Any, row: Row, middle: Row) -> Instant:
+    def _instant(self, numbers: Any, row: Row, inside: Row) -> Instant:
+        """The instant of a row. What is asked of places in its step has the numbers of another row
+        times the place, so that the program tells the places."""
         system = self.plan.scheme.system(self._scene(numbers))
-        return row.instant(system, lambda: middle.instant(system))
+
+        def at(place: Scalar) -> Instant:
+            return jax.tree.map(lambda leaf: place * leaf, inside).instant(system)
+
+        return row.instant(system, at)
 
 
 def _orders(end_time: Any, first_step: Any) -> Orders:
