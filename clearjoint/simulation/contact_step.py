@@ -61,7 +61,7 @@ def contact_instants(
     return {
         name: {
             label: ContactInstant(
-                jax.tree.map(jnp.asarray, force.contact.gap),
+                jax.tree.map(_array, force.contact.gap),
                 second_rates[name][label],
                 memory.get(name, {}).get(label),
             )
@@ -131,6 +131,11 @@ def end_in_step(
 def begin_before(law: AbstractContactLaw, here: ContactInstant) -> Scalar:
     """How long before an instant a contact that has just begun did so, s."""
     return (here.gap.depth + law.reach()) / here.gap.rate
+
+
+def _array(leaf: Scalar) -> jax.Array:
+    """Without a weak type, which a loop's result has not."""
+    return jnp.asarray(leaf, dtype=jnp.result_type(leaf))
 
 
 def _bend(at: ContactInstant) -> Bend:

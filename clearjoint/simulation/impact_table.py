@@ -1,5 +1,6 @@
 """The table of impacts, from the record of accepted steps."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import equinox as eqx
@@ -49,6 +50,17 @@ class Impacts:
 
     def __len__(self) -> int:
         return len(self.onset)
+
+    @staticmethod
+    def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
+        """The impacts of rows of fields, in any order."""
+        ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
+        columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
+        text, numbers = columns[:2], columns[2:]
+        return Impacts(
+            *(np.array(column, dtype=object) for column in text),
+            *(np.array(column, dtype=float) for column in numbers),
+        )
 
     def of(self, joint: str, contact: str) -> "Impacts":
         """The impacts of one contact."""
@@ -168,13 +180,7 @@ class ImpactCollector:
 
     def table(self) -> Impacts:
         """The finished contacts so far."""
-        rows = sorted(self._rows, key=lambda row: (row[2], row[0], row[1]))
-        columns = list(zip(*rows, strict=True)) or [()] * len(fields(Impacts))
-        text, numbers = columns[:2], columns[2:]
-        return Impacts(
-            *(np.array(column, dtype=object) for column in text),
-            *(np.array(column, dtype=float) for column in numbers),
-        )
+        return Impacts.of_rows(self._rows)
 
 
 def _impact(history: History, onset: int, end: int) -> tuple[float, ...]:

@@ -15,32 +15,62 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..dynamics.system import System
 from ..fields.checks import require, require_names
-from ..math.vectors import Scalar
+from ..math.vectors import Scalar, pack
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, check_parameters, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
-from ..quantities.base import check_quantity
+from ..quantities.base import Quantity, check_quantity
 from ..quantities.instant import Instant
 from ..results import RESULTS
-from .batch.reductions import Quantity
-from .dense_output import corrected, look_inside
+from .advance import Recorder, advance, latest_attempt
+from .dense_output import Row, corrected, look_inside
+from .impact_recorder import (
+    ImpactRecord,
+    ImpactRecorder,
+    ImpactRow,
+    Table,
+    impacts_of,
+    most,
+)
+from .impact_table import Impacts
 from .method import Scheme
-from .run_ends import default_first_step, final_result
+from .run_ends import default_first_step, final_result, named, state_of
 from .settings import Integration
-from .solution import SimulationError
+from .solution import SimulationError, Trajectory
 from .spans import check_span, checked_times
-from .step_state import Attempt, Method, Step, Variables, choose
-from .stepping import attempt, not_tried, running
+from .step_state import Attempt, Method, Step, Variables
+from .stepping import not_tried, running
 from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
 
+LATEST, IMPACTS = "latest", "impacts"
+"""Names of what is recorded on the way."""
+Run = tuple[Step, dict[str, PyTree]]
+"""The latest step, and what is recorded, by name."""
 FEW_TIMES, GROWTH = 64, 8
 """Numbers of times are rounded up to one of 64, 512, 4096, ..., so that hardly another compiles
 anything. A time that is repeated is looked at once, so that those added cost next to nothing."""
+
+
+class Kept(eqx.Module):
+    """What is kept of a run beside quantities.
+
+    `states`: whether the states at the times are; `impacts`: room for so many of each contact, or
+    ``None`` to table none.
+    """
+
+    states: bool = eqx.field(default=False, static=True)
+    impacts: int | None = eqx.field(default=None, static=True)
+
+
+NOTHING_ELSE = Kept()
+IMPACTS_AT_FIRST = 512
+"""Of each contact; a run that has more is repeated with room for `GROWTH` times as many."""
 
 
 class Sampled(eqx.Module):
@@ -49,6 +79,7 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
     - `reached`: (N,) whether the run came so far.
     - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
+    - `states`, in scalar form with N in front, and `impacts`, if they are kept.
     """
 
     values: dict[str, Any]
@@ -58,6 +89,8 @@ class Sampled(eqx.Module):
     result: RESULTS
     attempts: Any
     accepted: Any
+    states: State | None = None
+    impacts: ImpactRecord[Table] | None = None
 
 
 def followed(
@@ -69,36 +102,57 @@ def followed(
     t_end: Any,
     first_step: Any,
     max_steps: Any,
+    kept: Kept = NOTHING_ELSE,
 ) -> tuple[Sampled, Step, Step]:
     """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
     the first and the last step. Traceable."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation)
     system = systems.system()
     first = start_with_tangents(method, systems, t0, t_end, first_step)
-    last = not_tried(method, system, first, t_end, systems)
+    records: dict[str, PyTree] = {LATEST: not_tried(method, system, first, t_end, systems)}
+    recorders: dict[str, Recorder] = {LATEST: latest_attempt}
+    if kept.impacts is not None:
+        now, table = Row(first.t, first.y, first.memory).instant(system), ImpactRow.none()
+        records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
+        recorders[IMPACTS] = ImpactRecorder().after
 
-    def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
-        tried = attempt(method, system, now[0], t_end, systems)
-        return tried.step, choose(tried.kept, tried, now[1])
+    def go(now: Run) -> Run:
+        step, records = now
+        return advance(method, system, step, t_end, records, recorders, family=systems)
 
-    def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
+    def sample(now: Run, row: tuple[Scalar, Scalar]) -> tuple[Run, PyTree]:
         time, is_new = row
-        step, last = now = jax.lax.while_loop(
+        step, records = now = jax.lax.while_loop(
             lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
         )
+        last = records[LATEST]
         found = jax.lax.cond(
             is_new,
             lambda: _looked_at(method, systems, outputs, last, time),
             lambda: _nothing(systems, outputs),
         )
-        return now, (*found, time <= step.t)
+        states = None
+        if kept.states:
+            states = named(state_of(system, *look_inside(method, system, last, time)))
+        return now, (*found, time <= step.t, states)
 
     is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
-    (step, _), (*found, reached) = jax.lax.scan(sample, (first, last), (times, is_new))
+    (step, records), (*found, reached, states) = jax.lax.scan(
+        sample, (first, records), (times, is_new)
+    )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
-    result = final_result(step, t_end)
-    sampled = Sampled(values, derivatives, reached, step.t, result, step.attempts, step.accepted)
+    sampled = Sampled(
+        values,
+        derivatives,
+        reached,
+        step.t,
+        final_result(step, t_end),
+        step.attempts,
+        step.accepted,
+        states,
+        records.get(IMPACTS),
+    )
     return sampled, first, step
 
 
@@ -145,6 +199,7 @@ class Sensitivities:
       `Log` scale: to the logarithm), in the order of `parameters`.
     - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
     - `attempts`, `accepted`: steps tried and accepted.
+    - `saved`: the states at `times`; `impacts`: the table of finished contacts, if asked for.
     """
 
     parameters: tuple[str, ...]
@@ -155,6 +210,8 @@ class Sensitivities:
     result: RESULTS
     attempts: int
     accepted: int
+    saved: Trajectory | None = None
+    impacts: Impacts | None = None
 
 
 def sensitivities(
@@ -168,6 +225,8 @@ def sensitivities(
     start_time: float = 0.0,
     integration: Integration | None = None,
     throw: bool = True,
+    record_states: bool = False,
+    record_impacts: bool = False,
 ) -> Sensitivities:
     """Integrate a scene with the derivatives of its motion along parameters.
 
@@ -185,6 +244,7 @@ def sensitivities(
     - `times`: (N,) s, rising, at which they are evaluated.
     - `integration`: tolerances and method; `Integration()` unless given.
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
+    - `record_states`, `record_impacts`: keep the states at `times`; table all finished contacts.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
     something with time but declare no `breakpoints`: derivatives would lack the jumps there. A
@@ -203,16 +263,15 @@ def sensitivities(
         jnp.asarray(t, float)
         for t in (start_time, end_time, default_first_step(start_time, end_time))
     )
-    found = jax.device_get(
-        sampled_compiled(
-            scheme,
-            family,
-            dict(outputs),
-            jnp.asarray(padded(asked, end_time)),
-            *span,
-            jnp.asarray(integration.max_steps, int),
-        )
+    arguments = (
+        scheme,
+        family,
+        dict(outputs),
+        jnp.asarray(padded(asked, end_time)),
+        *span,
+        jnp.asarray(integration.max_steps, int),
     )
+    found = _recorded(arguments, record_states, record_impacts)
     count = int(found.reached[: len(asked)].sum())
     result = Sensitivities(
         tuple(parameters),
@@ -223,12 +282,32 @@ def sensitivities(
         found.result,
         int(found.attempts),
         int(found.accepted),
+        _trajectory(asked[:count], found.states),
+        None if found.impacts is None else impacts_of(found.impacts),
     )
     if throw and found.result != RESULTS.successful:
         raise SimulationError(
             f"The run ended at t = {result.time:.9g} s: {RESULTS[found.result]}", result
         )
     return result
+
+
+def _recorded(arguments: tuple[Any, ...], states: bool, impacts: bool) -> Sampled:
+    """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
+    room = IMPACTS_AT_FIRST if impacts else None
+    while True:
+        found: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
+        if found.impacts is None or room is None or most(found.impacts) <= room:
+            return found
+        room *= GROWTH
+
+
+def _trajectory(times: np.ndarray, states: State | None) -> Trajectory | None:
+    """The states at times, of rows behind which there may be more."""
+    if states is None:
+        return None
+    rows = jax.tree.map(lambda leaf: leaf[: len(times)], states)
+    return Trajectory(times, pack(rows))
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:

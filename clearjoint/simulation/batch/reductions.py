@@ -6,7 +6,6 @@ memory does not grow with the steps.
 
 import abc
 import math
-from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -17,11 +16,8 @@ from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest
 from ...math.vectors import Scalar
 from ...model.scene import Scene
-from ...quantities.base import check_quantity, require_known
+from ...quantities.base import Quantity, check_quantity, require_known
 from ...quantities.instant import Instant
-
-Quantity = Callable[[Instant], Scalar]
-"""A scalar function of an instant, such as those of `clearjoint.quantities`."""
 
 
 class AbstractReduction(AbstractConverting):

@@ -4,7 +4,7 @@ They are traced as those of the lanes are, with the numbers of scene and state a
 of solver, controller and outputs are constants in them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -14,10 +14,11 @@ import jax.numpy as jnp
 from ...math.vectors import Scalar, Structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
+from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
-from ...simulation.batch.recording import Row
-from ...simulation.batch.reductions import Quantity
+from ...simulation.dense_output import Row
+from ...simulation.impact_recorder import IMPACT_UNITS
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
@@ -48,7 +49,9 @@ def programs(
     row = Row(lane.step.t, lane.step.y, lane.step.memory)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     read, _ = fingerprints(traced.read, numbers, row, row, tallies)
-    return {RUN: digest(begun[RUN], taken[RUN])} | read
+    contacts = jax.eval_shape(traced.begun_contacts, numbers, state, time, 1.0)
+    tabled, _ = fingerprints(traced.tabled, numbers, contacts, 1.0)
+    return {RUN: digest(begun[RUN], taken[RUN])} | read | tabled
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,28 @@ class _Traced:
         scene = self._scene(numbers)
         after = turn(self._bare, scene, lane, _orders(end_time, end_time))
         return {RUN: (after, outcome(self._bare, scene, lane, end_time))}
+
+    @property
+    def _tabling(self) -> Plan:
+        """The plan without outputs but tables of impacts."""
+        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps, self.plan.impacts)
+
+    def begun_contacts(self, numbers: Any, state: State, time: Any, length: Any) -> Lane:
+        """The lane before its first step, with its contacts."""
+        orders = _orders(time + length, length)
+        return begin_lane(self._tabling, self._scene(numbers), state, time, orders)
+
+    def tabled(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+        """By variable of the tables of impacts, what is recorded at a step."""
+        if not lane.impacts:
+            return {}
+        orders = replace(_orders(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
+        after = turn(self._tabling, self._scene(numbers), lane, orders)
+        return {
+            variable_name(name, key): record
+            for name, record in after.impacts.items()
+            for key in (*IMPACT_UNITS, "count")
+        }
 
     def tallies(self, numbers: Any, row: Row) -> dict[str, Any]:
         """The reductions' tallies at the start."""
