@@ -138,6 +138,7 @@ from .simulation.wall_impact import free_impact as free_impact
 from .simulation.wall_impact import smoothing_bias as smoothing_bias
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
+from .sweeps.outputs import ImpactTable as ImpactTable
 from .sweeps.outputs import Saved as Saved
 from .sweeps.outputs import Section as Section
 from .sweeps.store.store import open_sweep as open_sweep

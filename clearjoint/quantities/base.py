@@ -1,7 +1,7 @@
 """What quantities have in common: units, periods, and names that a scene must know."""
 
 import abc
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import ClassVar, Literal
 
 import equinox as eqx
@@ -15,6 +15,8 @@ from ..model.scene import Scene
 from .instant import Instant
 
 Component = Literal["x", "y", "z"]
+Quantity = Callable[[Instant], Scalar]
+"""A scalar function of an instant, such as those of `clearjoint.quantities`."""
 
 
 class AbstractQuantity(eqx.Module):

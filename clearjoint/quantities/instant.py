@@ -21,7 +21,6 @@ class Instant:
     """A scene at one time of a run, in scalar form. Properties are computed when they are used.
 
     - `time`: s. `work[name]`: integrals of the energy ledger, J.
-    - `middle`: the instant half-way through the step that ends here.
 
     Bodies, joints and contacts have their own names, also where the run computes several alike
     ones as a group.
@@ -34,11 +33,11 @@ class Instant:
         variables: PyTree,
         memory: Memory,
         work: dict[str, Scalar],
-        middle: "Callable[[], Instant] | None" = None,
+        inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = time, work
         self._system, self._memory, self._variables = system, memory, variables
-        self._middle = middle
+        self._inside = inside
 
     @cached_property
     def scene(self) -> Scene:
@@ -50,15 +49,20 @@ class Instant:
         """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
         return by_name(self._memory)
 
-    @cached_property
-    def middle(self) -> "Instant":
-        """The instant half-way through the step that ends here, by the solver's dense output.
+    def inside(self, place: Scalar) -> "Instant":
+        """An instant of the step that ends here, by the solver's dense output: `place` is the part
+        of its time that has passed, between 0 and 1.
 
         **Raises:** `ValueError` for an instant that ends no step.
         """
-        if self._middle is None:
-            raise ValueError("Only an instant that ends a step has a `middle`.")
-        return self._middle()
+        if self._inside is None:
+            raise ValueError("Only an instant that ends a step has others `inside` it.")
+        return self._inside(place)
+
+    @cached_property
+    def middle(self) -> "Instant":
+        """The instant half-way through the step that ends here; see `inside`."""
+        return self.inside(0.5)
 
     @cached_property
     def motions(self) -> Motions:

@@ -1,15 +1,20 @@
 """What a run is like inside a step, and on the constraints."""
 
+from collections.abc import Callable, Mapping
+
 import diffrax
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar
+from ..quantities.base import Quantity
+from ..quantities.instant import Instant
 from .aliases import MotionVariables
 from .step_state import Attempt, Method, Variables, choose
-from .unrolled_runge_kutta import UnrolledExplicit, place_in_step
+from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
 
 
 def look_inside(
@@ -64,7 +69,70 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method where sweeps save states, sections or statistics, or a run "
-        "has derivatives",
+        "an explicit Runge-Kutta method where sweeps look inside steps (saved states, sections, "
+        "peaks, statistics, impacts), or a run has derivatives",
         "take one such as diffrax.Tsit5(), or leave these outputs out",
     )
+
+
+class Row(eqx.Module):
+    """A time, the variables and the memory there."""
+
+    t: Scalar
+    y: Variables
+    memory: Memory
+
+    def instant(
+        self,
+        system: System,
+        inside: Callable[[Scalar], Instant] | None = None,
+    ) -> Instant:
+        """The system at this row; `inside` gives that at a place of the step that ends here."""
+        motion, work = self.y.motion, self.y.work
+        return Instant(system, self.t, motion, self.memory, work, inside)
+
+    def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
+        """What is reported of the row: its time, s, and quantities by name."""
+        now = self.instant(system)
+        return {"time": self.t, **{name: quantity(now) for name, quantity in channels.items()}}
+
+
+class Bracket(eqx.Module):
+    """The latest accepted step, with its stages."""
+
+    start: Row
+    end: Row
+    stages: tuple[Variables, ...]
+    graded: Scalar | None
+
+    @staticmethod
+    def of(tried: Attempt) -> "Bracket":
+        """The bracket of an accepted attempt."""
+        step, inside = tried.step, tried.information
+        return Bracket(
+            Row(tried.t_start, inside["y0"], tried.memory_start),
+            Row(step.t, step.y, step.memory),
+            inside["stages"],
+            tried.graded,
+        )
+
+    def inside(self, method: Method, x: Scalar) -> Variables:
+        """The variables at a fraction x of the step, by the solver's dense output."""
+        assert isinstance(method.solver, UnrolledExplicit)
+        start, end = self.start, self.end
+        dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
+        return dense.at(place_in_step(x, self.graded))
+
+    def within(self, method: Method, x: Scalar) -> Row:
+        """The row at a fraction x of the step."""
+        require_dense(method.solver)
+        t = self.start.t + x * (self.end.t - self.start.t)
+        return Row(t, self.inside(method, x), self.start.memory)
+
+    def at(self, method: Method, t: Scalar) -> Row:
+        """The row at a time of the step."""
+        length = self.end.t - self.start.t
+        x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
+        ends = t >= self.end.t
+        y = choose(ends, self.end.y, self.inside(method, x))
+        return Row(t, y, choose(ends, self.end.memory, self.start.memory))

@@ -11,10 +11,10 @@ import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reach, Reaches
 from ..math.groups import least
+from ..math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ..math.vectors import Scalar
 from .aliases import SecondRates
 
-NEWTON_STEPS = 4
 LATEST = 1e-11
 """s past an event, at its rate, within which a step must land. The depth landed at holds energy
 that nothing brought there; the landing tolerance alone may be deeper than a slow impact."""
@@ -83,7 +83,7 @@ class Landing(eqx.Module):
         )
         depth = self._depth(jnp.maximum(jnp.abs(start.rate), jnp.abs(end.rate)))
         aim = 0.5 * inwards * depth
-        shifted = (Reach(start.depth - aim, start.rate), Reach(end.depth - aim, end.rate))
+        shifted = (Slope(start.depth - aim, start.rate), Slope(end.depth - aim, end.rate))
         passes = inwards * end.depth > depth
         length = jnp.where(grazes, x, 1.0)
         return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
@@ -95,41 +95,7 @@ class Landing(eqx.Module):
         the step."""
         turns = (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
-        inner = Reach(hermite_value(x, start, end, h), hermite_rate(x, start, end, h))
+        ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
+        inner = Reach(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
         beyond = inwards * inner.depth > self.tolerance
         return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
-
-
-def hermite_value(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
-    """Cubic Hermite interpolant of the depth at the fraction x of a step of length h."""
-    y = 1.0 - x
-    left = y * y * ((1.0 + 2.0 * x) * start.depth + x * h * start.rate)
-    right = x * x * ((1.0 + 2.0 * y) * end.depth - y * h * end.rate)
-    return left + right
-
-
-def hermite_rate(x: Scalar, start: Reach, end: Reach, h: Scalar) -> Scalar:
-    """Rate of the same interpolant, m/s."""
-    y = 1.0 - x
-    slope = 6.0 * x * y * (end.depth - start.depth) / h
-    return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
-
-
-def hermite_root(start: Reach, end: Reach, h: Scalar) -> Scalar:
-    """Fraction of the step at which the interpolated depth, of opposite signs at its ends, is zero.
-
-    A few Newton steps kept inside a shrinking bracket; landing repeats until the depth is within
-    the tolerance, so the root need not be exact.
-    """
-    lower, upper = jnp.zeros_like(end.depth), jnp.ones_like(end.depth)
-    x = start.depth / (start.depth - end.depth)
-    sign = jnp.where(end.depth > 0.0, 1.0, -1.0)
-    for _ in range(NEWTON_STEPS):
-        value = hermite_value(x, start, end, h)
-        past = sign * value > 0.0
-        lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
-        slope = h * hermite_rate(x, start, end, h)
-        newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
-        inside = (newton >= lower) & (newton <= upper)
-        x = jnp.where(inside, newton, 0.5 * (lower + upper))
-    return x

@@ -51,10 +51,14 @@ class Saving:
             return None
         return checked_times(start_time, end_time, self.times, "times")
 
+    def require_no_steps(self, where: str, remedy: str) -> None:
+        """Check that steps are not to be kept, for runs that can't."""
+        require(not self.steps, "steps", True, f"False {where}", remedy)
+
     def require_times_alone(self, where: str, remedy: str) -> None:
         """Check that nothing is recorded, for runs that keep states at times alone."""
-        for name in ("steps", "impacts"):
-            require(not getattr(self, name), name, True, f"False {where}", remedy)
+        self.require_no_steps(where, remedy)
+        require(not self.impacts, "impacts", True, f"False {where}", remedy)
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:

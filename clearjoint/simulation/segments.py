@@ -14,10 +14,11 @@ from ..dynamics.system import System
 from ..math.vectors import Scalar, Structured
 from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
+from .advance import Recorder, Stride, advance, latest_attempt
 from .dense_output import look_inside
 from .method import Scheme
 from .run_ends import begin_run, named, state_of
-from .step_state import Attempt, Method, Step, choose
+from .step_state import Attempt, Method, Step
 from .stepping import blank_attempt, running
 
 BLOCK_ROWS = 64
@@ -198,15 +199,22 @@ def _run(
         return more if now.record is None else more & ~now.record.block_is_full()
 
     def go(now: Progress) -> Progress:
-        tried = loops.attempt(method, system, now.step, t_end)
-        last, record = now.last, now.record
-        if last is not None:
-            last = choose(tried.kept, tried, last)
-        if record is not None:
-            record = record.with_row(_row(system, tried.step), tried.kept)
-        return Progress(tried.step, last, record)
+        records = {"last": now.last, "record": now.record}
+        records = {name: record for name, record in records.items() if record is not None}
+        step, records = advance(
+            method, system, now.step, t_end, records, RECORDERS, attempt=loops.attempt
+        )
+        return Progress(step, records.get("last"), records.get("record"))
 
     return loops.repeat(goes, go, progress)
+
+
+def _with_step(record: Rows, stride: Stride) -> Rows:
+    """Keeps every accepted step."""
+    return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
+
+
+RECORDERS: dict[str, Recorder] = {"last": latest_attempt, "record": _with_step}
 
 
 def _row(system: System, step: Step) -> Row:

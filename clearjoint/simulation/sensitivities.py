@@ -15,34 +15,65 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int, PyTree
 
 from ..dynamics.system import System
 from ..fields.checks import require, require_names
-from ..math.vectors import Scalar
+from ..math.vectors import Scalar, pack
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, check_parameters, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
-from ..quantities.base import check_quantity
+from ..quantities.base import Quantity, check_quantity
 from ..quantities.instant import Instant
 from ..results import RESULTS
 from . import presets
-from .batch.reductions import Quantity
-from .dense_output import correct, look_inside
+from .advance import Recorder, advance, latest_attempt
+from .dense_output import Row, correct, look_inside
 from .derivative_runs import derivative_scheme
+from .impact_recorder import (
+    ImpactRecord,
+    ImpactRecorder,
+    ImpactRow,
+    Table,
+    impacts_of,
+    most,
+)
+from .impact_table import Impacts
 from .method import Scheme
-from .run_ends import final_result
+from .run_ends import final_result, named, state_of
+from .saving import Saving, saving_or_nothing
 from .settings import Settings, settings_or
-from .solution import raise_failure
+from .solution import Trajectory, raise_failure
 from .spans import check_span, checked_times
-from .step_state import Attempt, Method, Step, Variables, choose
-from .stepping import attempt, blank_attempt, running
+from .step_state import Attempt, Method, Step, Variables
+from .stepping import blank_attempt, running
 from .systems import SystemFamily
 from .variational import look_at_tangents, start_with_tangents
 
+LATEST, IMPACTS = "latest", "impacts"
+"""Names of what is recorded on the way."""
+Run = tuple[Step, dict[str, PyTree]]
+"""The latest step, and what is recorded, by name."""
 FEW_TIMES, GROWTH = 64, 8
 """Numbers of times are rounded up to one of 64, 512, 4096, ..., so that hardly another compiles
 anything. A time that is repeated is looked at once, so that those added cost next to nothing."""
+
+
+class Kept(eqx.Module):
+    """What is kept of a run beside quantities.
+
+    `states`: whether the states at the times are; `impacts`: room for so many of each contact, or
+    ``None`` to table none.
+    """
+
+    states: bool = eqx.field(default=False, static=True)
+    impacts: int | None = eqx.field(default=None, static=True)
+
+
+NOTHING_ELSE = Kept()
+IMPACTS_AT_FIRST = 512
+"""Of each contact; a run that has more is repeated with room for `GROWTH` times as many."""
 
 
 class Sampled(eqx.Module):
@@ -51,6 +82,7 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
     - `reached`: (N,) whether the run came so far.
     - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
+    - `states`, in scalar form with N in front, and `impacts`, if they are kept.
     """
 
     values: dict[str, Any]
@@ -60,6 +92,8 @@ class Sampled(eqx.Module):
     result: RESULTS
     attempts: Any
     accepted: Any
+    states: State | None = None
+    impacts: ImpactRecord[Table] | None = None
 
 
 def followed(
@@ -71,36 +105,57 @@ def followed(
     t_end: Any,
     first_step: Any,
     max_steps: Any,
+    kept: Kept = NOTHING_ELSE,
 ) -> tuple[Sampled, Step, Step]:
     """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
     the first and the last step. Traceable."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation)
     system = systems.system()
     first = start_with_tangents(method, systems, t0, t_end, first_step)
-    last = blank_attempt(method, system, first, t_end, systems)
+    records: dict[str, PyTree] = {LATEST: blank_attempt(method, system, first, t_end, systems)}
+    recorders: dict[str, Recorder] = {LATEST: latest_attempt}
+    if kept.impacts is not None:
+        now, table = Row(first.t, first.y, first.memory).instant(system), ImpactRow.none()
+        records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
+        recorders[IMPACTS] = ImpactRecorder().after
 
-    def go(now: tuple[Step, Attempt]) -> tuple[Step, Attempt]:
-        tried = attempt(method, system, now[0], t_end, systems)
-        return tried.step, choose(tried.kept, tried, now[1])
+    def go(now: Run) -> Run:
+        step, records = now
+        return advance(method, system, step, t_end, records, recorders, family=systems)
 
-    def sample(now: tuple[Step, Attempt], row: tuple[Scalar, Scalar]) -> Any:
+    def sample(now: Run, row: tuple[Scalar, Scalar]) -> tuple[Run, PyTree]:
         time, is_new = row
-        step, last = now = jax.lax.while_loop(
+        step, records = now = jax.lax.while_loop(
             lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
         )
+        last = records[LATEST]
         found = jax.lax.cond(
             is_new,
             lambda: _looked_at(method, systems, outputs, last, time),
             lambda: _nothing(systems, outputs),
         )
-        return now, (*found, time <= step.t)
+        states = None
+        if kept.states:
+            states = named(state_of(system, *look_inside(method, system, last, time)))
+        return now, (*found, time <= step.t, states)
 
     is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
-    (step, _), (*found, reached) = jax.lax.scan(sample, (first, last), (times, is_new))
+    (step, records), (*found, reached, states) = jax.lax.scan(
+        sample, (first, records), (times, is_new)
+    )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
-    result = final_result(step, t_end)
-    sampled = Sampled(values, derivatives, reached, step.t, result, step.attempts, step.accepted)
+    sampled = Sampled(
+        values,
+        derivatives,
+        reached,
+        step.t,
+        final_result(step, t_end),
+        step.attempts,
+        step.accepted,
+        states,
+        records.get(IMPACTS),
+    )
     return sampled, first, step
 
 
@@ -147,6 +202,8 @@ class Sensitivities:
       `Log` scale: to the logarithm), in the order of `parameters`.
     - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
     - `attempts`, `accepted`: steps tried and accepted.
+    - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
+      ``None`` unless asked for.
     """
 
     parameters: tuple[str, ...]
@@ -157,6 +214,8 @@ class Sensitivities:
     result: RESULTS
     attempts: int
     accepted: int
+    saved: Trajectory | None = None
+    impacts: Impacts | None = None
 
 
 def sensitivities(
@@ -167,6 +226,7 @@ def sensitivities(
     outputs: Mapping[str, Quantity],
     times: Any,
     settings: Settings | None = None,
+    save: Saving | None = None,
     *,
     start_time: float = 0.0,
     throw: bool = True,
@@ -186,6 +246,7 @@ def sensitivities(
     - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
     - `times`: (N,) s, rising, at which they are evaluated.
     - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
+    - `save`: states at times of their own, and impacts, to keep beside.
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
@@ -199,36 +260,68 @@ def sensitivities(
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
     asked = checked_times(start_time, end_time, times, "times")
+    save = saving_or_nothing(save)
+    save.require_no_steps("of a run with derivatives", "take simulate() for them")
+    saved = save.times_between(start_time, end_time)
+    looked_at = asked if saved is None else np.union1d(asked, saved)
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
     span = (
         jnp.asarray(t, float)
         for t in (start_time, end_time, settings.length_of_first_step(start_time, end_time))
     )
-    found = jax.device_get(
-        sampled_compiled(
-            scheme,
-            family,
-            dict(outputs),
-            jnp.asarray(padded(asked, end_time)),
-            *span,
-            jnp.asarray(settings.max_steps, int),
-        )
+    arguments = (
+        scheme,
+        family,
+        dict(outputs),
+        jnp.asarray(padded(looked_at, end_time)),
+        *span,
+        jnp.asarray(settings.max_steps, int),
     )
-    count = int(found.reached[: len(asked)].sum())
+    found = _recorded(arguments, saved is not None, save.impacts)
+    rows = _rows_reached(found, looked_at, asked)
     result = Sensitivities(
         tuple(parameters),
-        asked[:count],
-        {name: values[:count] for name, values in found.values.items()},
-        {name: values[:count] for name, values in found.derivatives.items()},
+        asked[: len(rows)],
+        {name: values[rows] for name, values in found.values.items()},
+        {name: values[rows] for name, values in found.derivatives.items()},
         float(found.time),
         found.result,
         int(found.attempts),
         int(found.accepted),
+        None if saved is None else _trajectory(found, looked_at, saved),
+        None if found.impacts is None else impacts_of(found.impacts),
     )
     if throw:
         raise_failure(result)
     return result
+
+
+def _recorded(arguments: tuple[Any, ...], states: bool, impacts: bool) -> Sampled:
+    """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
+    room = IMPACTS_AT_FIRST if impacts else None
+    while True:
+        found: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
+        if found.impacts is None or room is None or most(found.impacts) <= room:
+            return found
+        room *= GROWTH
+
+
+def _rows_reached(
+    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Int[np.ndarray, " reached"]:
+    """Where among all times that were looked at those of `times` are that the run came to."""
+    rows = np.searchsorted(looked_at, times)
+    return rows[found.reached[rows]]
+
+
+def _trajectory(
+    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Trajectory:
+    """The states at those of `times` that the run came to."""
+    rows = _rows_reached(found, looked_at, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], found.states)
+    return Trajectory(times[: len(rows)], pack(states))
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:

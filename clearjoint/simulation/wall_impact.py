@@ -11,6 +11,7 @@ import optimistix
 from jaxtyping import Float
 
 from ..fields.checks import require
+from ..math.interpolation import Parabola
 from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
 from ..model.contact.laws import AbstractContactLaw, AbstractHertzianLaw, contact_normal_force
@@ -105,11 +106,7 @@ def _contact(
 def _crest(values: np.ndarray) -> float:
     """Largest value, by a parabola through the largest sample and its neighbours."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
-    left, middle, right = values[k - 1 : k + 2]
-    curvature = left - 2 * middle + right
-    if curvature >= 0.0:
-        return float(values.max())
-    return float(middle - (left - right) ** 2 / (8 * curvature))
+    return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Outputs of a sweep beside reductions: quantities at chosen times, and Poincaré sections."""
+"""Outputs of a sweep beside reductions: quantities at chosen times, Poincaré sections, impacts."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
-from ..quantities.base import check_quantity
+from ..quantities.base import Quantity, check_quantity, require_known
 from ..simulation.batch.recording import Crossing
-from ..simulation.batch.reductions import AbstractReduction, Quantity
+from ..simulation.batch.reductions import AbstractReduction
 from .layout import check_array_names
 
 Channels = Mapping[str, tuple[Quantity, str]]
@@ -83,7 +83,40 @@ class Section:
         _check_quantities(self.channels, scene)
 
 
-Output = AbstractReduction | Saved | Section
+@dataclass(frozen=True)
+class ImpactTable:
+    """The finished contacts of a lane, as `simulate(..., record_impacts=True)` tables them.
+
+    For each contact, by the label "joint contact", its first `count` impacts with their onset,
+    separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
+    penetration, m; and how many were recorded. A contact that has recorded `count` of them may
+    have had more.
+
+    **Arguments:** `count`: impacts kept of each contact; `joint`: name of the joint whose contacts
+    are tabled, of all joints unless given.
+    """
+
+    count: int
+    joint: str | None = None
+
+    def __post_init__(self) -> None:
+        require_count("count", self.count, "pass a number of impacts")
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has the joint, and contacts."""
+        known = scene.contact_joints()
+        if self.joint is not None:
+            require_known("joint", self.joint, known)
+        require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
+
+    def contacts(self, scene: Scene) -> list[tuple[str, str]]:
+        """Joint and label of each contact that is tabled."""
+        laws = scene.laws()
+        names = laws if self.joint is None else [self.joint]
+        return [(name, label) for name in names for label in laws[name]]
+
+
+Output = AbstractReduction | Saved | Section | ImpactTable
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
@@ -97,7 +130,7 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             isinstance(output, Output),
             f"outputs[{name!r}]",
             output,
-            "a reduction, a Saved or a Section",
+            "a reduction, a Saved, a Section or an ImpactTable",
             "subclass AbstractReduction, or pass one of clearjoint's",
         )
         needs = isinstance(output, AbstractReduction) and output.needs_ledger

@@ -21,9 +21,10 @@ from ..results import result_numbers
 from ..runtime import busy_devices, program_kind
 from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Task
-from ..simulation.batch.lane import Plan
+from ..simulation.batch.lane import Plan, impact_log
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.dense_output import require_dense
+from ..simulation.impact_recorder import ImpactRecorder
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_numbers, check_precision
 from ..simulation.settings import Settings, settings_or
@@ -31,7 +32,7 @@ from ..simulation.spans import checked_times
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .executors import AbstractSubmitter, run_chunks
 from .layout import RESULT, Coordinate, LaneArrays, Layout, check_array_names
-from .outputs import Output, Saved, Section, check_outputs
+from .outputs import ImpactTable, Output, Saved, Section, check_outputs
 from .progress import lane_progress
 from .starts import checked_starts
 from .store.identity import Identity, row_digests, run_digests
@@ -73,8 +74,10 @@ def sweep(
     - `axes`: the values of each parameter by name; see `Axis`. Their outer product, or with
       `zipped` as many lanes as each has values, for lists and designs of experiments.
     - `outputs`: what is kept of each lane, by name: reductions (`Peak`, `ImpactCount`,
-      `DissipatedEnergy`, `Statistics`, or a subclass of `AbstractReduction`), one `Saved`, and
-      `Section`. The final state, result code, time reached, and steps are always kept.
+      `DissipatedEnergy`, `Statistics`, or a subclass of `AbstractReduction`), one `Saved`,
+      `Section`, and `ImpactTable`: ``{"hits": cj.ImpactTable(20)}`` tables the first 20 impacts of
+      every contact, the peak force of which is ``hits_peak_force``. The final state, result code,
+      time reached, and steps are always kept.
     - `settings`: how to integrate; `clearjoint.presets.default` unless given.
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
       computes only what is missing or damaged, so that values of axes, axes and outputs can be
@@ -171,7 +174,8 @@ def _common(
     saved = next((name for name, o in outputs.items() if isinstance(o, Saved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
-    if recorded:
+    tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
+    if recorded or tables:
         require_dense(scheme.method.solver)
     plan = Plan(
         scheme,
@@ -179,14 +183,20 @@ def _common(
         {name: section.condition for name, section in sections.items()},
         bool(saved),
         np.asarray(max_steps),
+        {name: ImpactRecorder(table.joint) for name, table in tables.items()},
     )
+    logs = {
+        name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
+        for name, table in tables.items()
+    }
     channels = {
         name: {key: quantity for key, (quantity, _) in output.channels.items()}
         for name, output in recorded.items()
     }
     capacity = {name: section.count for name, section in sections.items()}
-    form = structured(lanes.scene, lanes.varied)
-    return Common(plan, form, np.asarray(start_time, dtype=float), capacity, channels, saved)
+    capacity |= {log: tables[name].count for name, found in logs.items() for log in found}
+    form, start = structured(lanes.scene, lanes.varied), np.asarray(start_time, dtype=float)
+    return Common(plan, form, start, capacity, channels, saved, tables=logs)
 
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:

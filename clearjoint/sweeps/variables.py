@@ -7,10 +7,12 @@ import numpy as np
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..results import result_numbers
+from ..simulation.batch.lane import contact_label
 from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.impact_recorder import IMPACT_UNITS
 from .layout import RESULT, Coordinate, Variable
-from .outputs import Output, Saved, Section
-from .work import FINAL, variable_name
+from .outputs import ImpactTable, Output, Saved, Section
+from .work import CONTACT, FINAL, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
 
@@ -25,8 +27,14 @@ def variables_of(
         *(Coordinate(name, np.array(labels)) for name, labels in LABELS.items()),
     ]
     for name, output in outputs.items():
-        reduces = isinstance(output, AbstractReduction)
-        further = _reduced(name, output) if reduces else _recorded(scene, name, output)
+        if isinstance(output, AbstractReduction):
+            further = _reduced(name, output)
+        elif isinstance(output, ImpactTable):
+            further = _tabled(scene, name, output)
+            labels = [contact_label(*contact) for contact in output.contacts(scene)]
+            coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+        else:
+            further = _recorded(scene, name, output)
         twice = sorted(set(variables) & set(further))
         require(not twice, f"outputs[{name!r}]", twice, "of other names", "rename the output")
         variables |= further
@@ -55,6 +63,17 @@ def _reduced(name: str, output: AbstractReduction) -> dict[str, Variable]:
         variable_name(name, key): Variable(unit=unit, description=f"{kind}, {key}" if key else kind)
         for key, unit in output.units().items()
     }
+
+
+def _tabled(scene: Scene, name: str, output: ImpactTable) -> dict[str, Variable]:
+    dims = variable_name(name, CONTACT), variable_name(name, "number")
+    shape = len(output.contacts(scene)), output.count
+    counted = Variable(dims[:1], shape[:1], "int64", description="impacts recorded")
+    columns = {
+        variable_name(name, key): Variable(dims, shape, unit=unit)
+        for key, unit in IMPACT_UNITS.items()
+    }
+    return {variable_name(name, "count"): counted, **columns}
 
 
 def _recorded(scene: Scene, name: str, output: Saved | Section) -> dict[str, Variable]:

@@ -14,6 +14,8 @@ from .layout import RESULT, LaneArrays, Variable
 
 ON_CPU = Extent(pool=256, places=64)
 ON_ACCELERATOR = Extent(pool=8192, places=8192)
+CONTACT = "contact"
+"""Of a table of impacts: what its dimension of contacts is called behind its name."""
 FINAL = {
     "position": ("component", "m"),
     "orientation": ("parameter", "1"),
@@ -93,17 +95,31 @@ class Work:
         for name, values in outcome.results.items():
             for key, value in values.items():
                 results[variable_name(name, key)] = value
-        for name, (rows, count) in ended.logs.items():
-            for key, values in rows.items():
-                results[variable_name(name, key)] = np.where(
-                    np.arange(len(values)) < count, values, np.nan
-                )
-            if (counted := variable_name(name, "count")) in self.variables:
-                results[counted] = np.asarray(count)
+        for name, logs in self._recorded(ended).items():
+            results |= {variable_name(name, key): values for key, values in logs.items()}
         return {
             name: np.asarray(results[name], variable.dtype)
             for name, variable in self.variables.items()
         }
+
+    def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
+        """What was recorded for each output, and "count": of how many rows."""
+        tabled = {log for logs in self.common.tables.values() for log in logs}
+        alone = {name: _filled(*log) for name, log in ended.logs.items() if name not in tabled}
+        tables = {
+            name: joined([_filled(*ended.logs[log]) for log in logs])
+            for name, logs in self.common.tables.items()
+        }
+        return alone | tables
+
+
+def _filled(columns: LaneArrays, count: int) -> LaneArrays:
+    """The columns of a log, what is not filled NaN, and their count."""
+    filled = {
+        key: np.where(np.arange(len(values)) < count, values, np.nan)
+        for key, values in columns.items()
+    }
+    return {**filled, "count": np.asarray(count)}
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,15 @@ is rounding itself, and the next step's size follows from it; from then on both 
 different steps, and agree to the tolerance as far as the motion's chaos allows.
 """
 
+from dataclasses import fields
+
 import jax
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
+from tests.support.reference import Case
 
 pytestmark = pytest.mark.optimised
 
@@ -39,7 +42,9 @@ OUTPUTS = {
         {"depth": (lambda now: now.reaches["shoulder"]["V"].depth, "m")},
         count=3,
     ),
+    "hits": cj.ImpactTable(4),
 }
+TABLED = [field.name for field in fields(cj.Impacts) if field.name not in ("joint", "contact")]
 
 
 @pytest.fixture(scope="module")
@@ -55,20 +60,15 @@ def grid():
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_neither_devices_nor_the_number_of_lanes_change_a_bit(grid, count):
-    """Of fifteen lanes on one device, four alone, on one and on two."""
+def test_neither_devices_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_path):
+    """Of fifteen lanes on one device, four alone, on one and on two; nor does a store."""
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
     axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
     devices = jax.devices()[:count]
-    found = cj.sweep(
-        *cj.double_pendulum(),
-        END,
-        axes,
-        OUTPUTS,
-        settings=cj.Settings(ledger=True),
-        devices=devices,
-    )
-    expected = grid.sel(kept)
+    path, settings = tmp_path / "sweep", cj.Settings(ledger=True)
+    cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, settings, devices=devices, path=path)
+    found, expected = cj.open_sweep(path), grid.sel(kept)
+    assert list(found.hits_contact.values) == ["shoulder V", "shoulder W"]
     for name in found.data_vars:
         np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
 
@@ -132,12 +132,61 @@ def test_final_states_are_the_last_saved_ones(grid, pairs):
 
 
 def test_peak_force_is_that_of_the_impact_table(pairs):
-    """The parabola over accepted steps against the table's quintic: 5e-4 at rtol 1e-6."""
+    """Within steps too, by the dense output: of successive steps' ends it would be 1e-3 off."""
     for lane, run in pairs:
         impacts = run.impacts.of("shoulder", "V")
         strongest = impacts.peak_force.argmax()
-        assert float(lane.force) == pytest.approx(impacts.peak_force[strongest], rel=1e-3)
-        assert float(lane.force_time) == pytest.approx(impacts.peak_time[strongest], abs=1e-5)
+        assert float(lane.force) == pytest.approx(impacts.peak_force[strongest], rel=1e-6)
+        assert float(lane.force_time) == pytest.approx(impacts.peak_time[strongest], abs=2e-8)
+
+
+@pytest.mark.parametrize("clearance", [5e-5, 1e-3])
+def test_peak_force_is_that_of_the_reference(grid, reference_folder, clearance):
+    """The first impact is the strongest; the default tolerance has it to 1e-7."""
+    impacts = Case(clearance, 0.9, END).impacts(reference_folder, "V")
+    lane = grid.sel(clearance=clearance, restitution=0.9, method="nearest")
+    assert impacts["F_peak"].argmax() == 0
+    assert float(lane.force) == pytest.approx(impacts["F_peak"][0], rel=1e-6)
+    assert float(lane.force_time) == pytest.approx(impacts["t_F_peak"][0], abs=2e-8)
+
+
+@pytest.mark.parametrize("base", ["V", "W"])
+def test_impacts_are_those_of_the_single_run(pairs, base):
+    """The first to rounding, those after it as far as the motion's chaos allows; of more than the
+    table has room for, the first ones."""
+    counts = set()
+    for lane, run in pairs:
+        lane, expected = lane.sel(hits_contact=f"shoulder {base}"), run.impacts.of("shoulder", base)
+        count = int(lane.hits_count)
+        counts.add(count)
+        assert count == min(len(expected), 4)
+        for name in TABLED:
+            found, there = lane[f"hits_{name}"].values, getattr(expected, name)
+            assert np.isnan(found[count:]).all()
+            np.testing.assert_allclose(found[0], there[0], rtol=1e-12, err_msg=name)
+            np.testing.assert_allclose(found[:count], there[:count], rtol=2e-6, err_msg=name)
+        strongest = expected.peak_force[:count].argmax()
+        found = lane.hits_peak_force[:count].values
+        assert found.argmax() == strongest
+    assert counts == {1, 2, 3, 4}
+
+
+def test_impacts_are_those_of_the_reference(grid, reference_folder):
+    lane = grid.sel(restitution=0.9, hits_contact="shoulder V").isel(clearance=-1)
+    expected = Case(1e-3, 0.9, END).impacts(reference_folder, "V")
+    columns = {
+        "onset": "t_on",
+        "separation": "t_off",
+        "entry_speed": "v_minus",
+        "peak_force": "F_peak",
+        "peak_time": "t_F_peak",
+        "largest_penetration": "delta_max",
+    }
+    assert int(lane.hits_count) == len(expected["t_on"]) == 1
+    for name, column in columns.items():
+        assert float(lane[f"hits_{name}"][0]) == pytest.approx(expected[column][0], rel=2e-6)
+    exit_speed = float(lane.hits_exit_speed[0])
+    assert exit_speed == pytest.approx(-expected["v_plus"][0], rel=5e-6)
 
 
 def test_impacts_are_counted_open_ones_included(pairs):
@@ -177,6 +226,7 @@ def test_result_is_labelled_with_units_and_settings(grid):
     assert grid.clearance.attrs["units"] == "m" and grid.restitution.attrs["units"] == "1"
     assert grid.force.attrs == {"units": "N", "long_name": "Peak"}
     units = {"final_spin": "rad/s", "dissipated": "J", "path_time": "s", "impacts": "1"}
+    units |= {"hits_exit_speed": "m/s", "hits_peak_force": "N", "hits_largest_penetration": "m"}
     assert {name: grid[name].attrs["units"] for name in units} == units
     assert grid.final_position.dims == ("clearance", "restitution", "body", "component")
     assert list(grid.body.values) == list(ARMS)

@@ -10,7 +10,9 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.math.vectors import structured
+from clearjoint.simulation import impact_recorder
 from clearjoint.simulation.batch.lane import Plan
+from clearjoint.simulation.impact_recorder import ImpactRecorder
 from clearjoint.simulation.method import Scheme
 from clearjoint.sweeps.store.program import RUN, programs
 from clearjoint.sweeps.work import Chunks
@@ -29,6 +31,7 @@ def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
         {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),
         np.asarray(1000),
+        {n: ImpactRecorder(o.joint) for n, o in outputs.items() if isinstance(o, cj.ImpactTable)},
     )
     channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in recorded.items()}
     return programs(plan, structured(scene), state, 0.0, channels)
@@ -152,6 +155,16 @@ def test_code_of_an_output_concerns_its_variables(of_class, name, changed, other
     after = of(*rotor(), OUTPUTS)
     changed_names = {key for key in before if before[key] != after[key]}
     assert {key.partition("_")[0] for key in changed_names} == others
+
+
+def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
+    outputs = {"hits": cj.ImpactTable(2), "count": cj.ImpactCount("pin")}
+    before = of(*pendulum(), outputs)
+    assert before[RUN] == usual[RUN]
+    monkeypatch.setattr(impact_recorder, "end_in_step", lambda law, start, end, h: 0.5)
+    after = of(*pendulum(), outputs)
+    changed = {name for name in before if before[name] != after[name]}
+    assert changed == {f"hits_{name}" for name in (*impact_recorder.IMPACT_UNITS, "count")}
 
 
 def test_another_quantity_concerns_its_variables():

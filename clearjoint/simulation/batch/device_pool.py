@@ -23,9 +23,11 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from ...math.vectors import Scalar, Structured, pack, unpack
+from ...quantities.base import Quantity
+from ..dense_output import Row
+from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
-from .recording import Ring, Row
-from .reductions import Quantity
+from .recording import Ring
 
 ACROSS = PartitionSpec("lanes")
 UNKNOWN_WORK = 500.0
@@ -72,8 +74,10 @@ class Common(eqx.Module):
     """What all lanes of a batch share.
 
     - `form`: the scene, what varies in it left as in the base; `start_time`: s.
-    - `capacity`: crossings to record, by section. `channels[log][name]`: quantities to report of
-      each recorded row; `saved` is the name of the log of saved states.
+    - `capacity`: rows to record, by log of a section or of a contact's impacts.
+      `channels[log][name]`: quantities to report of each recorded state; `saved` is the name of the
+      log of saved states.
+    - `tables`: logs of the contacts of each table of impacts, by the table's name.
     - `programs`: digests of what is computed, if they are known. Compiled programs are kept for
       equal ones only, so that none is run that was traced from code since changed.
     """
@@ -85,11 +89,12 @@ class Common(eqx.Module):
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
     saved: str = eqx.field(default="", static=True)
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
+    tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, Ring]:
         """The rings of a lane by the log that they fill."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
-        return saved | lane.crossings
+        return saved | lane.rings()
 
     def scene(self, task: Task) -> Any:
         """The scene of a lane, in scalar form."""
@@ -180,7 +185,7 @@ def harvest(
 
 
 def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
-    """Time and quantities of the rows of a log."""
+    """What is reported of the rows of a log."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
@@ -188,10 +193,8 @@ def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> d
     def at(row: Any) -> dict[str, Any]:
         parts = zip(jnp.split(row, ends), example, strict=True)
         columns = [part.reshape(leaf.shape) for part, leaf in parts]
-        here: Row = jax.tree.unflatten(structure, columns)
-        now = here.instant(system)
-        values = {key: quantity(now) for key, quantity in common.channels[name].items()}
-        return {"time": here.t, **values}
+        here: Row | ImpactRow = jax.tree.unflatten(structure, columns)
+        return here.columns(system, common.channels.get(name, {}))
 
     return jax.vmap(at)(rows)
 

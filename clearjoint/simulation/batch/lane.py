@@ -5,11 +5,11 @@ native loop round the turns.
 """
 
 from functools import reduce
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.assembly import ACCEPTED_VIOLATION, REPRESENTED
@@ -20,23 +20,26 @@ from ...dynamics.system import System
 from ...math.vectors import EulerParameters, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...quantities.instant import Instant
 from ...results import RESULTS
-from ..dense_output import on_constraints
+from ..advance import Recorder, Stride, advance, latest_bracket
+from ..dense_output import Bracket, Row, on_constraints
+from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
-from .recording import SLOTS, Bracket, Crossing, Ring, Row, crossing_row
+from .recording import SLOTS, Crossing, CrossingRecord, CrossingRecorder, Ring
 from .reductions import AbstractReduction
 
 WINDOW = SLOTS + 1
+LATEST = ""
+"""Name of the record of the latest step; outputs have others."""
 
 
 class Plan(eqx.Module):
     """What all lanes of a batch have in common beside their scene.
 
-    - `reductions` and `sections`: by name.
+    - `reductions`, `sections` and `impacts`: by name.
     - `saves`: whether states are saved at chosen times.
     - `max_steps`: largest number of steps tried in a lane.
     """
@@ -45,23 +48,20 @@ class Plan(eqx.Module):
     reductions: dict[str, AbstractReduction]
     sections: dict[str, Crossing]
     saves: bool = eqx.field(static=True)
-    max_steps: Any
+    max_steps: Scalar
+    impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     @property
     def method(self) -> Method:
         """How the lanes are integrated."""
         return self.scheme.method
 
-    def looks_inside(self) -> bool:
-        """Whether anything is recorded between the ends of steps."""
-        return self.saves or bool(self.sections)
-
 
 class Orders(eqx.Module):
     """What the host asks of a lane for a segment.
 
     `end_time` and `first_step`: s. `window`: the next times to save at, one more than a ring has
-    slots, infinite behind the last. `wanted`: crossings still to be recorded, by section.
+    slots, infinite behind the last. `wanted`: rows still to be recorded, by log.
     """
 
     end_time: Scalar
@@ -71,18 +71,38 @@ class Orders(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns."""
+    """A run between two turns: its step, what is recorded of it by the names of the outputs, and
+    the states saved."""
 
     step: Step
-    tallies: dict[str, Any]
+    tallies: dict[str, PyTree]
+    crossings: dict[str, CrossingRecord]
+    impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
     bracket: Bracket | None
-    saved: Ring | None
-    crossings: dict[str, Ring]
-    levels: dict[str, Scalar]
+    saved: Ring[Row] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Scalar:
         """Whether another step is to be tried."""
         return running(self.step, end_time, plan.max_steps)
+
+    def rings(self) -> dict[str, Ring]:
+        """What is recorded beside saved states, by log."""
+        rings: dict[str, Ring] = {name: found.rows for name, found in self.crossings.items()}
+        for name, record in self.impacts.items():
+            for joint, family in record.items():
+                for contact, found in family.items():
+                    rings[impact_log(name, joint, contact)] = found.rows
+        return rings
+
+
+def impact_log(name: str, joint: str, contact: str) -> str:
+    """Name of the log of a contact's impacts, which no output has."""
+    return f"{name}/{contact_label(joint, contact)}"
+
+
+def contact_label(joint: str, contact: str) -> str:
+    """What a contact is called in tables."""
+    return f"{joint} {contact}"
 
 
 class Outcome(eqx.Module):
@@ -104,16 +124,19 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
-    now = Row(step.t, step.y, step.memory).instant(system)
-    bracket = _empty_bracket(plan, system, step, orders) if plan.looks_inside() else None
     row = Row(step.t, step.y, step.memory)
+    now = row.instant(system)
+    hits = Ring.like(ImpactRow.none())
     lane = Lane(
         step,
         {name: reduction.start(now) for name, reduction in plan.reductions.items()},
-        bracket,
+        {
+            name: CrossingRecord(section.level(now), Ring.like(row))
+            for name, section in plan.sections.items()
+        },
+        {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
+        _empty_bracket(plan, system, step, orders) if plan.saves else None,
         Ring.like(row) if plan.saves else None,
-        {name: Ring.like(row) for name in plan.sections},
-        {name: _level(section, now) for name, section in plan.sections.items()},
     )
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
@@ -121,22 +144,63 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
 def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
     """Take one step, unless the lane is at its end or waits for the host."""
     system = plan.scheme.system(scene)
-    tried = attempt(plan.method, system, lane.step, orders.end_time)
-    goes = _goes(plan, lane, orders)
-    kept = goes & tried.kept
-    step = choose(goes, tried.step, lane.step)
-    lane = eqx.tree_at(lambda a: a.step, lane, step)
-    if plan.looks_inside():
-        bracket = choose(kept, Bracket.of(tried), lane.bracket)
-        lane = eqx.tree_at(lambda a: a.bracket, lane, bracket)
-
-    def middle() -> Instant:
-        return Bracket.of(tried).middle(plan.method).instant(system)
-
-    now = Row(step.t, step.y, step.memory).instant(system, middle)
-    lane = _with_tallies(plan, lane, now, kept)
-    lane = _with_crossings(plan, system, lane, now, kept, orders)
+    step, records = advance(
+        plan.method,
+        system,
+        lane.step,
+        orders.end_time,
+        _records(lane),
+        _recorders(plan, orders),
+        goes=_goes(plan, lane, orders),
+    )
+    lane = Lane(
+        step,
+        {name: records[name] for name in lane.tallies},
+        {name: records[name] for name in lane.crossings},
+        {name: records[name] for name in lane.impacts},
+        records.get(LATEST),
+        lane.saved,
+    )
     return _with_save(plan, system, lane, orders)
+
+
+def _records(lane: Lane) -> dict[str, PyTree]:
+    latest = {} if lane.bracket is None else {LATEST: lane.bracket}
+    return {**lane.tallies, **lane.crossings, **lane.impacts, **latest}
+
+
+def _recorders(plan: Plan, orders: Orders) -> dict[str, Recorder]:
+    return {
+        **{name: _updating(reduction) for name, reduction in plan.reductions.items()},
+        **{
+            name: CrossingRecorder(section, orders.wanted[name])
+            for name, section in plan.sections.items()
+        },
+        **{name: _tabling(recorder, name, orders) for name, recorder in plan.impacts.items()},
+        LATEST: latest_bracket,
+    }
+
+
+def _updating(reduction: AbstractReduction) -> Recorder:
+    """The recorder of a reduction's tally."""
+
+    def after(tally: PyTree, stride: Stride) -> PyTree:
+        return choose(stride.kept, reduction.update(tally, stride.now), tally)
+
+    return after
+
+
+def _tabling(recorder: ImpactRecorder, name: str, orders: Orders) -> Recorder:
+    """The recorder of an output's impacts."""
+
+    def after(record: ImpactRecord[Ring[ImpactRow]], stride: Stride) -> PyTree:
+        wanted = {
+            joint: {contact: orders.wanted[impact_log(name, joint, contact)] for contact in family}
+            for joint, family in record.items()
+        }
+        return recorder.after(record, stride, wanted)
+
+    return after
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
@@ -159,9 +223,11 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 
 def emptied(lane: Lane) -> Lane:
     """The lane with its rings read."""
-    saved = None if lane.saved is None else lane.saved.emptied()
-    crossings = {name: ring.emptied() for name, ring in lane.crossings.items()}
-    return Lane(lane.step, lane.tallies, lane.bracket, saved, crossings, lane.levels)
+    return jax.tree.map(
+        lambda node: node.emptied() if isinstance(node, Ring) else node,
+        lane,
+        is_leaf=lambda node: isinstance(node, Ring),
+    )
 
 
 def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
@@ -177,8 +243,8 @@ def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
     if lane.saved is not None:
         more = orders.window[SLOTS] < jnp.inf
         goes = goes & ~_save_is_due(lane, orders) & ~(lane.saved.full() & more)
-    for name, ring in lane.crossings.items():
-        goes = goes & ~(ring.full() & (orders.wanted[name] > ring.count))
+    for log, ring in lane.rings().items():
+        goes = goes & ~ring.waits(orders.wanted[log])
     return goes
 
 
@@ -203,45 +269,9 @@ def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
         return lane
     assert lane.bracket is not None
     due = _save_is_due(lane, orders) & ~lane.saved.full()
-    row = _on_constraints(system, lane.bracket.at(plan.method, _next_save(lane, orders)))
+    row = lane.bracket.at(plan.method, _next_save(lane, orders))
+    row = Row(row.t, on_constraints(system, row.y, row.t), row.memory)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
-
-
-def _with_tallies(plan: Plan, lane: Lane, now: Instant, kept: Scalar) -> Lane:
-    tallies = {
-        name: choose(kept, reduction.update(lane.tallies[name], now), lane.tallies[name])
-        for name, reduction in plan.reductions.items()
-    }
-    return Lane(lane.step, tallies, lane.bracket, lane.saved, lane.crossings, lane.levels)
-
-
-def _with_crossings(
-    plan: Plan, system: System, lane: Lane, now: Instant, kept: Scalar, orders: Orders
-) -> Lane:
-    rings, levels = {}, {}
-    for name, section in plan.sections.items():
-        assert lane.bracket is not None
-        ring, before, after = lane.crossings[name], lane.levels[name], _level(section, now)
-
-        def value(row: Row, section: Crossing = section) -> Scalar:
-            return _level(section, row.instant(system))
-
-        row = crossing_row(plan.method, lane.bracket, before, after, value)
-        row = _on_constraints(system, row)
-        rises = kept & (before < 0.0) & (after >= 0.0)
-        wanted = rises & (row.t >= section.after) & (orders.wanted[name] > ring.count)
-        rings[name] = ring.with_row(row, wanted)
-        levels[name] = jnp.where(kept, after, before)
-    return Lane(lane.step, lane.tallies, lane.bracket, lane.saved, rings, levels)
-
-
-def _on_constraints(system: System, row: Row) -> Row:
-    """The row as `simulate` saves it."""
-    return Row(row.t, on_constraints(system, row.y, row.t), row.memory)
-
-
-def _level(section: Crossing, now: Instant) -> Scalar:
-    return jnp.asarray(section.quantity(now), dtype=float)
 
 
 def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:

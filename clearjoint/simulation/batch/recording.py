@@ -1,4 +1,4 @@
-"""Looking inside the steps of a batch: dense output in scalar form, and rings that hold rows.
+"""What lanes record: rings that hold rows, and the rows of sections.
 
 Inside the native loop nothing may be written at an index that differs from lane to lane, so a lane
 has a ring of a few slots for each thing it records; the host empties them between segments, and a
@@ -6,91 +6,32 @@ lane whose ring is full waits for that.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_forces import Memory
-from ...dynamics.system import System
+from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
+from ...quantities.base import Quantity
 from ...quantities.instant import Instant
-from ..dense_output import require_dense
-from ..step_state import Attempt, Method, Variables, choose
-from ..unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
-from .reductions import Quantity
+from ..advance import Stride
+from ..dense_output import Bracket, Row, on_constraints
+from ..step_state import Method
 
 SLOTS = 8
-ROOT_STEPS = 4
+R = TypeVar("R", bound=eqx.Module)
 
 
-class Row(eqx.Module):
-    """A time, the variables and the memory there."""
-
-    t: Scalar
-    y: Variables
-    memory: Memory
-
-    def instant(
-        self,
-        system: System,
-        middle: Callable[[], Instant] | None = None,
-    ) -> Instant:
-        """The system at this row; `middle` gives that in the middle of the step that ends here."""
-        motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.memory, work, middle)
-
-
-class Bracket(eqx.Module):
-    """The latest accepted step, with its stages."""
-
-    start: Row
-    end: Row
-    stages: Any
-    graded: Any
-
-    @staticmethod
-    def of(tried: Attempt) -> "Bracket":
-        """The bracket of an accepted attempt."""
-        step, inside = tried.step, tried.information
-        return Bracket(
-            Row(tried.t_start, inside["y0"], tried.memory_start),
-            Row(step.t, step.y, step.memory),
-            inside["stages"],
-            tried.graded,
-        )
-
-    def inside(self, method: Method, x: Scalar) -> Variables:
-        """The variables at a fraction x of the step, by the solver's dense output."""
-        assert isinstance(method.solver, UnrolledExplicit)
-        start, end = self.start, self.end
-        dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
-        return dense.at(place_in_step(x, self.graded))
-
-    def middle(self, method: Method) -> Row:
-        """The row half-way through the step."""
-        require_dense(method.solver)
-        y = self.inside(method, 0.5)
-        return Row(0.5 * (self.start.t + self.end.t), y, self.start.memory)
-
-    def at(self, method: Method, t: Scalar) -> Row:
-        """The row at a time of the step."""
-        length = self.end.t - self.start.t
-        x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
-        ends = t >= self.end.t
-        y = choose(ends, self.end.y, self.inside(method, x))
-        return Row(t, y, choose(ends, self.end.memory, self.start.memory))
-
-
-class Ring(eqx.Module):
+class Ring(eqx.Module, Generic[R]):
     """A few rows, and how many of them are filled."""
 
-    slots: tuple[Row, ...]
+    slots: tuple[R, ...]
     count: Scalar
 
     @staticmethod
-    def like(row: Row) -> "Ring":
+    def like(row: R) -> "Ring[R]":
         """An empty ring."""
         return Ring((row,) * SLOTS, jnp.zeros((), int))
 
@@ -98,11 +39,15 @@ class Ring(eqx.Module):
         """Whether another row must wait."""
         return self.count >= SLOTS
 
-    def emptied(self) -> "Ring":
+    def waits(self, wanted: Scalar) -> Scalar:
+        """Whether a lane waits for the host, of which so many more rows are wanted."""
+        return self.full() & (wanted > self.count)
+
+    def emptied(self) -> "Ring[R]":
         """The ring after the host has taken its rows."""
         return Ring(self.slots, jnp.zeros_like(self.count))
 
-    def with_row(self, row: Row, wanted: Scalar) -> "Ring":
+    def with_row(self, row: R, wanted: Scalar) -> "Ring[R]":
         """The row added, if it is wanted."""
         slots = tuple(
             jax.tree.map(
@@ -123,24 +68,48 @@ class Crossing(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
     after: float = eqx.field(default=0.0, static=True)
 
+    def level(self, now: Instant) -> Scalar:
+        """The quantity that passes zero."""
+        return jnp.asarray(self.quantity(now), dtype=float)
+
+
+class CrossingRecord(eqx.Module):
+    """The level of a section where a lane is, and its crossings."""
+
+    level: Scalar
+    rows: Ring[Row]
+
+
+class CrossingRecorder(eqx.Module):
+    """Records the crossings of a section, as many as are still wanted."""
+
+    section: Crossing
+    wanted: Scalar
+
+    def __call__(self, record: CrossingRecord, stride: Stride) -> CrossingRecord:
+        """The record after a stride."""
+        system, kept = stride.system, stride.kept
+        before, after = record.level, self.section.level(stride.now)
+
+        def level(row: Row) -> Scalar:
+            return self.section.level(row.instant(system))
+
+        row = crossing_row(stride.method, stride.bracket, before, after, level)
+        row = Row(row.t, on_constraints(system, row.y, row.t), row.memory)
+        rises = kept & (before < 0.0) & (after >= 0.0)
+        wanted = rises & (row.t >= self.section.after) & (self.wanted > record.rows.count)
+        return CrossingRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
+
 
 def crossing_row(
-    method: Method, bracket: Bracket, before: Scalar, after: Scalar, value: Any
+    method: Method,
+    bracket: Bracket,
+    before: Scalar,
+    after: Scalar,
+    value: Callable[[Row], Scalar],
 ) -> Row:
-    """The row where a function of the variables, of given values at both ends, rises through zero.
-
-    Secant steps on the dense output, kept inside the step. `value(row)` evaluates the function.
-    """
+    """The row where a function of rows, of given values at both ends of the step, rises through
+    zero, by the dense output."""
     start, end = bracket.start.t, bracket.end.t
-    x_old, x, value_old = jnp.zeros_like(before), jnp.ones_like(after), before
-    value_here = after
-    for _ in range(ROOT_STEPS):
-        change = value_here - value_old
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x_old, x = x, jnp.clip(x - value_here * (x - x_old) / slope, 0.0, 1.0)
-        t = start + x * (end - start)
-        value_old, value_here = (
-            value_here,
-            value(Row(t, bracket.inside(method, x), bracket.start.memory)),
-        )
+    x = secant_root(lambda x: value(bracket.within(method, x)), before, after)
     return bracket.at(method, start + x * (end - start))

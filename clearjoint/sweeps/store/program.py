@@ -4,20 +4,21 @@ They are traced as those of the lanes are, with the numbers of scene and state a
 of solver, controller and outputs are constants in them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...math.vectors import Structured, unpack
+from ...math.vectors import Scalar, Structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
+from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
-from ...simulation.batch.recording import Row
-from ...simulation.batch.reductions import Quantity
+from ...simulation.dense_output import Row
+from ...simulation.impact_recorder import IMPACT_UNITS
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
@@ -48,7 +49,9 @@ def programs(
     row = Row(lane.step.t, lane.step.y, lane.step.memory)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     read, _ = fingerprints(traced.read, numbers, row, row, tallies)
-    return {RUN: digest(begun[RUN], taken[RUN])} | read
+    contacts = jax.eval_shape(traced.begun_contacts, numbers, state, time, 1.0)
+    tabled, _ = fingerprints(traced.tabled, numbers, contacts, 1.0)
+    return {RUN: digest(begun[RUN], taken[RUN])} | read | tabled
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,28 @@ class _Traced:
         after = turn(self._bare, scene, lane, _orders(end_time, end_time))
         return {RUN: (after, outcome(self._bare, scene, lane, end_time))}
 
+    @property
+    def _tabling(self) -> Plan:
+        """The plan without outputs but tables of impacts."""
+        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps, self.plan.impacts)
+
+    def begun_contacts(self, numbers: Any, state: State, time: Any, length: Any) -> Lane:
+        """The lane before its first step, with its contacts."""
+        orders = _orders(time + length, length)
+        return begin_lane(self._tabling, self._scene(numbers), state, time, orders)
+
+    def tabled(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+        """By variable of the tables of impacts, what is recorded at a step."""
+        if not lane.impacts:
+            return {}
+        orders = replace(_orders(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
+        after = turn(self._tabling, self._scene(numbers), lane, orders)
+        return {
+            variable_name(name, key): record
+            for name, record in after.impacts.items()
+            for key in (*IMPACT_UNITS, "count")
+        }
+
     def tallies(self, numbers: Any, row: Row) -> dict[str, Any]:
         """The reductions' tallies at the start."""
         now = self._instant(numbers, row, row)
@@ -86,9 +111,9 @@ class _Traced:
             for name, reduction in self.plan.reductions.items()
         }
 
-    def read(self, numbers: Any, row: Row, middle: Row, tallies: dict[str, Any]) -> dict[str, Any]:
+    def read(self, numbers: Any, row: Row, inside: Row, tallies: dict[str, Any]) -> dict[str, Any]:
         """By variable, all that an output computes for it at the end of a step."""
-        now, found = self._instant(numbers, row, middle), {}
+        now, found = self._instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
             whole = (
@@ -107,9 +132,15 @@ class _Traced:
             }
         return found
 
-    def _instant(self, numbers: Any, row: Row, middle: Row) -> Instant:
+    def _instant(self, numbers: Any, row: Row, inside: Row) -> Instant:
+        """The instant of a row. What is asked of places in its step has the numbers of another row
+        times the place, so that the program tells the places."""
         system = self.plan.scheme.system(self._scene(numbers))
-        return row.instant(system, lambda: middle.instant(system))
+
+        def at(place: Scalar) -> Instant:
+            return jax.tree.map(lambda leaf: place * leaf, inside).instant(system)
+
+        return row.instant(system, at)
 
 
 def _orders(end_time: Any, first_step: Any) -> Orders:

@@ -1,0 +1,89 @@
+"""Interpolation along a step: what its polynomials reproduce, roots and peaks with closed forms."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from clearjoint.math.interpolation import (
+    Bend,
+    Parabola,
+    Point,
+    Quintic,
+    Slope,
+    hermite_rate,
+    hermite_root,
+    hermite_value,
+    highest,
+    secant_root,
+    vertex,
+)
+
+PLACES = np.linspace(0.0, 1.0, 11)
+LENGTH = 0.3
+
+
+def polynomial(degree: int) -> np.polynomial.Polynomial:
+    return np.polynomial.Polynomial(np.random.default_rng(degree).normal(size=degree + 1))
+
+
+def test_hermite_reproduces_cubics_and_their_rates():
+    cubic = polynomial(3)
+    start, end = (Slope(cubic(t), cubic.deriv()(t)) for t in (0.0, LENGTH))
+    values = [hermite_value(x, start, end, LENGTH) for x in PLACES]
+    rates = [hermite_rate(x, start, end, LENGTH) for x in PLACES]
+    np.testing.assert_allclose(values, cubic(PLACES * LENGTH), rtol=1e-13)
+    np.testing.assert_allclose(rates, cubic.deriv()(PLACES * LENGTH), rtol=1e-12)
+
+
+def test_quintics_are_reproduced_with_their_rates():
+    curve = polynomial(5)
+    start, end = (Bend(curve(t), curve.deriv()(t), curve.deriv(2)(t)) for t in (0.0, LENGTH))
+    quintic = Quintic.through(start, end, LENGTH)
+    np.testing.assert_allclose(quintic.value(PLACES), curve(PLACES * LENGTH), rtol=1e-12)
+    np.testing.assert_allclose(quintic.rate(PLACES), curve.deriv()(PLACES * LENGTH), rtol=1e-11)
+    assert float(Quintic.through(start, start, 0.0).rate(0.0)) == 0.0
+
+
+@pytest.mark.parametrize("root", [0.05, 0.4, 0.9])
+def test_roots_of_a_bent_curve(root):
+    def value(x):
+        return (x - root) * (2.0 + x)
+
+    start, end = (Slope(jnp.asarray(value(x)), 2.0 + 2.0 * x - root) for x in (0.0, 1.0))
+    assert float(hermite_root(start, end, 1.0)) == pytest.approx(root, abs=1e-9)
+    found = secant_root(value, start.value, end.value)
+    assert float(found) == pytest.approx(root, abs=2e-4)
+
+
+def test_parabolas_and_their_vertices():
+    curve = polynomial(2)
+    parabola = Parabola.through(*(curve(x) for x in (0.0, 0.5, 1.0)))
+    np.testing.assert_allclose(parabola.at(PLACES), curve(PLACES), atol=1e-14)
+    hill = [Point(x, 3.0 - (x - 0.3) ** 2) for x in (0.1, 0.2, 0.9)]
+    assert float(vertex(*hill)) == pytest.approx(0.3, abs=1e-14)
+    valley = [Point(x, (x - 0.3) ** 2) for x in (0.1, 0.2, 0.9)]
+    assert 0.1 <= float(vertex(*valley)) <= 0.9
+
+
+@pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
+def test_the_highest_value_of_a_lopsided_hill_is_found_wherever_it_is(top):
+    """As steep as an impact of restitution 0.5 is within a step at usual tolerances."""
+
+    def value(x):
+        angle = 0.3 * (x - top)
+        return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
+
+    ends = [Point(x, value(x)) for x in (0.0, 0.5, 1.0)]
+    found = highest(value, *ends)
+    place = min(max(top, 0.0), 1.0)
+    assert float(found.value) == pytest.approx(float(value(place)), rel=1e-9)
+    assert float(found.place) == pytest.approx(place, abs=1e-2)
+    assert float(found.value) == pytest.approx(float(value(found.place)), rel=1e-14)
+
+
+def test_nothing_above_a_kink_is_reported():
+    def value(x):
+        return 1.0 - jnp.abs(x - 0.37)
+
+    found = highest(value, *(Point(x, value(x)) for x in (0.0, 0.5, 1.0)))
+    assert 0.9 < float(found.value) <= 1.0

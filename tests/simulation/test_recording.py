@@ -1,0 +1,116 @@
+"""What is recorded beside derivatives: the states and impacts of a run without them."""
+
+from dataclasses import fields
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.simulation import sensitivities as module
+from clearjoint.simulation.contact_step import ContactInstant, end_in_step, peak_in_step
+from clearjoint.simulation.impact_recorder import (
+    ContactRecord,
+    ImpactRow,
+    OpenContact,
+    Table,
+    impacts_of,
+    most,
+)
+
+END, TIMES = 0.03, np.linspace(0.0, 0.03, 7)
+
+
+@pytest.fixture(scope="module")
+def dropped():
+    """A rod on a pin with clearance, let go in the middle: it falls and rebounds once or more."""
+    pin = cj.ClearanceJoint(
+        "ground",
+        "rod",
+        journal_point=(-0.5, 0.0, 0.0),
+        bearing_radius=10e-3,
+        clearance=0.3e-3,
+        journal_length=20e-3,
+        law=cj.LankaraniNikravesh(0.9, 1e9),
+        axial=cj.FixedAxially(),
+    )
+    scene = cj.Scene(
+        {"rod": cj.Body(2.0, (0.01, 0.2, 0.2))}, {"pin": pin}, gravity=(0.0, -9.81, 0.0)
+    )
+    return scene, cj.State({"rod": cj.body_state((0.5, 0.0, 0.0))})
+
+
+def test_states_and_impacts_beside_derivatives_are_those_of_a_run(dropped):
+    parameters = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
+    outputs = {"height": cj.quantities.Position("rod", "y")}
+    save, seldom = cj.Saving(TIMES, impacts=True), TIMES[::3]
+    found = cj.sensitivities(*dropped, END, parameters, outputs, seldom, save=save)
+    run = cj.simulate(*dropped, END, cj.presets.derivatives, save=save)
+    assert found.saved is not None and found.impacts is not None and run.saved is not None
+    np.testing.assert_array_equal(found.saved.times, TIMES)
+    np.testing.assert_array_equal(
+        found.saved.states.bodies["rod"].position[::3, 1], found.values["height"]
+    )
+    jax.tree.map(
+        lambda here, there: np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-7),
+        found.saved.states,
+        run.saved.states,
+    )
+    assert len(found.impacts) == len(run.impacts) >= 2
+    for field in fields(cj.Impacts):
+        here, there = (getattr(table, field.name) for table in (found.impacts, run.impacts))
+        if field.name in ("joint", "contact"):
+            assert (here == there).all()
+        else:
+            np.testing.assert_allclose(here, there, rtol=1e-6, err_msg=field.name)
+
+
+def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
+    """A contact that is over `count` times, one second after another."""
+    table = Table.like(ImpactRow.none(), room)
+    for k in range(count):
+        row = jax.tree.map(lambda leaf, k=k: leaf + k, ImpactRow.none())
+        table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))
+    here = ContactInstant(cj.Gap(0.0, 0.0), jnp.zeros(()), None)
+    contact = OpenContact(here, jnp.asarray(False), ImpactRow.none())
+    return {"pin": {"V": ContactRecord(contact, table)}}
+
+
+def test_a_full_table_holds_its_rows_and_one_too_short_is_told_by_its_count():
+    assert list(impacts_of(_record(3, 3)).onset) == [0.0, 1.0, 2.0]
+    assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
+
+
+def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch):
+    rooms: list[int] = []
+
+    def run(kept: module.Kept) -> module.Sampled:
+        assert kept.impacts is not None
+        rooms.append(kept.impacts)
+        end = cj.RESULTS.successful
+        return module.Sampled({}, {}, 0, 0, end, 0, 0, None, _record(20, kept.impacts))
+
+    monkeypatch.setattr(module, "sampled_compiled", run)
+    monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
+    found = module._recorded((), False, True)
+    assert rooms == [2, 16, 128]
+    assert found.impacts is not None and most(found.impacts) == 20
+
+
+def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
+    """The depth a parabola: steps that don't land end where they like."""
+    law, length = cj.Hertz(1e9), 0.3e-3
+
+    def at(t: float) -> ContactInstant:
+        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
+        gap = cj.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        return ContactInstant(gap, jnp.asarray(-200.0), None)
+
+    start, end = at(0.11e-3), at(0.11e-3 + length)
+    peak = peak_in_step(law, start, end, length)
+    assert float(peak.depth) == pytest.approx(1e-6, rel=1e-9)
+    assert float(peak.force) == pytest.approx(1e9 * 1e-6**1.5, rel=1e-5)
+    assert float(peak.place) == pytest.approx(0.3, abs=2e-3)
+    over = float(end_in_step(law, start, end, length))
+    assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)
