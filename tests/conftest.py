@@ -22,8 +22,16 @@ gc.set_threshold(50_000, 50, 100)
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "reference"
 
 
-LONGEST = ("notebook", "simulate", "slider_crank_study", "sweep_study", "reference", "sweep")
-"""Files of tests that take a minute or more each: begun first, they leave no worker waiting."""
+LONGEST = (
+    "notebook",
+    "slider_crank_study",
+    "simulate",
+    "tolerance_study",
+    "sweep_study",
+    "sweep_resume",
+    "sweep_execution",
+)
+"""Files of tests that take longest: begun first, they leave no worker waiting."""
 
 
 def compile_quickly(quickly: bool) -> None:
@@ -36,17 +44,23 @@ def compile_quickly(quickly: bool) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first."""
+    """Put files marked `optimised` first, since what is compiled is forgotten after them, and then
+    the longest."""
     ranks = {f"test_{name}.py": rank for rank, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: ranks.get(item.path.name, len(ranks)))
+
+    def rank(item: pytest.Item) -> tuple[bool, int]:
+        marked = item.get_closest_marker("optimised") is not None
+        return not marked, ranks.get(item.path.name, len(ranks))
+
+    items.sort(key=rank)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def optimisation(request: pytest.FixtureRequest) -> None:
-    """Slow tests run long, and tests marked `optimised` are of what compiling makes: they have the
-    programs that users have. All others compile quickly."""
-    chosen = request.config.getoption("markexpr")
-    compile_quickly(chosen == "not slow" and not request.node.get_closest_marker("optimised"))
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Slow tests run long, and files marked `optimised` are about what compiling makes: they have
+    the programs that users have. All others compile quickly. Fixtures come after this."""
+    fast = item.config.getoption("markexpr") == "not slow"
+    compile_quickly(fast and item.get_closest_marker("optimised") is None)
 
 
 @pytest.fixture(scope="session")
