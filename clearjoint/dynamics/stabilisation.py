@@ -3,12 +3,12 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
-from ..fields.checks import require_positive
 from ..fields.conversion import AbstractConverting
 from ..fields.declarations import quantity
+from ..fields.types import Single
 from ..math.vectors import Scalar
+from .coordinates import MotionVariables
 
 
 class AbstractStabilisation(AbstractConverting):
@@ -31,7 +31,9 @@ class AbstractStabilisation(AbstractConverting):
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """The second derivative that a constraint of given value and rate shall have."""
 
-    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
+    def corrected(
+        self, variables: MotionVariables, project: Callable[[MotionVariables], MotionVariables]
+    ) -> MotionVariables:
         """The variables at the end of a step, or inside it: as they are.
 
         A stabilisation that works there too returns others, such as `project` makes of them, which
@@ -56,12 +58,8 @@ class Baumgarte(AbstractStabilisation):
     The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
     """
 
-    alpha: Any = quantity("1/s", default=5.0)
-    beta: Any = quantity("1/s", default=5.0)
-
-    def __check_init__(self):
-        require_positive("alpha", self.alpha, "give a rate in 1/s", zero=True)
-        require_positive("beta", self.beta, "give a rate in 1/s", zero=True)
+    alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
+    beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """-2 alpha rate - beta^2 value."""
@@ -76,6 +74,8 @@ class Projection(AbstractStabilisation):
         del value, rate
         return 0.0
 
-    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
+    def corrected(
+        self, variables: MotionVariables, project: Callable[[MotionVariables], MotionVariables]
+    ) -> MotionVariables:
         """The variables projected."""
         return project(variables)

@@ -14,11 +14,12 @@ names are taken apart at its ends. Everything happens while tracing, from names 
 import copy
 import dataclasses
 from collections.abc import Hashable, Iterable, Mapping
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.groups import Several, by_name, is_structural, stacked
 from ...math.vectors import Matrix, Vector
@@ -29,6 +30,8 @@ from ...model.scene import Scene
 
 SMALLEST = 4
 """Elements from which on they are put together."""
+T = TypeVar("T")
+
 ROLES = ("the first body", "the second body")
 
 
@@ -71,7 +74,7 @@ def groups(scene: Scene) -> list[Several]:
     return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, Several)]
 
 
-def _with_groups(family: Mapping[str, Any], groups: Mapping[Several, Any]) -> dict[str, Any]:
+def _with_groups(family: Mapping[str, T], groups: Mapping[Several, T]) -> dict[str, T]:
     placed = {member for group in groups for member in group.members}
     return {name: one for name, one in family.items() if name not in placed} | dict(groups)
 
@@ -87,14 +90,14 @@ def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
 
 def _alike(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
     """Names whose keys are equal and not ``None``, where they are enough to be put together."""
-    found: dict[Hashable, list[str]] = {}
+    families: dict[Hashable, list[str]] = {}
     for name, key in keys.items():
         if key is not None:
-            found.setdefault(key, []).append(name)
-    return [names for names in found.values() if len(names) >= SMALLEST]
+            families.setdefault(key, []).append(name)
+    return [names for names in families.values() if len(names) >= SMALLEST]
 
 
-def _structure(tree: Any) -> Hashable | None:
+def _structure(tree: PyTree) -> Hashable | None:
     """Equal for trees whose scalars may be stacked; ``None`` if there is more than scalars."""
     leaves, structure = jax.tree.flatten(tree)
     parts = []
@@ -165,14 +168,14 @@ def _order(scene: Scene) -> dict[str, int]:
         first, second = joint.pair()
         neighbours[first].append(second)
         neighbours[second].append(first)
-    found: dict[str, int] = {}
+    places: dict[str, int] = {}
     waiting = [*reversed(scene.bodies), GROUND]
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found[name] = len(found)
+        if name not in places:
+            places[name] = len(places)
             waiting += reversed(neighbours[name])
-    return {name: place for name, place in found.items() if name != GROUND}
+    return {name: place for name, place in places.items() if name != GROUND}
 
 
 def _by_bodies(
