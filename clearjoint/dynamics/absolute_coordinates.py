@@ -31,7 +31,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """None."""
+        """No joint: all ideal ones are constraints."""
         del scene
         return frozenset()
 
@@ -110,12 +110,12 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Zero."""
+        """Zero: the rates are the bodies' accelerations, with H the identity."""
         del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """The rates themselves."""
+        """The rates, body by body."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:

@@ -3,12 +3,14 @@
 
 import abc
 from collections.abc import Callable
+from typing import TypeVar
 
 from ..fields.conversion import AbstractConverting
 from ..fields.declarations import quantity
 from ..fields.types import Single
 from ..math.vectors import Scalar
-from .coordinates import MotionVariables
+
+T = TypeVar("T")
 
 
 class AbstractStabilisation(AbstractConverting):
@@ -31,13 +33,10 @@ class AbstractStabilisation(AbstractConverting):
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """The second derivative that a constraint of given value and rate shall have."""
 
-    def corrected(
-        self, variables: MotionVariables, project: Callable[[MotionVariables], MotionVariables]
-    ) -> MotionVariables:
-        """The variables at the end of a step, or inside it: as they are.
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """The variables to go on with after a step; by default those that the step ended with.
 
-        A stabilisation that works there too returns others, such as `project` makes of them, which
-        puts positions and velocities onto the constraints.
+        **Arguments:** `project`: puts positions and velocities of variables onto the constraints.
         """
         del project
         return variables
@@ -47,7 +46,7 @@ class Unstabilised(AbstractStabilisation):
     """No stabilisation: the constraints drift with the integration error."""
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero."""
+        """Zero: constraints are differentiated twice, and left to themselves."""
         del value, rate
         return 0.0
 
@@ -70,12 +69,10 @@ class Projection(AbstractStabilisation):
     """Positions and velocities at the end of each step are projected onto the constraints."""
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero."""
+        """Zero: constraints are differentiated twice, and left to themselves."""
         del value, rate
         return 0.0
 
-    def corrected(
-        self, variables: MotionVariables, project: Callable[[MotionVariables], MotionVariables]
-    ) -> MotionVariables:
-        """The variables projected."""
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """The variables with positions and velocities projected onto the constraints."""
         return project(variables)

@@ -186,9 +186,9 @@ def samples(measurements: Measurements, count: int) -> Samples:
 
 def residuals(
     coordinates: Float[ArrayLike, " p"], runs: Experiment, data: Samples, end_time: Scalar
-) -> Float[jax.Array, " S*T"]:
-    """Predictions less measurements, in standard deviations of the noise. Differentiable along the
-    coordinates."""
+) -> Float[jax.Array, " M"]:
+    """Predictions less measurements, in standard deviations of the noise, series after series.
+    Differentiable along the coordinates."""
     return data.residuals(predictions(coordinates, runs, end_time)).ravel()
 
 

@@ -24,7 +24,7 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = Any
-"""A float, a numpy scalar or a JAX array of shape ()."""
+"""A number: a float, Python's or numpy's, or a JAX array of shape ()."""
 Condition: TypeAlias = bool | jax.Array
 """True or false: a bool, or a JAX array of booleans of shape ()."""
 
@@ -194,7 +194,7 @@ class EulerParameters:
 
 
 _KINDS = (Vector, EulerParameters, Matrix)
-Pattern = tuple[Scalar, ...] | None
+Pattern: TypeAlias = tuple[float | None, ...] | None
 
 
 @jax.tree_util.register_dataclass

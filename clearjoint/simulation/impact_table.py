@@ -10,7 +10,7 @@ import numpy as np
 
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
-from ..math.groups import by_name, gathered
+from ..math.groups import by_group, by_name
 from ..math.vectors import Structured, unpack
 from ..model.bodies import State
 from ..model.contact.gap import Gap
@@ -89,7 +89,7 @@ def contact_histories(
 
     def at(t: Any, state: State) -> dict[str, dict[str, Sample]]:
         variables = system.encode(state.bodies)
-        memory = gathered(state.memory, system.scene.joints)
+        memory = by_group(state.memory, system.scene.joints)
         rates, _ = system.rates(variables, memory, t)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
         seconds = by_name(system.second_rates(variables, rates))

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...math.groups import Several, by_name, is_structural, stacked
+from ...math.groups import Several, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
 from ...model.joints.alike_contacts import SeveralContactJoints
@@ -40,7 +40,7 @@ def condensed(scene: Scene) -> Scene:
     order, held, contacts = _order(scene), _held_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in held}
     bodies = {
-        Several(names): stacked([scene.bodies[name] for name in names]) for names in _alike(free)
+        Several(names): stack([scene.bodies[name] for name in names]) for names in _alike(free)
     }
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
@@ -82,7 +82,7 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[Several, T]) -> dict[s
 def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return SeveralContactJoints(
-        stacked([_renamed(joint, joints[0].pair()) for joint in joints]),
+        stack([_renamed(joint, joints[0].pair()) for joint in joints]),
         tuple(joints),
         *(GROUND if GROUND in names else Several(names) for names in (first, second)),
     )
@@ -98,7 +98,7 @@ def _alike(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Equal for trees whose scalars may be stacked; ``None`` if there is more than scalars."""
+    """Equal for trees whose scalars may be stack; ``None`` if there is more than scalars."""
     leaves, structure = jax.tree.flatten(tree)
     parts = []
     for leaf in leaves:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...math.groups import Several, by_name, element, gathered, is_structural, total
+from ...math.groups import Several, by_group, by_name, element, is_structural, total
 from ...math.vectors import Scalar
 from ...model.bodies import NO_WRENCH, BodyState, Motion, Wrench
 from ...model.joints.base import Motions, Row
@@ -44,13 +44,13 @@ class GroupedCoordinates(AbstractCoordinates):
     rest: AbstractCoordinates
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Those of the rest."""
+        """The joints that the coordinates of the rest eliminate."""
         return self.rest.eliminated(_rest(scene))
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> GroupedVariables:
         """The rest's variables, and the states of the groups."""
         rest = {name: bodies[name] for name in _rest(scene).bodies}
-        return self.rest.encode(_rest(scene), rest), gathered(bodies, _groups(scene).bodies)
+        return self.rest.encode(_rest(scene), rest), by_group(bodies, _groups(scene).bodies)
 
     def decode(self, scene: Scene, variables: GroupedVariables) -> dict[str, BodyState]:
         """The states of the rest, and those of the groups."""
@@ -67,14 +67,14 @@ class GroupedCoordinates(AbstractCoordinates):
         return GroupedMechanics(self.rest, scene, variables)
 
     def settled(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
-        """Those of both parts."""
+        """The variables of both parts, in numbers that don't drift."""
         groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
         return self.rest.settled(_rest(scene), variables[0]), groups
 
     def with_speeds(
         self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
     ) -> GroupedVariables:
-        """Of both parts."""
+        """The rest and the groups with the speeds of the others."""
         groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
         return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
 
@@ -134,11 +134,11 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
     def moved(self, changes: Speeds) -> GroupedVariables:
-        """The rest moved: no constraint concerns a group."""
+        """The rest with its positions changed: no constraint concerns a group."""
         return self._rest.moved(self._parted(changes)[0]), self._variables[1]
 
     def kicked(self, changes: Speeds) -> GroupedVariables:
-        """The rest kicked."""
+        """The rest with its speeds changed: no constraint concerns a group."""
         return self._rest.kicked(self._parted(changes)[0]), self._variables[1]
 
 
@@ -209,7 +209,7 @@ def _taken(values: jax.Array, places: list[int]) -> jax.Array:
 
 
 def _spread(values: jax.Array, places: list[int], size: int) -> Scalar:
-    """The sums (n,) of the values that go to each of n places; gathered, since a scatter would keep
+    """The sums (n,) of the values that go to each of n places; by_group, since a scatter would keep
     the stepping loop from becoming one native function."""
     values = jnp.broadcast_to(values, (len(places),))
     first, last = places[0], places[-1] + 1

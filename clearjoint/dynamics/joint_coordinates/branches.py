@@ -35,7 +35,7 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def motion(self, parent: Motion, state: MotionVariables) -> Motion:
-        """The body's motion."""
+        """Pose and twist of the body, from those of its parent."""
 
     @abc.abstractmethod
     def link(self, parent: Link | None, state: MotionVariables) -> Link:
@@ -90,11 +90,11 @@ class FreeBranch(AbstractBranch):
         return BodyState(position, orientation, motion.velocity, motion.spin)
 
     def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
-        """As it is."""
+        """The Euler parameters that the state holds."""
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """The state itself, or what the anchor makes of it."""
+        """The motion of the centre of mass, from that of the anchor's point if there is one."""
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
@@ -117,7 +117,7 @@ class FreeBranch(AbstractBranch):
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Shifted and turned."""
+        """The position shifted, and the orientation turned."""
         turn = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), turn)
         orientation = turned(state.orientation, turn)
@@ -187,16 +187,16 @@ class JointedBranch(AbstractBranch):
         return JointState(self.freedom.rates(state), tuple(speeds))
 
     def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Moved along the freedom."""
+        """The position moved along the directions that the joint leaves free."""
         return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
 
     def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """The speeds changed."""
+        """The position, and the speeds plus their changes."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
     def settled(self, state: JointState) -> JointState:
-        """As the freedom says."""
+        """The position as the joint's freedom keeps it in range."""
         return JointState(self.freedom.settled(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:

@@ -105,7 +105,7 @@ class TreeMechanics:
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """H^T times wrenches."""
+        """Forces on the speeds: H^T times the wrenches, and zero where a body has none."""
         return self._along_columns(
             [self._load(branch.body, link, wrenches) for branch, link in self._pairs()]
         )

@@ -43,7 +43,7 @@ class JointCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """The joints of the trees."""
+        """The joints that carry a body of a tree."""
         return frozenset(
             branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
         )
@@ -87,13 +87,13 @@ class JointCoordinates(AbstractCoordinates):
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
     def settled(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """Those of each body."""
+        """The variables of each body, in numbers that don't drift."""
         return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
 
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """Of each body."""
+        """The variables of each body with the speeds of the others."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
@@ -130,7 +130,7 @@ class JointMechanics(AbstractMechanics):
         return [rate for tree, part in self._shared_out(forces) for rate in tree.solved(part)]
 
     def bias(self, row: Row) -> Scalar:
-        """Of all trees together."""
+        """The sum over all trees."""
         total: Scalar = 0.0
         for tree in self._trees:
             total = add(total, tree.bias(row))

@@ -35,7 +35,7 @@ class WindowsMisfit:
 
     - `coordinates`: all unknowns, those of the parameters and of the windows' starts.
     - `residuals`: in standard deviations; `jacobian`: their derivatives along the unknowns.
-    - `gaps`: differences between the end of each window and the start of the next.
+    - `gaps`: (K, d) differences between the end of each window and the start of the next.
     - `runs`: of the windows.
     """
 
@@ -173,7 +173,8 @@ class Shooting:
             weights = self._weights(runs[k + 1]) / size
             rows.append((weights * value, weights[:, None] * along))
         residuals, jacobian = (np.concatenate(part) for part in zip(*rows, strict=True))
-        return WindowsMisfit(np.array(at), residuals, jacobian, np.array(gaps), runs)
+        rows_of_gaps = np.reshape(gaps, (len(gaps), len(runs[0].end)))
+        return WindowsMisfit(np.array(at), residuals, jacobian, rows_of_gaps, runs)
 
     def _places(self) -> list[np.ndarray]:
         """For each window the indices of its unknowns among all."""

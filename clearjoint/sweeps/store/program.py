@@ -5,13 +5,13 @@ of solver, controller and outputs are constants in them.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
-from ...math.vectors import Structured, unpack
+from ...math.vectors import Scalar, Structured, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.instant import Instant
@@ -42,13 +42,13 @@ def programs(
     numbers, rest = eqx.partition(form, eqx.is_array_like)
     traced = _Traced(plan, rest, channels)
     time = jnp.asarray(start_time, dtype=float)
-    begun, lanes = fingerprints(traced.begun, numbers, state, time, 1.0)
-    lane: Lane = lanes[RUN]
-    taken, _ = fingerprints(traced.taken, numbers, lane, 1.0)
+    start = fingerprints(traced.begun, numbers, state, time, 1.0)
+    lane: Lane = start.shapes[RUN]
+    step = fingerprints(traced.taken, numbers, lane, 1.0)
     row = Row(lane.step.t, lane.step.y, lane.step.memory)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
-    read, _ = fingerprints(traced.read, numbers, row, row, tallies)
-    return {RUN: digest(begun[RUN], taken[RUN])} | read
+    outputs = fingerprints(traced.read, numbers, row, row, tallies)
+    return {RUN: digest(start.digests[RUN], step.digests[RUN])} | outputs.digests
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class _Traced:
     """What is traced: functions of the numbers of a scene, of which `rest` is what else it is."""
 
     plan: Plan
-    rest: Any
+    rest: PyTree
     channels: dict[str, dict[str, Quantity]]
 
     @property
@@ -64,21 +64,21 @@ class _Traced:
         """The plan without outputs."""
         return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
 
-    def _scene(self, numbers: Any) -> Scene:
+    def _scene(self, numbers: PyTree) -> Scene:
         return unpack(eqx.combine(numbers, self.rest))
 
-    def begun(self, numbers: Any, state: State, time: Any, length: Any) -> dict[str, Lane]:
+    def begun(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> dict[str, Lane]:
         """The lane before its first step."""
         orders = _orders(time + length, length)
         return {RUN: begin_lane(self._bare, self._scene(numbers), state, time, orders)}
 
-    def taken(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+    def taken(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """A step of the lane, and what would be reported of it."""
         scene = self._scene(numbers)
         after = turn(self._bare, scene, lane, _orders(end_time, end_time))
         return {RUN: (after, outcome(self._bare, scene, lane, end_time))}
 
-    def tallies(self, numbers: Any, row: Row) -> dict[str, Any]:
+    def tallies(self, numbers: PyTree, row: Row) -> dict[str, PyTree]:
         """The reductions' tallies at the start."""
         now = self._instant(numbers, row, row)
         return {
@@ -86,9 +86,11 @@ class _Traced:
             for name, reduction in self.plan.reductions.items()
         }
 
-    def read(self, numbers: Any, row: Row, middle: Row, tallies: dict[str, Any]) -> dict[str, Any]:
+    def read(
+        self, numbers: PyTree, row: Row, middle: Row, tallies: dict[str, PyTree]
+    ) -> dict[str, PyTree]:
         """By variable, all that an output computes for it at the end of a step."""
-        now, found = self._instant(numbers, row, middle), {}
+        now, programs = self._instant(numbers, row, middle), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
             whole = (
@@ -96,21 +98,21 @@ class _Traced:
                 reduction.update(tally, now),
                 reduction.results(tally, now),
             )
-            found |= {variable_name(name, key): whole for key in reduction.units()}
+            programs |= {variable_name(name, key): whole for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
             where = () if section is None else (section.quantity(now), section.after)
-            found |= {variable_name(name, key): where for key in ("time", "count")}
-            found |= {
+            programs |= {variable_name(name, key): where for key in ("time", "count")}
+            programs |= {
                 variable_name(name, key): (*where, quantity(now))
                 for key, quantity in quantities.items()
             }
-        return found
+        return programs
 
-    def _instant(self, numbers: Any, row: Row, middle: Row) -> Instant:
+    def _instant(self, numbers: PyTree, row: Row, middle: Row) -> Instant:
         system = self.plan.scheme.system(self._scene(numbers))
         return row.instant(system, lambda: middle.instant(system))
 
 
-def _orders(end_time: Any, first_step: Any) -> Orders:
+def _orders(end_time: Scalar, first_step: Scalar) -> Orders:
     return Orders(end_time, first_step, (jnp.inf,) * WINDOW, {})
