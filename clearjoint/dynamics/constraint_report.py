@@ -77,9 +77,10 @@ def constraint_reports(
     count, known = len(jax.tree.leaves(states)[0]), {}
     padded = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1)
     for block in padded.reshape(-1, TOGETHER):
-        here = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
+        numbers, starts = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
+        time = jnp.asarray(t, dtype=float)
         block_values = jax.device_get(
-            _constraints_together(scene, coordinates, *here, jnp.asarray(t, dtype=float))
+            _constraints_together(scene, coordinates, numbers, starts, time)
         )
         for k in range(min(TOGETHER, count - block[0])):
             lane = jax.tree.map(lambda leaf, k=k: leaf[k], block_values)

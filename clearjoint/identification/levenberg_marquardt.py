@@ -162,7 +162,9 @@ def _advance(
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """One step: the best coordinates so far, the arrays of the solver's state, whether to end, and
     the decrement. `arrays` of the state before, ``None`` at first."""
-    solver = _LevenbergMarquardt(_Strides(optx.DampedNewtonDescent(), strides), tolerance)
+    solver = _LevenbergMarquardt(
+        descent=_Strides(optx.DampedNewtonDescent(), strides), tolerance=tolerance
+    )
     state = initial = _initial_state(solver, y, model)
     if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))

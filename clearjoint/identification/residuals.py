@@ -224,7 +224,8 @@ def run_misfit(
     values, jacobian = _weighted(runs, run, data)
     return RunMisfit(
         np.array(coordinates, float),
-        *(np.asarray(part) for part in (values, jacobian)),
+        np.asarray(values),
+        np.asarray(jacobian),
         np.stack([np.asarray(run.values[name]) for name in runs.names]),
         run.result,
         float(run.time),

@@ -58,9 +58,7 @@ def double_pendulum(
             bearing_radius=bearing_radius,
             clearance=clearance,
             journal_length=journal_length,
-            law=LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
-            if law is None
-            else law,
+            law=_steel(restitution) if law is None else law,
             friction=friction,
             axial=axial,
         )
@@ -130,9 +128,7 @@ def slider_crank(
             bearing_radius=bearing_radius,
             clearance=clearance,
             journal_length=journal_length,
-            law=LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
-            if law is None
-            else law,
+            law=_steel(restitution) if law is None else law,
             friction=friction,
         )
     joints = {

@@ -144,7 +144,7 @@ def observe(
     *others, energies = parts
     energies |= {name: np.asarray(integral) for name, integral in states.work.items()}
     unique = not solution.redundant_constraints
-    return Observation(rows[0], *others, energies, reactions_unique=unique)
+    return Observation(rows[0], *others, energies, reactions_unique=unique)  # pyright: ignore
 
 
 def _in_chunks(observed: Callable[[Any], Any], rows: Any) -> Any:

@@ -132,7 +132,9 @@ def simulate(
         scheme,
         form,
         state,
-        *(_array(value) for value in (start_time, end_time, first_step)),
+        _array(start_time),
+        _array(end_time),
+        _array(first_step),
         save_at is not None,
         RECORD_ROWS if record else None,
     )

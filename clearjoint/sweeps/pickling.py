@@ -54,6 +54,7 @@ def _with_fields(
     """The class that cloudpickle makes without attributes, with fields. It gets its attributes
     afterwards, among them an `__init__` where it has one."""
     constructor, name, bases, namespace, *rest = arguments
+    assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
     annotations = dict.fromkeys(statics, object)
     placeholder = {"__init__": _placeholder} if initialises else {}

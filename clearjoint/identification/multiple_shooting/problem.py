@@ -155,10 +155,10 @@ class Shooting:
                 memory,
             )
         first_step = default_first_step(piece.start, piece.end)
-        numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
+        start, end, step = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
         limit = jnp.asarray(self.max_steps)
         outputs = self.outputs | self.watched
-        return run_window(self.scheme, family, outputs, piece.times, *numbers, limit)
+        return run_window(self.scheme, family, outputs, piece.times, start, end, step, limit)
 
     def misfit(self, at: np.ndarray, size: float) -> WindowsMisfit:
         """Run all windows at unknowns (P,); gaps of `size` m count as one standard deviation."""

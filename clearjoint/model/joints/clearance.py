@@ -81,9 +81,9 @@ class ClearanceJoint(AbstractContactJoint):
     )
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
-    law: AbstractContactLaw
-    friction: AbstractFriction | None
-    axial: AbstractAxialPolicy
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
 
     def __init__(
         self,
