@@ -11,6 +11,10 @@ import pytest
 
 os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
 
+from tests.support.shapes import check_shapes  # noqa: E402
+
+check_shapes()
+
 import clearjoint as cj  # noqa: E402
 
 cj.configure()

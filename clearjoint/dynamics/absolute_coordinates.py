@@ -1,15 +1,16 @@
 """Absolute coordinates: each body by itself, all ideal joints constraints, as in the paper."""
 
+from typing import TypeAlias
+
 from ..math.rotations import euler_parameter_rates, rotation_matrix, turned
 from ..math.vectors import ZERO, Matrix, Scalar, Vector
 from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
-from ..model.joints.base import Row
+from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
-    Acceleration,
-    Motions,
+    BodyAcceleration,
     Speeds,
     Wrenches,
     anchors,
@@ -18,7 +19,7 @@ from .coordinates import (
     settled_body,
 )
 
-Bodies = dict[str, BodyState]
+Bodies: TypeAlias = dict[str, BodyState]
 
 
 class AbsoluteCoordinates(AbstractCoordinates):
@@ -30,7 +31,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """None."""
+        """No joint: all ideal ones are constraints."""
         del scene
         return frozenset()
 
@@ -91,8 +92,8 @@ class AbsoluteMechanics(AbstractMechanics):
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
             load = wrenches[name] + _gyroscopic(body, self.motions[name])
-            found = self._inverses[name](load)
-            rates += [*(found.linear + fall), *found.angular]
+            acceleration = self._inverses[name](load)
+            rates += [*(acceleration.linear + fall), *acceleration.angular]
         return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -104,58 +105,58 @@ class AbsoluteMechanics(AbstractMechanics):
         """Force by mass and moment by inertia."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
-            found = self._inverses[name](Wrench(load.linear, load.angular))
-            rates += [*found.linear, *found.angular]
+            acceleration = self._inverses[name](Wrench(load.linear, load.angular))
+            rates += [*acceleration.linear, *acceleration.angular]
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Zero."""
+        """Zero: the rates are the bodies' accelerations, with H the identity."""
         del row
         return 0.0
 
-    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
-        """The rates themselves."""
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
+        """The rates, body by body."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:
         """Velocity, Euler parameter rates, and accelerations."""
-        found = {}
+        variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
             body, anchor = self._variables[name], self.motions[name].anchor
-            found[name] = BodyState(
+            variable_rates[name] = BodyState(
                 body.velocity if anchor is None else anchor.velocity,
                 euler_parameter_rates(body.orientation, body.spin),
                 acceleration.linear,
                 acceleration.angular,
             )
-        return found
+        return variable_rates
 
     def moved(self, changes: Speeds) -> Bodies:
         """Positions shifted and orientations turned."""
-        moved = {}
+        bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
             if motion.anchor is not None:
                 turn = change.angular.cross(motion.anchor.local)
                 shift = shift + motion.direction(turn)
             orientation = turned(body.orientation, change.angular)
-            moved[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
-        return moved
+            bodies[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
+        return bodies
 
     def kicked(self, changes: Speeds) -> Bodies:
         """Velocities and spins changed."""
-        kicked = {}
+        bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
             velocity, spin = body.velocity + change.linear, body.spin + change.angular
-            kicked[name] = BodyState(body.position, body.orientation, velocity, spin)
-        return kicked
+            bodies[name] = BodyState(body.position, body.orientation, velocity, spin)
+        return bodies
 
 
-def by_body(scene: Scene, numbers: Speeds) -> dict[str, Acceleration]:
+def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
     """Six numbers for each body as two vectors."""
     return {
-        name: Acceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
+        name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
     }
 
@@ -172,13 +173,13 @@ class InverseMass:
             moments = body.inertia
             self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
 
-    def __call__(self, wrench: Wrench) -> Acceleration:
+    def __call__(self, wrench: Wrench) -> BodyAcceleration:
         """Acceleration of the centre of mass, and of the spin in body axes."""
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:
             angular = wrench.moment.componentwise_product(self._principal)
-        return Acceleration(wrench.force * self._inverse, angular)
+        return BodyAcceleration(wrench.force * self._inverse, angular)
 
 
 def _gyroscopic(body: Body, motion: Motion) -> Wrench:

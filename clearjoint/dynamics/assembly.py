@@ -1,7 +1,6 @@
 """Initial states that satisfy the constraints, in position and velocity."""
 
 from collections.abc import Callable, Collection
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,10 +15,9 @@ from ..model.joints.base import AbstractConstraint
 from ..model.scene import Scene
 from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
-from .coordinates import AbstractCoordinates
+from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
-from .journals import centred, outside, with_ideal
-from .journals import seated as seated_joints
+from .journals import centring_joints, outside, seating_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
@@ -63,7 +61,7 @@ def check_names(scene: Scene, state: State) -> None:
             require_finite(f"state.{part}", leaf)
 
 
-def assemble(scene: Scene, state: State, t: Any = 0.0, *, seated: Collection[str] = ()) -> State:
+def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[str] = ()) -> State:
     """The state nearest to a guess, in the metric of the masses, that satisfies the constraints and
     has each journal in its bearing.
 
@@ -81,30 +79,32 @@ def assemble(scene: Scene, state: State, t: Any = 0.0, *, seated: Collection[str
     a joint to be seated that has no clearance, or whose journal nothing presses against the wall.
     """
     check_names(scene, state)
-    known = sorted(centred(scene, scene.contact_joints()))
+    known = sorted(centring_joints(scene, scene.contact_joints()))
     for name in seated:
         remedy = "leave out the others"
         require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
-    held = centred(scene, seated)
+    held = centring_joints(scene, seated)
     state = _in_bearings(scene, held, state, t)
     if not seated:
         return state
-    held |= seated_joints(scene, held, seated, state, t)
+    held |= seating_joints(scene, held, seated, state, t)
     return _in_bearings(scene, held, state, t)
 
 
-def _in_bearings(scene: Scene, held: dict[str, AbstractConstraint], state: State, t: Any) -> State:
+def _in_bearings(
+    scene: Scene, held: dict[str, AbstractConstraint], state: State, t: Scalar
+) -> State:
     """The state assembled with ideal joints in the place of those `held`, to which those of all
     journals outside their bearings are added."""
     while True:
         state = _satisfying(with_ideal(scene, held), state, t)
-        added = centred(scene, outside(scene, state) - set(held))
+        added = centring_joints(scene, outside(scene, state) - set(held))
         if not added:
             return state
         held |= added
 
 
-def _satisfying(scene: Scene, state: State, t: Any) -> State:
+def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     """The nearest state that satisfies the constraints."""
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
@@ -151,7 +151,7 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    variables, held = _held(scene, state, coordinates)
+    variables, held = _round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
@@ -169,11 +169,13 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates have something left to move; nothing is compiled for it."""
-    variables, _ = eqx.filter_eval_shape(_held.__wrapped__, scene, state, coordinates)
+    variables, _ = eqx.filter_eval_shape(
+        _round_trip.__wrapped__, scene, state, Formulation(coordinates)
+    )
     _require_something_moves(variables, coordinates)
 
 
-def _require_something_moves(variables: Any, coordinates: AbstractCoordinates) -> None:
+def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
     require(
         bool(jax.tree.leaves(variables)),
         "coordinates",
@@ -184,13 +186,13 @@ def _require_something_moves(variables: Any, coordinates: AbstractCoordinates) -
 
 
 @eqx.filter_jit
-def _held(
-    scene: Scene, state: State, coordinates: AbstractCoordinates
-) -> tuple[Any, dict[str, BodyState]]:
-    """The variables of a state, and the state of the variables."""
-    scene = unpack(scene)
-    variables = coordinates.encode(scene, unpack(state.bodies))
-    return variables, pack(coordinates.decode(scene, variables))
+def _round_trip(
+    scene: Scene, state: State, formulation: Formulation
+) -> tuple[MotionVariables, dict[str, BodyState]]:
+    """The variables of a state, and the bodies as these hold them."""
+    system = System(unpack(scene), formulation)
+    variables = system.encode(unpack(state.bodies))
+    return variables, pack(system.decode(variables))
 
 
 def _require_satisfied(
@@ -215,7 +217,7 @@ def _require_satisfied(
 
 @eqx.filter_jit
 def _corrected(
-    projection: Callable[[System, Any, Scalar], Any],
+    projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,
     formulation: Formulation,
     bodies: dict[str, BodyState],

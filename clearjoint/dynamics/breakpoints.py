@@ -6,14 +6,17 @@ as it is just after.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.joints.base import AbstractElement
 from ..model.scene import Scene
+
+if TYPE_CHECKING:
+    from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
 """Of a breakpoint, within which an instant is at it: elements may compute it in another order."""
@@ -22,63 +25,63 @@ ROUNDINGS = 8.0
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
     """The breakpoints by joint and force, s; elements without any are left out. Arrays remain."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
-    found = {name: jax.tree.leaves(element.breakpoints()) for name, element in elements.items()}
-    return {name: times for name, times in found.items() if times}
+    times = {name: jax.tree.leaves(element.breakpoints()) for name, element in elements.items()}
+    return {name: own for name, own in times.items() if own}
 
 
 def next_breakpoint(scene: Scene, t: Scalar) -> Scalar | None:
     """The first breakpoint after a time, infinite if there is none; ``None`` where the scene has
     none at all."""
-    return _extreme(
-        scene, jnp.minimum, jnp.inf, lambda at: jnp.where(_is_after(at, t), at, jnp.inf)
-    )
+    return _extreme(scene, jnp.minimum, lambda at: jnp.where(_is_after(at, t), at, jnp.inf))
 
 
 def seen(scene: Scene, start: Scalar, t: Scalar) -> Scalar:
     """The time as elements see it in a step from `start`: between the breakpoints, not on them."""
 
-    def left(at: Scalar) -> Scalar:
+    def left(at: jax.Array) -> jax.Array:
         return jnp.where(_is_after(at, start), -jnp.inf, at + _rounding(at))
 
-    def ahead(at: Scalar) -> Scalar:
+    def ahead(at: jax.Array) -> jax.Array:
         return jnp.where(_is_after(at, start), at - _rounding(at), jnp.inf)
 
-    earliest = _extreme(scene, jnp.maximum, -jnp.inf, left)
-    latest = _extreme(scene, jnp.minimum, jnp.inf, ahead)
+    earliest = _extreme(scene, jnp.maximum, left)
+    latest = _extreme(scene, jnp.minimum, ahead)
     return t if earliest is None else jnp.clip(t, earliest, latest)
 
 
-def since_breakpoints(scene: Scene, start: Scalar, t: Scalar) -> dict[str, tuple[Scalar, Scalar]]:
+def since_breakpoints(
+    scene: Scene, start: Scalar, t: Scalar
+) -> dict[str, tuple[Condition, Scalar]]:
     """Of each element with breakpoints: whether a step from `start` to t lands on one, and the time
     since that one, s. The time is zero to rounding, but has a derivative."""
-    found = {}
+    landings = {}
     for name, times in breakpoints(scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
             here = _is_after(at, start) & ~_is_after(at, t)
             count = count + jnp.sum(here)
             sum_since = sum_since + jnp.sum(jnp.where(here, t - at, 0.0))
-        found[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
-    return found
+        landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
+    return landings
 
 
-def _is_after(at: Scalar, t: Scalar) -> Scalar:
+def _is_after(at: Scalar, t: Scalar) -> jax.Array:
     return at > t + _rounding(at)
 
 
-def _rounding(at: Scalar) -> Scalar:
+def _rounding(at: Scalar) -> jax.Array:
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(at)
 
 
 def _extreme(
-    scene: Scene, choice: Callable[..., Any], none: float, of: Callable[[Scalar], Scalar]
+    scene: Scene, choice: "BinaryUfunc", of: Callable[[jax.Array], jax.Array]
 ) -> Scalar | None:
     """The smallest or largest of what each breakpoint gives; where steps end is no function of the
     parameters."""
-    found: Scalar | None = None
+    extreme: jax.Array | None = None
     for times in breakpoints(scene).values():
         for at in times:
             here = of(jax.lax.stop_gradient(jnp.asarray(at, dtype=float)))
             here = here if jnp.ndim(here) == 0 else choice.reduce(here)
-            found = here if found is None else choice(found, here)
-    return found
+            extreme = here if extreme is None else choice(extreme, here)
+    return extreme

@@ -2,21 +2,24 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, PyTree
 
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
-from ..model.joints.base import Row
+from ..model.joints.base import ByLabel, Row
 from ..model.scene import Scene
 from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
 from .equations_of_motion import constraint_rows
-from .multipliers import row_rate, stacked
+from .multipliers import as_array, row_rate
+
+T = TypeVar("T")
 
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised row from the span of the others below which it counts as dependent."""
@@ -33,15 +36,15 @@ class ConstraintReport:
 
     - `names`: each row as "joint: label".
     - `values` and `rates`: (m,) Phi and its rate, m or 1, and per second.
-    - `jacobian`: (m, 6 bodies) with respect to velocities and body spins.
+    - `jacobian`: (m, v) by velocities and body spins; v is six times the number of bodies.
     - `redundant`: names of the rows that depend on those before them.
     - `uncertain`: names of those that nearly do; no run can use them.
     """
 
     names: tuple[str, ...]
-    values: np.ndarray
-    rates: np.ndarray
-    jacobian: np.ndarray
+    values: Float[np.ndarray, " m"]
+    rates: Float[np.ndarray, " m"]
+    jacobian: Float[np.ndarray, "m v"]
     redundant: tuple[str, ...]
     uncertain: tuple[str, ...]
 
@@ -51,7 +54,7 @@ class ConstraintReport:
 
 
 def constraint_report(
-    scene: Scene, state: State, t: Any = 0.0, coordinates: AbstractCoordinates | None = None
+    scene: Scene, state: State, t: Scalar = 0.0, coordinates: AbstractCoordinates | None = None
 ) -> ConstraintReport:
     """Evaluate the constraints of a scene, and find those that are redundant there.
 
@@ -59,12 +62,12 @@ def constraint_report(
     redundancy among the rows that remain. Otherwise among all, in their order.
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    found = _constraints_compiled(scene, coordinates, state, jnp.asarray(t, dtype=float))
-    return _report(_Evaluated(*found), len(scene.bodies), {})
+    values = _constraints_compiled(scene, coordinates, state, jnp.asarray(t, dtype=float))
+    return _report(values, len(scene.bodies), {})
 
 
 def constraint_reports(
-    scene: Scene, varied: Any, states: Any, t: Any, coordinates: AbstractCoordinates
+    scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> Iterator[ConstraintReport]:
     """`constraint_report` of many scenes and states that differ in numbers, one after the other.
 
@@ -74,32 +77,34 @@ def constraint_reports(
     count, known = len(jax.tree.leaves(states)[0]), {}
     padded = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1)
     for block in padded.reshape(-1, TOGETHER):
-        here = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
-        found = jax.device_get(
-            _constraints_together(scene, coordinates, *here, jnp.asarray(t, dtype=float))
+        numbers, starts = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
+        time = jnp.asarray(t, dtype=float)
+        block_values = jax.device_get(
+            _constraints_together(scene, coordinates, numbers, starts, time)
         )
         for k in range(min(TOGETHER, count - block[0])):
-            lane = _Evaluated(*jax.tree.map(lambda leaf, k=k: leaf[k], found))
+            lane = jax.tree.map(lambda leaf, k=k: leaf[k], block_values)
             yield _report(lane, len(scene.bodies), known)
 
 
-class _Evaluated(NamedTuple):
-    """Constraints by joint and label; `remaining`: the rows that the coordinates leave."""
+class _Rows(NamedTuple):
+    """Constraint rows as arrays: values and rates (), Jacobian (v,).
 
-    values: dict[str, dict[str, Any]]
-    rates: dict[str, dict[str, Any]]
-    jacobian: dict[str, dict[str, Any]]
-    remaining: dict[str, dict[str, Any]]
+    `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these leave.
+    """
+
+    values: ByLabel[jax.Array]
+    rates: ByLabel[jax.Array]
+    jacobian: ByLabel[jax.Array]
+    remaining: ByLabel[jax.Array]
 
 
-def _report(
-    found: _Evaluated, bodies: int, known: dict[bytes, dict[str, float]]
-) -> ConstraintReport:
-    """What was evaluated, and its rank; `known` are the distances of rows seen before."""
-    rows = _by_name(found.jacobian)
+def _report(arrays: _Rows, bodies: int, known: dict[bytes, dict[str, float]]) -> ConstraintReport:
+    """The rows with their rank; `known` are the distances of rows seen before, and gets theirs."""
+    rows = _by_name(arrays.jacobian)
     names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
     scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
-    left = {name: np.asarray(row) / scale[name] for name, row in _by_name(found.remaining).items()}
+    left = {name: np.asarray(row) / scale[name] for name, row in _by_name(arrays.remaining).items()}
     key = b"".join(row.tobytes() for row in left.values())
     if key not in known:
         known[key] = _distances(left)
@@ -108,29 +113,27 @@ def _report(
     uncertain = tuple(n for n, d in apart.items() if RANK_TOLERANCE <= d < UNCERTAIN_BELOW)
     values, rates = (
         np.array([float(value) for value in _by_name(tree).values()])
-        for tree in (found.values, found.rates)
+        for tree in (arrays.values, arrays.rates)
     )
     return ConstraintReport(names, values, rates, matrix, redundant, uncertain)
 
 
-def _by_name(tree: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def _by_name(tree: ByLabel[T]) -> dict[str, T]:
     return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
 
 
-def _constraints(
-    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
-) -> tuple[Any, Any, Any, Any]:
+def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar) -> _Rows:
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
     rows = constraint_rows(scene, absolute, mechanics.motions, t)
     values = _each(rows, lambda row: jnp.asarray(row.value))
     rates = _each(rows, lambda row: jnp.asarray(row_rate(row, mechanics.motions)))
-    jacobian = _each(rows, lambda row: stacked(mechanics.projected(row.jacobian)))
+    jacobian = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     rows = constraint_rows(scene, coordinates, mechanics.motions, t)
-    remaining = _each(rows, lambda row: stacked(mechanics.projected(row.jacobian)))
-    return values, rates, jacobian, remaining
+    remaining = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
+    return _Rows(values, rates, jacobian, remaining)
 
 
 _constraints_compiled = eqx.filter_jit(_constraints)
@@ -138,15 +141,15 @@ _constraints_compiled = eqx.filter_jit(_constraints)
 
 @eqx.filter_jit
 def _constraints_together(
-    scene: Scene, coordinates: AbstractCoordinates, varied: Any, states: Any, t: Scalar
-) -> tuple[Any, Any, Any, Any]:
-    def one(varied: Any, state: State) -> tuple[Any, Any, Any, Any]:
+    scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
+) -> _Rows:
+    def one(varied: PyTree, state: State) -> _Rows:
         return _constraints(eqx.combine(varied, scene), coordinates, state, t)
 
     return jax.vmap(one)(varied, states)
 
 
-def _each(rows: dict[str, dict[str, Row]], of: Callable[[Row], Any]) -> dict[str, dict[str, Any]]:
+def _each(rows: ByLabel[Row], of: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:
     return {
         name: {label: of(row) for label, row in family.items()} for name, family in rows.items()
     }
@@ -156,13 +159,13 @@ def _distances(rows: dict[str, np.ndarray]) -> dict[str, float]:
     """How far each row is from the span of the earlier ones, by orthogonalising one after the
     other."""
     basis: list[np.ndarray] = []
-    found = {}
+    distances = {}
     for name, row in rows.items():
         rest = row
         for _ in range(2):
             for direction in basis:
                 rest = rest - (rest @ direction) * direction
-        found[name] = float(np.linalg.norm(rest))
-        if found[name] >= RANK_TOLERANCE:
-            basis.append(rest / found[name])
-    return found
+        distances[name] = float(np.linalg.norm(rest))
+        if distances[name] >= RANK_TOLERANCE:
+            basis.append(rest / distances[name])
+    return distances

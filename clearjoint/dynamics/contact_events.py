@@ -6,18 +6,19 @@ where the gap is zero, so that value and derivative are those of the event. The 
 there are in `clearjoint.simulation.landing`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 
 from ..math.groups import some
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
+from ..model.joints.base import ByLabel, Motions
 from ..model.scene import Scene
 from .contact_forces import Closed, Memory
-from .coordinates import Motions
 
 SLOWEST = 1e-12
 """m/s: the smallest entry speed on record."""
@@ -34,19 +35,19 @@ class Reach:
     rate: Scalar
 
 
-Reaches = dict[str, dict[str, Reach]]
+Reaches: TypeAlias = ByLabel[Reach]
 
 
 def reaches(scene: Scene, motions: Motions) -> Reaches:
     """Depth and rate of each contact, by joint and contact."""
-    result: Reaches = {}
+    depths_and_rates: Reaches = {}
     for name, joint in scene.contact_joints().items():
         laws = joint.laws()
-        result[name] = {
+        depths_and_rates[name] = {
             label: Reach(contact.gap.depth + laws[label].reach(), contact.gap.rate)
             for label, contact in joint.contacts(motions).items()
         }
-    return result
+    return depths_and_rates
 
 
 def has_memory(scene: Scene) -> bool:
@@ -54,12 +55,12 @@ def has_memory(scene: Scene) -> bool:
     return any(law.has_memory for family in scene.laws().values() for law in family.values())
 
 
-def initial_memory(scene: Scene, found: Reaches) -> Memory:
+def initial_memory(scene: Scene, start: Reaches) -> Memory:
     """Zero in flight. A contact that begins at the start has its rate as entry speed; one present
     before counts as elastic, since its impact is unknown."""
 
     def entry_speed(name: str, label: str) -> Scalar:
-        reach = found[name][label]
+        reach = start[name][label]
         present = jnp.where(_at_the_wall(reach), _entry_speed(reach.rate), UNKNOWN_ENTRY_SPEED)
         return jnp.where(reach.depth > 0.0, present, 0.0)
 
@@ -71,21 +72,21 @@ def _entry_speed(rate: Scalar) -> Scalar:
     return jnp.maximum(rate, SLOWEST)
 
 
-def _at_the_wall(reach: Reach) -> Scalar:
+def _at_the_wall(reach: Reach) -> Condition:
     """Whether a contact is neither open nor closed but for rounding."""
     return jnp.abs(reach.depth) <= TOUCHING
 
 
-def _for_each_memory(scene: Scene, make: Any) -> Memory:
+def _for_each_memory(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> Memory:
     memory = {}
     for name, family in scene.laws().items():
         labels = [label for label, law in family.items() if law.has_memory]
         if labels:
-            memory[name] = {label: make(name, label) for label in labels}
+            memory[name] = {label: entry_speed(name, label) for label in labels}
     return memory
 
 
-def closed(found: Reaches) -> Closed:
+def closed(here: Reaches) -> Closed:
     """Which contacts exist.
 
     Where steps land on their begin and end, a contact stays open or closed for a whole step. A
@@ -94,39 +95,39 @@ def closed(found: Reaches) -> Closed:
     """
     return {
         name: {label: reach.depth > 0.0 for label, reach in family.items()}
-        for name, family in found.items()
+        for name, family in here.items()
     }
 
 
-def begins(before: Reaches, after: Reaches) -> Scalar:
+def begins(before: Reaches, after: Reaches) -> jax.Array:
     """Whether any contact begins between two instants."""
-    found: Scalar = jnp.asarray(False)
+    any_begins = jnp.asarray(False)
     for name, family in before.items():
         for label, start in family.items():
-            found = found | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
-    return found
+            any_begins = any_begins | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
+    return any_begins
 
 
-def begins_at_once(found: Reaches) -> Scalar:
+def begins_at_once(here: Reaches) -> jax.Array:
     """Whether any contact begins at the instant itself: closed, but at the wall."""
-    here: Scalar = jnp.asarray(False)
-    for family in found.values():
+    any_begins = jnp.asarray(False)
+    for family in here.values():
         for reach in family.values():
-            here = here | some((reach.depth > 0.0) & _at_the_wall(reach))
-    return here
+            any_begins = any_begins | some((reach.depth > 0.0) & _at_the_wall(reach))
+    return any_begins
 
 
-def too_deep(scene: Scene, found: Reaches) -> Scalar:
+def too_deep(scene: Scene, here: Reaches) -> jax.Array:
     """Whether any contact is deeper than its joint can make sense of."""
-    deeper: Scalar = jnp.asarray(False)
+    deeper = jnp.asarray(False)
     for name, joint in scene.contact_joints().items():
         for label, limit in joint.deepest().items():
-            deeper = deeper | some(found[name][label].depth > limit)
+            deeper = deeper | some(here[name][label].depth > limit)
     return deeper
 
 
 def updated_memory(
-    scene: Scene, memory: Memory, before: Reaches, after: Reaches, second_rates: Any
+    scene: Scene, memory: Memory, before: Reaches, after: Reaches, second_rates: ByLabel[Scalar]
 ) -> Memory:
     """Memory after an accepted step: set where a contact began, cleared where it ended.
 

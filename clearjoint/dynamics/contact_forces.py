@@ -4,24 +4,25 @@ Without friction in a joint no slip is computed.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Scalar, Vector
+from ..math.vectors import Condition, Scalar, Vector
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
-from ..model.joints.base import AbstractContactJoint, Contact
+from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
-from .coordinates import Motions
 
-Memory = dict[str, dict[str, Scalar]]
-Closed = dict[str, dict[str, Scalar]]
-"""Whether each contact is closed, by joint and contact."""
+Memory: TypeAlias = ByLabel[Scalar]
+"""Entry speed of each contact whose law remembers it, m/s; zero in flight."""
+Closed: TypeAlias = ByLabel[Condition]
+"""Whether each contact is closed."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
-class ContactForce:
+class LoadedContact:
     """A contact with the forces that it transmits: normal force N, friction vector or ``None``."""
 
     contact: Contact
@@ -32,9 +33,9 @@ class ContactForce:
 
 def contact_forces(
     scene: Scene, motions: Motions, memory: Memory, closed: Closed | None = None
-) -> dict[str, dict[str, ContactForce]]:
+) -> ByLabel[LoadedContact]:
     """Forces of all contacts, by joint and contact; only `closed` ones push, if these are given."""
-    forces: dict[str, dict[str, ContactForce]] = {}
+    forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
         laws, contacts = joint.laws(), joint.contacts(motions)
         forces[name] = {}
@@ -53,8 +54,8 @@ def contact_force(
     law: AbstractContactLaw,
     contact: Contact,
     entry_speed: Scalar | None,
-    closed: Scalar | None = None,
-) -> ContactForce:
+    closed: Condition | None = None,
+) -> LoadedContact:
     """The forces of one contact; none if it is said not to be `closed`."""
     normal = contact_normal_force(law, contact.gap, entry_speed)
     if closed is not None:
@@ -63,4 +64,4 @@ def contact_force(
     elastic = law.elastic_force(contact.gap)
     if closed is not None:
         elastic = jnp.where(closed, elastic, 0.0)
-    return ContactForce(contact, normal, elastic, friction)
+    return LoadedContact(contact, normal, elastic, friction)

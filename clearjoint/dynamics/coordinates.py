@@ -7,26 +7,30 @@ onto them: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraints J 
 
 import abc
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
+from jaxtyping import PyTree
 
 from ..math.rotations import kept_unit, rotation_matrix
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import Anchor, BodyState, Motion, Wrench
-from ..model.joints.base import Row
+from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 
-Wrenches = dict[str, Wrench]
-Motions = dict[str, Motion]
-Speeds = list[Scalar]
+MotionVariables: TypeAlias = PyTree
+"""Positions and speeds as coordinates hold them: scalars in a tree of each coordinate system's own.
+Their time derivatives have the same form."""
+Wrenches: TypeAlias = dict[str, Wrench]
+"""Wrenches by the name of the body that they act on."""
+Speeds: TypeAlias = list[Scalar]
 """One scalar a speed of the coordinates: their rates, forces on them, or changes of them."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
-class Acceleration:
+class BodyAcceleration:
     """Acceleration of a body: of its centre of mass (global), and of its spin (body axes)."""
 
     linear: Vector
@@ -59,19 +63,19 @@ class AbstractMechanics(abc.ABC):
         rates are those against free fall."""
 
     @abc.abstractmethod
-    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Accelerations of the bodies for rates of the speeds."""
 
     @abc.abstractmethod
-    def variable_rates(self, rates: Speeds) -> Any:
+    def variable_rates(self, rates: Speeds) -> MotionVariables:
         """Time derivative of the variables for rates of the speeds."""
 
     @abc.abstractmethod
-    def moved(self, changes: Speeds) -> Any:
+    def moved(self, changes: Speeds) -> MotionVariables:
         """The variables after a small motion along the speeds (m and rad)."""
 
     @abc.abstractmethod
-    def kicked(self, changes: Speeds) -> Any:
+    def kicked(self, changes: Speeds) -> MotionVariables:
         """The variables after changes of the speeds."""
 
 
@@ -83,39 +87,41 @@ class AbstractCoordinates(eqx.Module):
         """Names of the ideal joints that hold by the choice of variables: no constraints."""
 
     @abc.abstractmethod
-    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Any:
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
         """The variables of a state."""
 
     @abc.abstractmethod
-    def decode(self, scene: Scene, variables: Any) -> dict[str, BodyState]:
+    def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
         """The state of the variables."""
 
     @abc.abstractmethod
-    def motions(self, scene: Scene, variables: Any) -> Motions:
+    def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
         """Pose and twist of each body, the ground included."""
 
     @abc.abstractmethod
-    def mechanics(self, scene: Scene, variables: Any) -> AbstractMechanics:
+    def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
         """The equations of motion."""
 
     @abc.abstractmethod
-    def settled(self, scene: Scene, variables: Any) -> Any:
+    def settled(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
         """The same motion in numbers that don't drift in many steps, for the end of each: Euler
         parameters of unit norm, angles within two turns. Exactly as they are if they are that."""
 
     @abc.abstractmethod
-    def with_speeds(self, scene: Scene, variables: Any, others: Any) -> Any:
+    def with_speeds(
+        self, scene: Scene, variables: MotionVariables, others: MotionVariables
+    ) -> MotionVariables:
         """The variables with the speeds of others; positions stay."""
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
     """Point of the body and point of the ground for each body that has an `Anchor`."""
-    found = {}
+    points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
-        if anchor is not None and anchor[0] not in found:
-            found[anchor[0]] = anchor[1:]
-    return found
+        if anchor is not None and anchor[0] not in points:
+            points[anchor[0]] = anchor[1:]
+    return points
 
 
 def settled_body(body: BodyState) -> BodyState:

@@ -6,19 +6,18 @@ friction, no slip; no ledger, no power. That is decided here, in Python, while t
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from ..math.linear_solvers import inner
 from ..math.vectors import Scalar, add
-from ..model.bodies import GROUND, NO_WRENCH
-from ..model.joints.base import Row
+from ..model.bodies import GROUND, NO_WRENCH, Wrench
+from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
-from .contact_forces import ContactForce
+from .contact_forces import LoadedContact
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
-    Acceleration,
-    Motions,
+    BodyAcceleration,
+    MotionVariables,
     Speeds,
     Wrenches,
 )
@@ -34,10 +33,10 @@ class Dynamics:
     """
 
     mechanics: AbstractMechanics
-    contact_forces: dict[str, dict[str, ContactForce]]
-    rows: dict[str, dict[str, Row]]
+    contact_forces: ByLabel[LoadedContact]
+    rows: ByLabel[Row]
     rates: Speeds
-    multipliers: dict[str, dict[str, Scalar]]
+    multipliers: ByLabel[Scalar]
 
     @property
     def motions(self) -> Motions:
@@ -45,23 +44,23 @@ class Dynamics:
         return self.mechanics.motions
 
     @cached_property
-    def accelerations(self) -> dict[str, Acceleration]:
+    def accelerations(self) -> dict[str, BodyAcceleration]:
         """Acceleration of each body."""
         return self.mechanics.accelerations(self.rates)
 
     @cached_property
-    def variable_rates(self) -> Any:
+    def variable_rates(self) -> MotionVariables:
         """Time derivative of the variables."""
         return self.mechanics.variable_rates(self.rates)
 
 
 def applied_wrenches(
-    scene: Scene, motions: Motions, forces: dict[str, dict[str, ContactForce]], t: Scalar
+    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
     """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    def apply(name: str, wrench: Any) -> None:
+    def apply(name: str, wrench: Wrench) -> None:
         wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
 
     for element in scene.forces.values():
@@ -84,7 +83,7 @@ def applied_wrenches(
 
 def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
-) -> dict[str, dict[str, Row]]:
+) -> ByLabel[Row]:
     """The constraint equations by joint and label; joints without any are left out, and so are
     those that the coordinates eliminate."""
     eliminated = coordinates.eliminated(scene)
@@ -96,7 +95,7 @@ def constraint_rows(
     return {name: family for name, family in rows.items() if family}
 
 
-def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
+def flattened(rows: ByLabel[Row]) -> list[Row]:
     """The rows in the order of their multipliers."""
     return [row for family in rows.values() for row in family.values()]
 
@@ -104,17 +103,17 @@ def flattened(rows: dict[str, dict[str, Row]]) -> list[Row]:
 def solved(
     formulation: Formulation,
     mechanics: AbstractMechanics,
-    forces: dict[str, dict[str, ContactForce]],
-    rows: dict[str, dict[str, Row]],
+    forces: ByLabel[LoadedContact],
+    rows: ByLabel[Row],
     rates: Speeds,
 ) -> Dynamics:
     """The equations of motion solved: `rates` of the speeds without constraints, and what the
     `rows` change of them."""
-    multipliers: dict[str, dict[str, Scalar]] = {}
+    multipliers: ByLabel[Scalar] = {}
     if rows:
-        change, found = _constraint_response(formulation, mechanics, flattened(rows), rates)
+        change, in_order = _constraint_response(formulation, mechanics, flattened(rows), rates)
         rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        remaining = iter(found)
+        remaining = iter(in_order)
         multipliers = {
             name: {label: next(remaining) for label in family} for name, family in rows.items()
         }

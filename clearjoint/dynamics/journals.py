@@ -3,7 +3,7 @@ end."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ from ..fields.checks import caution_unless, require
 from ..math.rotations import rotation_matrix
 from ..math.vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
 from .absolute_coordinates import AbsoluteCoordinates
 from .formulation import Formulation
@@ -27,13 +27,16 @@ OUTSIDE = 1e-6
 FAR_OUTSIDE = 1e-2
 """Penetration at the start, over the deepest that makes sense, beyond which one is warned."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
-Depths = dict[str, dict[str, float]]
-"""Penetrations by joint and contact, m; negative inside."""
+Depths: TypeAlias = ByLabel[float]
+"""Penetration of each contact, m; negative inside."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
     """How deep each contact of a state is."""
-    return _numbers(_depths(scene, state.bodies)) if scene.contact_joints() else {}
+    if not scene.contact_joints():
+        return {}
+    by_joint = _depths(scene, state.bodies)
+    return {name: _numbers(family) for name, family in by_joint.items()}
 
 
 def outside(scene: Scene, state: State) -> set[str]:
@@ -41,26 +44,26 @@ def outside(scene: Scene, state: State) -> set[str]:
     return {name for name, family in depths(scene, state).items() if max(family.values()) > OUTSIDE}
 
 
-def centred(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
+def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
     """The ideal joints that hold journals in the middle, of those joints that know one."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
 
 
-def seated(
+def seating_joints(
     scene: Scene,
     held: Mapping[str, AbstractConstraint],
     names: Collection[str],
     state: State,
-    t: Any,
+    t: Scalar,
 ) -> dict[str, AbstractConstraint]:
     """The ideal joints that hold journals at the wall, where the bodies at rest press them.
 
     **Arguments:** `held`: ideal joints in the place of joints, the named ones among them; `state`
     satisfies these.
     """
-    joints, found = scene.contact_joints(), {}
+    joints, seating = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, held), state.bodies, jnp.asarray(t, dtype=float))
     for name in names:
         first, second = joints[name].pair()
@@ -74,8 +77,8 @@ def seated(
             f"the load there is {load.tolist()} N; give the scene its gravity, or leave it out",
         )
         assert joint is not None
-        found[name] = joint
-    return found
+        seating[name] = joint
+    return seating
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
@@ -112,7 +115,7 @@ def require_in_bearings(scene: Scene, state: State) -> None:
 
 
 def warn_of_journals_outside(
-    scene: Scene, time: Any, final: State, kept: Iterable[tuple[Any, State]]
+    scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:
     """Warn of journals that have slid out of their bearings, and when that is first seen.
 
@@ -121,14 +124,14 @@ def warn_of_journals_outside(
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
-    found: dict[str, tuple[float, float]] = {}
+    departures: dict[str, tuple[float, float]] = {}
     for times, states in (*kept, last):
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
                 first = int(np.argmax(excess > 0.0))
                 seen = float(times[first]), float(excess[first])
-                found[name] = min(seen, found.get(name, seen))
-    for name, (when, excess) in found.items():
+                departures[name] = min(seen, departures.get(name, seen))
+    for name, (when, excess) in departures.items():
         caution(
             f"The journal of joint {name!r} has slid out of its bearing, which nothing hinders: at "
             f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. "
@@ -158,25 +161,22 @@ def _motions(body: BodyState) -> Motion:
     return Motion(position, rotation_matrix(EulerParameters(*columns[1])), velocity, spin)
 
 
-def _numbers(tree: Any) -> Any:
-    """The tree with Python numbers."""
-    if isinstance(tree, dict):
-        return {key: _numbers(inner) for key, inner in tree.items()}
-    return float(tree)
+def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
+    return {name: float(number) for name, number in by_name.items()}
 
 
 @eqx.filter_jit
-def _depths(scene: Scene, bodies: dict[str, BodyState]) -> Any:
-    scene, coordinates = unpack(scene), AbsoluteCoordinates()
-    motions = coordinates.motions(scene, coordinates.encode(scene, unpack(bodies)))
+def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    motions = system.motions(system.encode(unpack(bodies)))
     return {
         name: {label: contact.gap.depth for label, contact in joint.contacts(motions).items()}
-        for name, joint in scene.contact_joints().items()
+        for name, joint in system.scene.contact_joints().items()
     }
 
 
 @eqx.filter_jit
-def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, Any]:
+def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
@@ -185,12 +185,12 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, A
         name: BodyState(body.position, body.orientation, ZERO, ZERO)
         for name, body in unpack(bodies).items()
     }
-    found = system.dynamics_under(system.encode(resting), {}, t)
+    dynamics = system.dynamics_under(system.encode(resting), {}, t)
     loads = {}
-    for name, rows in found.rows.items():
+    for name, rows in dynamics.rows.items():
         bodies_of = system.scene.joints[name].body_names()
         load = ZERO
         for label, row in rows.items():
-            load = load - row.jacobian[bodies_of[-1]].force * found.multipliers[name][label]
-        loads[name] = pack(found.motions[bodies_of[0]].components(load))
+            load = load - row.jacobian[bodies_of[-1]].force * dynamics.multipliers[name][label]
+        loads[name] = pack(dynamics.motions[bodies_of[0]].components(load))
     return loads

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
 from ..math.vectors import Scalar, add, is_zero, multiply
 from ..model.bodies import GROUND
-from ..model.joints.base import Row
-from .coordinates import AbstractMechanics, Motions, Speeds
+from ..model.joints.base import Motions, Row
+from .coordinates import AbstractMechanics, Speeds
 
 
 def response(
@@ -32,8 +32,8 @@ def response(
     rows, aims = [directions[k] for k in kept], [targets[k] for k in kept]
     weighted = [mechanics.solved(row) for row in rows]
     solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
-    change, found = solve(rows, weighted, aims, solver)
-    for k, multiplier in zip(kept, found, strict=True):
+    change, own = solve(rows, weighted, aims, solver)
+    for k, multiplier in zip(kept, own, strict=True):
         multipliers[k] = multiplier
     return change, multipliers
 
@@ -63,15 +63,15 @@ def _dense_response(
 ) -> tuple[Speeds, list[Scalar]]:
     """The same in arrays, for systems too large to be unrolled."""
     jacobian, inverse = (
-        jnp.stack([stacked(row) for row in rows]) for rows in (directions, weighted)
+        jnp.stack([as_array(row) for row in rows]) for rows in (directions, weighted)
     )
-    multipliers = solver.dense(jacobian @ inverse.T, stacked(targets))
+    multipliers = solver.dense(jacobian @ inverse.T, as_array(targets))
     change = multipliers @ inverse
     return list(change), list(multipliers)
 
 
-def stacked(numbers: Sequence[Scalar]) -> jax.Array:
-    """An array of scalars."""
+def as_array(numbers: Sequence[Scalar]) -> jax.Array:
+    """Scalars as one array (n,) of floats."""
     return jnp.stack([jnp.asarray(number, dtype=float) for number in numbers])
 
 

@@ -1,17 +1,15 @@
 """Projection of positions and velocities onto the constraints, of least kinetic energy."""
 
-from typing import Any
-
 from ..math.linear_solvers import AbstractSolver
 from ..math.vectors import Scalar
 from ..model.joints.base import Row
-from .coordinates import AbstractMechanics, Speeds
+from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .multipliers import response, row_rate
 
 
 def projected_positions(
     mechanics: AbstractMechanics, rows: list[Row], solver: AbstractSolver
-) -> Any:
+) -> MotionVariables:
     """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
     targets = [-row.value for row in rows]
     return mechanics.moved(_correction(mechanics, rows, targets, solver))
@@ -19,7 +17,7 @@ def projected_positions(
 
 def projected_velocities(
     mechanics: AbstractMechanics, rows: list[Row], solver: AbstractSolver
-) -> Any:
+) -> MotionVariables:
     """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy the
     rate of Phi = 0."""
     targets = [-row_rate(row, mechanics.motions) for row in rows]

@@ -3,12 +3,14 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
-from ..fields.checks import require_positive
 from ..fields.conversion import AbstractConverting
 from ..fields.declarations import quantity
+from ..fields.types import Single
 from ..math.vectors import Scalar
+
+T = TypeVar("T")
 
 
 class AbstractStabilisation(AbstractConverting):
@@ -31,11 +33,10 @@ class AbstractStabilisation(AbstractConverting):
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """The second derivative that a constraint of given value and rate shall have."""
 
-    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
-        """The variables at the end of a step, or inside it: as they are.
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """The variables to go on with after a step; by default those that the step ended with.
 
-        A stabilisation that works there too returns others, such as `project` makes of them, which
-        puts positions and velocities onto the constraints.
+        **Arguments:** `project`: puts positions and velocities of variables onto the constraints.
         """
         del project
         return variables
@@ -45,7 +46,7 @@ class Unstabilised(AbstractStabilisation):
     """No stabilisation: the constraints drift with the integration error."""
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero."""
+        """Zero: constraints are differentiated twice, and left to themselves."""
         del value, rate
         return 0.0
 
@@ -56,12 +57,8 @@ class Baumgarte(AbstractStabilisation):
     The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
     """
 
-    alpha: Any = quantity("1/s", default=5.0)
-    beta: Any = quantity("1/s", default=5.0)
-
-    def __check_init__(self):
-        require_positive("alpha", self.alpha, "give a rate in 1/s", zero=True)
-        require_positive("beta", self.beta, "give a rate in 1/s", zero=True)
+    alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
+    beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """-2 alpha rate - beta^2 value."""
@@ -72,10 +69,10 @@ class Projection(AbstractStabilisation):
     """Positions and velocities at the end of each step are projected onto the constraints."""
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero."""
+        """Zero: constraints are differentiated twice, and left to themselves."""
         del value, rate
         return 0.0
 
-    def corrected(self, variables: Any, project: Callable[[Any], Any]) -> Any:
-        """The variables projected."""
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """The variables with positions and velocities projected onto the constraints."""
         return project(variables)

@@ -2,7 +2,6 @@
 instant, in one object that is made once, at the entry of each compiled function."""
 
 import functools
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,11 +9,11 @@ import jax.numpy as jnp
 
 from ..math.vectors import Scalar, is_zero
 from ..model.bodies import BodyState
-from ..model.joints.base import Row
+from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_events import Reach, Reaches, reaches
-from .contact_forces import Closed, ContactForce, Memory, contact_forces
-from .coordinates import AbstractMechanics, Motions
+from .contact_forces import Closed, LoadedContact, Memory, contact_forces
+from .coordinates import AbstractMechanics, MotionVariables
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
 from .formulation import Formulation
@@ -49,36 +48,36 @@ class System(eqx.Module):
         """The scene with each element by itself."""
         return whole(self.scene)
 
-    def encode(self, bodies: dict[str, BodyState]) -> Any:
+    def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
         """The variables of a state in scalar form."""
         return self.formulation.coordinates.encode(self.scene, bodies)
 
-    def decode(self, variables: Any) -> dict[str, BodyState]:
+    def decode(self, variables: MotionVariables) -> dict[str, BodyState]:
         """The state of the variables, in scalar form."""
         return self.formulation.coordinates.decode(self.scene, variables)
 
-    def settled(self, variables: Any) -> Any:
+    def settled(self, variables: MotionVariables) -> MotionVariables:
         """The same motion in numbers that don't drift in many steps."""
         return self.formulation.coordinates.settled(self.scene, variables)
 
-    def with_speeds(self, variables: Any, others: Any) -> Any:
+    def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
         """The variables with the speeds of others; positions stay."""
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
-    def motions(self, variables: Any) -> Motions:
+    def motions(self, variables: MotionVariables) -> Motions:
         """Pose and twist of each body, the ground included."""
         return self.formulation.coordinates.motions(self.scene, variables)
 
-    def mechanics(self, variables: Any) -> AbstractMechanics:
+    def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
         """The equations of motion without forces."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, dict[str, Row]]:
+    def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
         """The constraint equations that the coordinates leave, by joint and label."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, t)
 
     def dynamics(
-        self, variables: Any, memory: Memory, t: Scalar, closed: Closed | None = None
+        self, variables: MotionVariables, memory: Memory, t: Scalar, closed: Closed | None = None
     ) -> Dynamics:
         """The equations of motion solved. Only `closed` contacts push, if they are given; otherwise
         those that penetrate."""
@@ -87,7 +86,7 @@ class System(eqx.Module):
         return self._solved(mechanics, forces, t)
 
     def dynamics_under(
-        self, variables: Any, forces: dict[str, dict[str, ContactForce]], t: Scalar
+        self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
         """The equations of motion solved under given contact forces; none as if none touched."""
         return self._solved(self.mechanics(variables), forces, t)
@@ -95,7 +94,7 @@ class System(eqx.Module):
     def _solved(
         self,
         mechanics: AbstractMechanics,
-        forces: dict[str, dict[str, ContactForce]],
+        forces: ByLabel[LoadedContact],
         t: Scalar,
     ) -> Dynamics:
         rates = mechanics.free_rates(applied_wrenches(self.scene, mechanics.motions, forces, t))
@@ -103,8 +102,8 @@ class System(eqx.Module):
         return solved(self.formulation, mechanics, forces, rows, rates)
 
     def rates(
-        self, variables: Any, memory: Memory, t: Scalar, closed: Closed | None = None
-    ) -> tuple[Any, dict[str, Scalar]]:
+        self, variables: MotionVariables, memory: Memory, t: Scalar, closed: Closed | None = None
+    ) -> tuple[MotionVariables, dict[str, Scalar]]:
         """Time derivatives of the variables, and of the energy ledger's integrals in W."""
         dynamics = self.dynamics(variables, memory, t, closed)
         powers = self.powers(dynamics, t)
@@ -114,19 +113,21 @@ class System(eqx.Module):
         """Powers of the energy ledger by name, W; none unless it is kept."""
         return ledger_powers(self.scene, dynamics, t) if self.formulation.ledger else {}
 
-    def energies(self, variables: Any, t: Scalar) -> dict[str, Scalar]:
+    def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
         """Kinetic, gravitational and elastic energies, J, as far as the scene has them."""
         return mechanical_energy(self.scene, self.motions(variables), t)
 
-    def reaches(self, variables: Any) -> Reaches:
+    def reaches(self, variables: MotionVariables) -> Reaches:
         """Depth and rate of each contact from where its force begins, by joint and contact."""
         return reaches(self.scene, self.motions(variables))
 
-    def second_rates(self, variables: Any, variable_rates: Any) -> Any:
+    def second_rates(
+        self, variables: MotionVariables, variable_rates: MotionVariables
+    ) -> ByLabel[Scalar]:
         """Second time derivatives of the contacts' depths along given rates of the variables,
         m/s^2."""
 
-        def rates(variables: Any) -> Any:
+        def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
                 lambda reach: reach.rate,
                 self.reaches(variables),
@@ -135,15 +136,15 @@ class System(eqx.Module):
 
         return jax.jvp(rates, (variables,), (variable_rates,))[1]
 
-    def contact_forces(self, variables: Any, memory: Memory) -> dict[str, dict[str, ContactForce]]:
+    def contact_forces(self, variables: MotionVariables, memory: Memory) -> ByLabel[LoadedContact]:
         """Geometry and forces of all contacts, by joint and contact."""
         return contact_forces(self.scene, self.motions(variables), memory)
 
-    def project(self, variables: Any, t: Scalar) -> Any:
+    def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """The variables with positions, and then velocities, on the constraints."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
-    def project_positions(self, variables: Any, t: Scalar) -> Any:
+    def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
@@ -151,7 +152,7 @@ class System(eqx.Module):
             projected_positions(mechanics, rows, self.formulation.solver()) if rows else variables
         )
 
-    def project_velocities(self, variables: Any, t: Scalar) -> Any:
+    def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy
         the rate of Phi = 0."""
         mechanics = self.mechanics(variables)
@@ -159,11 +160,11 @@ class System(eqx.Module):
         solver = self.formulation.solver()
         return projected_velocities(mechanics, rows, solver) if rows else variables
 
-    def is_constrained(self, variables: Any, t: Scalar) -> bool:
+    def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Whether any constraint is left to project onto."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
-    def off_prescribed(self, variables: Any, t: Scalar) -> Scalar | None:
+    def off_prescribed(self, variables: MotionVariables, t: Scalar) -> Scalar | None:
         """The largest value of a constraint that depends on time, m or rad; ``None`` without
         any."""
 

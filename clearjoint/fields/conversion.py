@@ -54,7 +54,7 @@ def as_numbers(value: PyTree) -> PyTree:
         return as_number(value)
     if isinstance(value, dict):
         return {key: as_numbers(inner) for key, inner in value.items()}
-    if type(value) not in (tuple, list):
+    if not isinstance(value, tuple | list) or type(value) not in (tuple, list):
         return value
     parts = [as_numbers(part) for part in value]
     shapes = {part.shape if isinstance(part, np.ndarray | jax.Array) else None for part in parts}

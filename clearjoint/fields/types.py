@@ -1,13 +1,15 @@
 """Types of what fields hold: by name, with the shape.
 
-They are of two forms, of which the second is never seen outside a compiled program: a number is
-given as a float and kept as an array of shape (); three numbers are given as any sequence, kept as
-an array of shape (3,), and a `Vector` where elements compute; four are `EulerParameters` there.
+A field has two forms, of which the second is never seen outside a compiled program: one number is
+an array of shape (), three are an array of shape (3,), and a `Vector` where elements compute, four
+are `EulerParameters` there. Both forms go by the name of the first, and `Any` stands for them. What
+is given for a field becomes its first form when an element is made.
 """
 
 from typing import Any, TypeAlias
 
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 Single: TypeAlias = Float[Any, ""]
 """One number."""
@@ -17,3 +19,8 @@ Square: TypeAlias = Float[Any, "3 3"]
 """A matrix, by rows."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, the scalar part first."""
+
+TripleLike: TypeAlias = ArrayLike
+"""Three numbers as they are given: any sequence or array of shape (3,). The element checks it."""
+QuadrupleLike: TypeAlias = ArrayLike
+"""Four Euler parameters as they are given, the scalar part first."""

@@ -248,12 +248,14 @@ class Fit:
             return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
         return []
 
-    def _values(self, coordinates: np.ndarray) -> dict[str, float]:
+    def _values(self, coordinates: Float[np.ndarray, " p"]) -> dict[str, float]:
         pairs = zip(self.parameters.items(), coordinates, strict=True)
         return {name: float(p.scale.value(u)) for (name, p), u in pairs}
 
 
-def combination(change: np.ndarray, names: Sequence[str] | dict[str, Parameter]) -> str:
+def combination(
+    change: Float[np.ndarray, " p"], names: Sequence[str] | dict[str, Parameter]
+) -> str:
     """A combination of parameters in words, without those that hardly change along it."""
     words = [f"{part:+.3g} {name}" for part, name in zip(change, names, strict=True)]
     return " ".join(w for w, part in zip(words, change, strict=True) if abs(part) > 1e-3)

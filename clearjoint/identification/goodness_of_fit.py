@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from scipy import special
 
 from ..information import fisher_information as information
@@ -24,11 +25,11 @@ class Direction(NamedTuple):
     factor by which an estimate is off along it.
     """
 
-    change: np.ndarray
+    change: Float[np.ndarray, " p"]
     deviation: float
 
 
-def directions(jacobian: np.ndarray) -> list[Direction]:
+def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     """Combinations of parameters, the least seen first, from the Jacobian (M, p) of residuals in
     standard deviations."""
     norms = np.linalg.norm(jacobian, axis=0)
@@ -43,7 +44,7 @@ def directions(jacobian: np.ndarray) -> list[Direction]:
     return changes
 
 
-def covariance(jacobian: np.ndarray) -> np.ndarray:
+def covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
     """Covariance (p, p) of the coordinates, from the Jacobian (M, p) of residuals in standard
     deviations; large, but finite, for what the data don't see."""
     return information.covariance(jacobian, SINGULAR)
@@ -54,7 +55,7 @@ def chi_squared_p(chi_squared: float, freedom: int) -> float:
     return float(special.chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
 
 
-def whiteness(residuals: np.ndarray) -> float:
+def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
     """Probability of so much autocorrelation in white noise; NaN for fewer than 20 residuals.
 
     G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
@@ -69,7 +70,7 @@ def whiteness(residuals: np.ndarray) -> float:
     return float(special.chdtrc(LAGS, statistic))
 
 
-def normality(residuals: np.ndarray) -> float:
+def normality(residuals: Float[np.ndarray, " M"]) -> float:
     """Probability of such skewness and kurtosis in normal noise; NaN for fewer than 20 residuals.
 
     R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).

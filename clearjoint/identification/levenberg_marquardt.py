@@ -13,14 +13,14 @@ ends when the Gauss-Newton step is a small part of the standard deviation of wha
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import PyTree
+from jaxtyping import Float, PyTree
 
 from ..math.vectors import Scalar
 
@@ -39,17 +39,17 @@ class LinearisedMisfit(Protocol):
     """Residuals (M,) and Jacobian (M, p) at coordinates (p,)."""
 
     @property
-    def coordinates(self) -> np.ndarray:
+    def coordinates(self) -> Float[np.ndarray, " p"]:
         """Coordinates of the parameters, (p,)."""
         ...
 
     @property
-    def residuals(self) -> np.ndarray:
+    def residuals(self) -> Float[np.ndarray, " M"]:
         """Prediction less measurement, (M,), in standard deviations of the noise."""
         ...
 
     @property
-    def jacobian(self) -> np.ndarray:
+    def jacobian(self) -> Float[np.ndarray, "M p"]:
         """Derivatives of the residuals along the coordinates, (M, p)."""
         ...
 
@@ -101,7 +101,7 @@ class _Strides(optx.AbstractDescent):
         """The inner descent's state at a new point."""
         return self.descent.query(y, f_info, state)
 
-    def step(self, step_size: Scalar, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
+    def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
         """The inner descent's step, each coordinate no farther than its stride."""
         step, result = self.descent.step(step_size, state)
         return jnp.clip(step, -self.strides, self.strides), result
@@ -123,7 +123,7 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         fn: Callable[..., PyTree],
         y: jax.Array,
         args: PyTree,
-        options: dict[str, Any],
+        options: dict[str, object],
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[jax.Array, optx.RESULTS]:
@@ -162,7 +162,9 @@ def _advance(
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """One step: the best coordinates so far, the arrays of the solver's state, whether to end, and
     the decrement. `arrays` of the state before, ``None`` at first."""
-    solver = _LevenbergMarquardt(_Strides(optx.DampedNewtonDescent(), strides), tolerance)
+    solver = _LevenbergMarquardt(
+        descent=_Strides(optx.DampedNewtonDescent(), strides), tolerance=tolerance
+    )
     state = initial = _initial_state(solver, y, model)
     if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
@@ -173,9 +175,9 @@ def _advance(
 
 
 def search_with_damping(
-    evaluate: Callable[[np.ndarray], E],
-    start: np.ndarray,
-    strides: np.ndarray,
+    evaluate: Callable[[Float[np.ndarray, " p"]], E],
+    start: Float[np.ndarray, " p"],
+    strides: Float[np.ndarray, " p"],
     tolerance: float,
     max_iterations: int,
     on_iteration: Callable[[Iteration], None],
@@ -211,7 +213,7 @@ def search_with_damping(
         now = evaluate(np.asarray(arrays.y_eval) / scales)
 
 
-def scales_of(jacobian: np.ndarray) -> np.ndarray:
+def scales_of(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, " p"]:
     """Norms (p,) of the columns of a Jacobian (M, p); of a column of zeros, the largest norm."""
     norms = np.linalg.norm(jacobian, axis=0)
     largest = norms.max() if norms.max() > 0.0 else 1.0

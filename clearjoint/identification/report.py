@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from ..information.text_tables import aligned
 from .screening.screening import Screened
@@ -47,7 +48,7 @@ def series_table(
     return "\n".join(aligned(rows))
 
 
-def correlation_table(names: Sequence[str], correlation: np.ndarray) -> str:
+def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"]) -> str:
     """Correlations (p, p) of the estimates, by name."""
     rows = [["correlation", *names]]
     for name, row in zip(names, correlation, strict=True):

@@ -187,9 +187,9 @@ def samples(measurements: Measurements, count: int) -> Samples:
 
 def residuals(
     coordinates: Float[ArrayLike, " p"], runs: Experiment, data: Samples, end_time: Scalar
-) -> Float[jax.Array, " S*T"]:
-    """Predictions less measurements, in standard deviations of the noise. Differentiable along the
-    coordinates."""
+) -> Float[jax.Array, " M"]:
+    """Predictions less measurements, in standard deviations of the noise, series after series.
+    Differentiable along the coordinates."""
     return data.residuals(predictions(coordinates, runs, end_time)).ravel()
 
 
@@ -225,7 +225,8 @@ def run_misfit(
     values, jacobian = _weighted(runs, run, data)
     return RunMisfit(
         np.array(coordinates, float),
-        *(np.asarray(part) for part in (values, jacobian)),
+        np.asarray(values),
+        np.asarray(jacobian),
         np.stack([np.asarray(run.values[name]) for name in runs.names]),
         run.result,
         float(run.time),

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 from scipy import special
 
 from . import goodness_of_fit as statistics
@@ -18,7 +19,9 @@ CONFIDENCE = 0.95
 DEVIATIONS = float(special.ndtri(0.5 + 0.5 * CONFIDENCE))
 
 
-def intervals(best: RunMisfit, others: Sequence[RunMisfit]) -> tuple[np.ndarray, np.ndarray]:
+def intervals(
+    best: RunMisfit, others: Sequence[RunMisfit]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Lower and upper ends (p,) of the coordinates' confidence intervals.
 
     A parameter's interval holds the values for which chi squared, minimised over the other

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from ..fields.checks import require, require_count
 from ..model.bodies import State
@@ -34,14 +35,18 @@ class Starts:
     def __post_init__(self) -> None:
         require_count("number", self.number, "ask for one start at least")
 
-    def around(self, first: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    def around(
+        self, first: Float[np.ndarray, " p"], names: Sequence[str]
+    ) -> Float[np.ndarray, "{self.number} p"]:
         """Coordinates (number, p) of the starts around those of the first (p,)."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
 
 
-def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+def half_widths(
+    spread: float | Mapping[str, float], names: Sequence[str]
+) -> Float[np.ndarray, " p"]:
     """A spread as an array (p,), in the order of the names; zero for names that it leaves out.
 
     **Raises:** `ValueError` for an unknown parameter.
@@ -58,7 +63,7 @@ def start_coordinates(
     parameters: Mapping[str, Parameter],
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
-) -> np.ndarray:
+) -> Float[np.ndarray, "S p"]:
     """Coordinates (S, p) of all starts: the guesses, then those drawn around the first guess.
 
     **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.

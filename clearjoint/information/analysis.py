@@ -83,28 +83,28 @@ class Identifiability:
         return replace(self, records=records)
 
     @property
-    def times(self) -> np.ndarray:
+    def times(self) -> Float[np.ndarray, " N"]:
         """All times at which there is a sample, rising, s."""
         return np.unique(np.concatenate([record.times for record in self.records.values()]))
 
     @property
-    def root(self) -> np.ndarray:
+    def root(self) -> Float[np.ndarray, "p p"]:
         """A root R (p, p) of the Fisher information of the coordinates, which is R^T R."""
         return information.root_of(self._rows()[1])
 
     @property
-    def matrix(self) -> np.ndarray:
+    def matrix(self) -> Float[np.ndarray, "p p"]:
         """The Fisher information (p, p) of the coordinates."""
         return self.root.T @ self.root
 
     @property
-    def deviations(self) -> np.ndarray:
+    def deviations(self) -> Float[np.ndarray, " p"]:
         """(p,) standard deviations of the coordinates, all estimated together. Of a `Log` scale's
         they are relative errors of the value."""
         return information.together(self.root, self.accuracy)
 
     @property
-    def deviations_alone(self) -> np.ndarray:
+    def deviations_alone(self) -> Float[np.ndarray, " p"]:
         """(p,) standard deviations of the coordinates, each estimated alone."""
         return information.alone(self.root)
 
@@ -114,24 +114,24 @@ class Identifiability:
         return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
-    def values(self) -> np.ndarray:
+    def values(self) -> Float[np.ndarray, " p"]:
         """(p,) values of the parameters."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([float(scale.value(u)) for scale, u in pairs])
 
     @property
-    def slopes(self) -> np.ndarray:
+    def slopes(self) -> Float[np.ndarray, " p"]:
         """(p,) absolute derivatives of the values to the coordinates."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 
     @property
-    def value_deviations(self) -> np.ndarray:
+    def value_deviations(self) -> Float[np.ndarray, " p"]:
         """(p,) standard deviations of the values, all estimated together."""
         return self.slopes * self.deviations
 
     @property
-    def limits(self) -> np.ndarray:
+    def limits(self) -> Float[np.ndarray, " p"]:
         """(p,) standard deviations of the coordinates beyond which a parameter is not identifiable:
         an estimate then says nothing about it; see `AbstractScale.vague`."""
         pairs = zip(self.scales, self.coordinates, strict=True)
@@ -154,7 +154,7 @@ class Identifiability:
         return float(information.condition(self.root))
 
     @property
-    def correlation(self) -> np.ndarray:
+    def correlation(self) -> Float[np.ndarray, "p p"]:
         """Correlation (p, p) of the estimates."""
         return information.correlation(information.covariance(self.root))
 
@@ -171,7 +171,7 @@ class Identifiability:
         roots = information.roots_over(rows, ends.tolist())
         return information.together(roots, self.accuracy)
 
-    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+    def _rows(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N p"]]:
         """Times (N,) and rows (N, p) of all samples in the order of time."""
         records, p = self.records.values(), len(self.names)
         when = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
@@ -264,7 +264,7 @@ def identifiability(
 def identifiability_from(
     run: Sensitivities,
     parameters: Mapping[str, Parameter],
-    coordinates: np.ndarray,
+    coordinates: Float[np.ndarray, " p"],
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:

@@ -35,7 +35,7 @@ class WrongGuess:
     since: float
 
 
-def offsets(uncertainty: np.ndarray) -> Iterator[np.ndarray]:
+def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
     """Wrong guesses (p,): each parameter alone both ways, and all of them at once."""
     p = len(uncertainty)
     for k in range(p):

@@ -12,20 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
 """A combination's description leaves out parameters whose weight is below this share of the largest
 one, unless more than this share of their variance comes from it."""
 
 
-def root_of(rows: np.ndarray) -> np.ndarray:
+def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """The root (p, p) of the information of rows (N, p)."""
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
 
-def roots_over(rows: np.ndarray, ends: Sequence[int]) -> np.ndarray:
+def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
     """Roots (T, p, p) of the first rows of (N, p), up to each of T rising ends."""
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
@@ -36,7 +36,7 @@ def roots_over(rows: np.ndarray, ends: Sequence[int]) -> np.ndarray:
     return np.array(roots)
 
 
-def together(roots: np.ndarray, accuracy: float) -> np.ndarray:
+def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
     """Bounds (..., p) of the parameters' standard deviations, all of them estimated together.
 
     A bound is infinite where the data don't see the parameter: where it is part of a combination
@@ -51,18 +51,18 @@ def together(roots: np.ndarray, accuracy: float) -> np.ndarray:
     return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def alone(roots: np.ndarray) -> np.ndarray:
+def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
     """Bounds (..., p) of each parameter's standard deviation, all others known."""
     with np.errstate(divide="ignore"):
         return 1.0 / np.linalg.norm(roots, axis=-2)
 
 
-def rank(roots: np.ndarray, accuracy: float) -> np.ndarray:
+def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
     """Number of combinations of parameters that the data see, (...)."""
     return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
-def condition(roots: np.ndarray) -> np.ndarray:
+def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
     """Condition number (...) of the derivatives, each parameter's column brought to unit length:
     the largest singular value over the smallest. That of F is its square."""
     values = _equilibrated(roots)[1]
@@ -70,7 +70,7 @@ def condition(roots: np.ndarray) -> np.ndarray:
         return values[..., 0] / values[..., -1]
 
 
-def covariance(rows: np.ndarray, floor: float = 0.0) -> np.ndarray:
+def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
     """Covariance (p, p) of estimates from rows (N, p), or from a root of their information: its
     inverse.
 
@@ -85,7 +85,7 @@ def covariance(rows: np.ndarray, floor: float = 0.0) -> np.ndarray:
         return half.T @ half
 
 
-def correlation(covariances: np.ndarray) -> np.ndarray:
+def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Correlations (p, p) of estimates, from their covariance (p, p); NaN where that is NaN."""
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
@@ -120,7 +120,7 @@ class Combination:
         return text
 
 
-def combinations(root: np.ndarray, accuracy: float) -> tuple[Combination, ...]:
+def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
     """Combinations of the coordinates whose estimates are independent, the eigenvectors of the
     information: first the one that the data see best."""
     _, values, directions = np.linalg.svd(root)
@@ -137,7 +137,9 @@ def combinations(root: np.ndarray, accuracy: float) -> tuple[Combination, ...]:
     return tuple(sums)
 
 
-def _equilibrated(roots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _equilibrated(
+    roots: Float[np.ndarray, "*T r p"],
+) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
     """Lengths (..., p) of the columns, and after these are brought to unit length, singular values
     (..., p) and right singular vectors (..., p, p)."""
     lengths = np.linalg.norm(roots, axis=-2)
@@ -146,6 +148,6 @@ def _equilibrated(roots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return lengths, values, directions
 
 
-def _blind(values: np.ndarray, accuracy: float) -> np.ndarray:
+def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
     """Which singular values, largest first along the last axis, are as good as zero."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -58,7 +58,7 @@ class Horizon:
     """
 
     times: Float[np.ndarray, " T"]
-    growth: Float[np.ndarray, "T p+1"]
+    growth: Float[np.ndarray, "T directions"]
     rate: float
     error: Float[np.ndarray, " T"]
     derivative_error: Float[np.ndarray, " T"]
@@ -189,7 +189,9 @@ def horizon(
     )
 
 
-def _in_order(uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]) -> np.ndarray:
+def _in_order(
+    uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]
+) -> Float[np.ndarray, " p"]:
     """Uncertainties (p,) in the order of the parameters, one for each."""
     names, keys = sorted(parameters), sorted(uncertainty)
     require(names == keys, "uncertainty", keys, f"one of each of {names}", "name all of them")

@@ -121,6 +121,6 @@ def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
     }
 
 
-def times_of(sensors: Mapping[str, Sensor]) -> np.ndarray:
+def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
     """All times at which one of them has a sample, rising, s."""
     return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))

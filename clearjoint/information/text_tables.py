@@ -1,4 +1,4 @@
-"""Tables as text."""
+"""Tables of numbers as lines of text, for `print`."""
 
 from collections.abc import Sequence
 

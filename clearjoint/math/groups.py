@@ -2,7 +2,7 @@
 
 All kernels are arithmetic on scalars (`clearjoint.math.vectors`), so an element whose numbers are
 arrays of shape (n,) stands for n elements of the same structure. Its name is a `Several`.
-Dictionaries by name, such as the motions of bodies, are turned by `gathered` into dictionaries by
+Dictionaries by name, such as the motions of bodies, are turned by `by_group` into dictionaries by
 such names, and back by `by_name`.
 """
 
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .vectors import Scalar
+from .vectors import Condition, Scalar
 
 
 class Several(str):
@@ -37,7 +37,7 @@ def is_structural(leaf: object) -> bool:
     return type(leaf) in (int, float, bool)
 
 
-def stacked(trees: Sequence[PyTree]) -> PyTree:
+def stack(trees: Sequence[PyTree]) -> PyTree:
     """Trees of scalars as one whose leaves have the trees along their axis.
 
     The structure, and the Python numbers, are those of the first tree.
@@ -51,7 +51,7 @@ def stacked(trees: Sequence[PyTree]) -> PyTree:
     return jax.tree.unflatten(structure, leaves)
 
 
-def _row(scalars: Sequence[Scalar]) -> Scalar:
+def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
     numpy = jnp if any(isinstance(scalar, jax.Array) for scalar in scalars) else np
     return numpy.stack(scalars)
 
@@ -61,25 +61,25 @@ def element(tree: PyTree, index: int) -> PyTree:
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
-def gathered(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
+def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
     """Values of elements, given by each element's own name, by names that may stand for several.
 
     Names for which there is no value are left out.
     """
-    by_group = {}
+    groups = {}
     for name in names:
         if not isinstance(name, Several):
-            by_group |= {name: by_member[name]} if name in by_member else {}
+            groups |= {name: by_member[name]} if name in by_member else {}
         elif name.members[0] in by_member:
             arrays = [jax.tree.map(jnp.asarray, by_member[member]) for member in name.members]
-            by_group[name] = stacked(arrays)
-    return by_group
+            groups[name] = stack(arrays)
+    return groups
 
 
-def by_name(by_group: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """The inverse of `gathered`: values by each element's own name."""
+def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
+    """The inverse of `by_group`: values by each element's own name."""
     by_member = {}
-    for name, tree in by_group.items():
+    for name, tree in groups.items():
         if isinstance(name, Several):
             by_member |= {member: element(tree, k) for k, member in enumerate(name.members)}
         else:
@@ -96,7 +96,7 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     leaves, structure = jax.tree.flatten(arguments)
     along = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
     shape: PyTree = None
-    shared: list[Scalar] = []
+    shared: list[Scalar | None] = []
 
     def one(own: list[Scalar]) -> list[Scalar]:
         nonlocal shape, shared
@@ -122,6 +122,6 @@ def least(value: Scalar) -> Scalar:
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
-def some(value: Scalar) -> Scalar:
+def some(value: Condition) -> Condition:
     """Whether a condition holds for any of several elements; of one, the value itself."""
     return value if np.ndim(value) == 0 else jnp.any(value)

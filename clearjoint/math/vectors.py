@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, overload
+from typing import Any, TypeAlias, overload
 
 import jax
 import jax.numpy as jnp
@@ -23,8 +23,10 @@ from jax.tree_util import DictKey, GetAttrKey, SequenceKey
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-Scalar = Any
-"""A float, a numpy scalar or a JAX array of shape ()."""
+Scalar: TypeAlias = Any
+"""A number: a float, Python's or numpy's, or a JAX array of shape ()."""
+Condition: TypeAlias = bool | jax.Array
+"""True or false: a bool, or a JAX array of booleans of shape ()."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -192,7 +194,7 @@ class EulerParameters:
 
 
 _KINDS = (Vector, EulerParameters, Matrix)
-Pattern = tuple[Scalar, ...] | None
+Pattern: TypeAlias = tuple[float | None, ...] | None
 
 
 @jax.tree_util.register_dataclass

@@ -154,7 +154,7 @@ class Measurements(AbstractReadable):
     def __getitem__(self, name: str) -> Series:
         return self.series[name]
 
-    def times(self) -> np.ndarray:
+    def times(self) -> Float[np.ndarray, " T"]:
         """Every time at which some series has a sample, rising, s."""
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 

@@ -20,7 +20,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import Quadruple, Single, Square, Triple
+from ..fields.types import Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 
 GROUND = "ground"
@@ -252,10 +252,10 @@ GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)
 
 
 def body_state(
-    position: Triple,
-    orientation: Quadruple = (1.0, 0.0, 0.0, 0.0),
-    velocity: Triple = (0.0, 0.0, 0.0),
-    spin: Triple = (0.0, 0.0, 0.0),
+    position: TripleLike,
+    orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
+    velocity: TripleLike = (0.0, 0.0, 0.0),
+    spin: TripleLike = (0.0, 0.0, 0.0),
 ) -> BodyState:
     """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
 

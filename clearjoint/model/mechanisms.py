@@ -1,10 +1,11 @@
-"""Ready scenes."""
+"""Mechanisms of the literature, each with the state that it starts from."""
 
 import math
 
 import numpy as np
 
-from ..fields.types import Single, Triple
+from ..fields.types import TripleLike
+from ..math.vectors import Scalar
 from .bodies import GROUND, Body, BodyState, State, body_state
 from .contact.friction import AbstractFriction
 from .contact.laws import AbstractContactLaw, LankaraniNikravesh
@@ -21,11 +22,11 @@ STEEL = RavnStiffness(207e9, 0.3)
 
 
 def double_pendulum(
-    clearance: Single | None = 0.5e-3,
-    restitution: Single = 0.9,
+    clearance: Scalar | None = 0.5e-3,
+    restitution: Scalar = 0.9,
     *,
-    bearing_radius: Single = 10e-3,
-    journal_length: Single = 20e-3,
+    bearing_radius: Scalar = 10e-3,
+    journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | None = None,
     axial: AbstractAxialPolicy | None = None,
@@ -57,7 +58,7 @@ def double_pendulum(
             bearing_radius=bearing_radius,
             clearance=clearance,
             journal_length=journal_length,
-            law=LankaraniNikravesh(restitution, STEEL) if law is None else law,
+            law=_steel(restitution) if law is None else law,
             friction=friction,
             axial=axial,
         )
@@ -66,22 +67,27 @@ def double_pendulum(
     return scene, state
 
 
+def _steel(restitution: Scalar) -> LankaraniNikravesh:
+    """The paper's law for its steel, with a requested restitution."""
+    return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
+
+
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 """Of the slider-crank, m."""
 
 
 def slider_crank(
-    clearance: Single | None = 0.5e-3,
-    restitution: Single = 0.9,
+    clearance: Scalar | None = 0.5e-3,
+    restitution: Scalar = 0.9,
     *,
-    speed: Single = 5000.0 * math.pi / 30.0,
+    speed: Scalar = 5000.0 * math.pi / 30.0,
     angle: float = 0.0,
     motor: AbstractElement | None = None,
-    bearing_radius: Single = 10e-3,
-    journal_length: Single = 20e-3,
+    bearing_radius: Scalar = 10e-3,
+    journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | None = None,
-    gravity: Triple | None = None,
+    gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
     """The slider-crank of the clearance literature, and its state in the ideal joint's motion.
 
@@ -122,7 +128,7 @@ def slider_crank(
             bearing_radius=bearing_radius,
             clearance=clearance,
             journal_length=journal_length,
-            law=LankaraniNikravesh(restitution, STEEL) if law is None else law,
+            law=_steel(restitution) if law is None else law,
             friction=friction,
         )
     joints = {
@@ -139,7 +145,7 @@ def slider_crank(
     return Scene(bodies, joints, forces, gravity), _slider_crank_state(speed, angle)
 
 
-def _slider_crank_state(speed: Single, angle: float) -> State:
+def _slider_crank_state(speed: Scalar, angle: float) -> State:
     """The ideal motion at a crank angle, rad, and speed, rad/s."""
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle), 0.0])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
@@ -149,7 +155,7 @@ def _slider_crank_state(speed: Single, angle: float) -> State:
     rod_shift = tip_shift + 0.5 * rod_turn * np.array([-rod[1], rod[0], 0.0])
     slider_shift = np.array([-tip[1] - rod_turn * rod[1], 0.0, 0.0])
 
-    def body(position: Triple, turned: float, shift: np.ndarray, turn: float) -> BodyState:
+    def body(position: TripleLike, turned: float, shift: np.ndarray, turn: float) -> BodyState:
         orientation = (math.cos(0.5 * turned), 0.0, 0.0, math.sin(0.5 * turned))
         spin = np.array([0.0, 0.0, turn])
         return body_state(position, orientation, shift * speed, spin * speed)
@@ -176,7 +182,7 @@ def double_four_bar() -> tuple[Scene, State]:
     turned = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     near, far, axis = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-    def hinge(name: str, first: str, second: str, here: Triple, there: Triple) -> None:
+    def hinge(name: str, first: str, second: str, here: TripleLike, there: TripleLike) -> None:
         joints[name] = RevoluteJoint(first, second, here, there, axis, axis)
 
     for k in (0, 1, 2):

@@ -15,7 +15,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import Triple
+from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
 from .contact.laws import AbstractContactLaw
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
@@ -50,7 +50,7 @@ class Scene(AbstractReadable):
         bodies: Mapping[str, Body],
         joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
         forces: Mapping[str, AbstractForce] = MappingProxyType({}),
-        gravity: Triple | None = None,
+        gravity: TripleLike | None = None,
     ):
         self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
         self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")

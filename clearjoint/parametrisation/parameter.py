@@ -75,6 +75,7 @@ class Parameter:
             value = value_at(scene, self.variation.place)
         elif value is None and isinstance(self.variation, StateNumber):
             value = value_at(state, self.variation.place)
+        assert value is not None
         return self.scale.coordinate(value)
 
 

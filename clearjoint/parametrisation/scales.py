@@ -47,7 +47,7 @@ class AbstractScale(abc.ABC):
         """The parameter at a coordinate."""
 
     @abc.abstractmethod
-    def coordinate(self, value: Scalar) -> float:
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
         """The coordinate of a parameter.
 
         **Raises:** `ValueError` for a value outside the scale.
@@ -82,7 +82,7 @@ class Linear(AbstractScale):
         """The unit times the coordinate."""
         return self.unit * coordinate
 
-    def coordinate(self, value: Scalar) -> float:
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
         """The value over the unit."""
         return _finite(value) / self.unit
 
@@ -105,7 +105,7 @@ class Log(AbstractScale):
         """The exponential of the coordinate."""
         return jnp.exp(coordinate)
 
-    def coordinate(self, value: Scalar) -> float:
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
         """The natural logarithm of the value."""
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
@@ -135,7 +135,7 @@ class Bounded(AbstractScale):
         """low + (high - low)/(1 + exp(-coordinate))."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
-    def coordinate(self, value: Scalar) -> float:
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
         """log((value - low)/(high - value))."""
         number = _finite(value)
         inside = self.low < number < self.high
@@ -153,6 +153,6 @@ class Bounded(AbstractScale):
         return f"logit {name}"
 
 
-def _finite(value: Scalar) -> float:
+def _finite(value: Scalar | np.ndarray) -> float:
     require_shape("value", value, (), "pass a single number")
     return float(value)

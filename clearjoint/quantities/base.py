@@ -95,7 +95,7 @@ def numbers(values: ArrayLike) -> tuple[float, ...]:
 
 
 def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
-    """`numbers`, or ``None``."""
+    """A row of numbers as a tuple; ``None`` where none are given."""
     return None if values is None else numbers(values)
 
 

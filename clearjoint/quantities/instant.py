@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.contact_events import Reaches, reaches
-from ..dynamics.contact_forces import ContactForce, Memory, contact_forces
+from ..dynamics.contact_forces import LoadedContact, Memory, contact_forces
 from ..dynamics.coordinates import Motions
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.system import System
@@ -74,7 +74,7 @@ class Instant:
         return self._system.motions(self._variables)
 
     @cached_property
-    def contacts(self) -> dict[str, dict[str, ContactForce]]:
+    def contacts(self) -> dict[str, dict[str, LoadedContact]]:
         """Geometry and forces of all contacts, by joint and contact."""
         return by_name(contact_forces(self._system.scene, self._motions, self._memory))
 

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..dynamics.contact_forces import ContactForce, Memory
+from ..dynamics.contact_forces import LoadedContact, Memory
 from ..math.interpolation import (
     Bend,
     Point,
@@ -53,7 +53,7 @@ class ContactInstant(eqx.Module):
 
 
 def contact_instants(
-    forces: dict[str, dict[str, ContactForce]],
+    forces: dict[str, dict[str, LoadedContact]],
     second_rates: dict[str, dict[str, Scalar]],
     memory: Memory,
 ) -> dict[str, dict[str, ContactInstant]]:
@@ -123,9 +123,8 @@ def end_in_step(
     """The part of a step of length h after which a contact that touches at its start is over, by
     the cubic through depths and rates; all of it where that finds no end."""
     ahead = law.reach()
-    ends = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
-    crosses = end.gap.depth + ahead < 0.0
-    return jnp.where(crosses, hermite_root(*ends, h), 1.0)
+    before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
+    return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
 
 def begin_before(law: AbstractContactLaw, here: ContactInstant) -> Scalar:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
-from ..math.groups import by_name, gathered
+from ..math.groups import by_group, by_name
 from ..math.vectors import Scalar, Structured, unpack
 from ..model.bodies import State
 from ..model.contact.laws import AbstractContactLaw
@@ -99,7 +99,7 @@ def contact_histories(
 
     def at(t: Scalar, state: State) -> dict[str, dict[str, ContactInstant]]:
         variables = system.encode(state.bodies)
-        memory = gathered(state.memory, system.scene.joints)
+        memory = by_group(state.memory, system.scene.joints)
         rates, _ = system.rates(variables, memory, t)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
         seconds = by_name(system.second_rates(variables, rates))

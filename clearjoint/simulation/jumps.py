@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reach, Reaches
-from ..dynamics.contact_forces import ContactForce, Memory, contact_force
+from ..dynamics.contact_forces import LoadedContact, Memory, contact_force
 from ..dynamics.system import System
 from ..math.groups import some
 from ..math.vectors import Scalar
@@ -104,10 +104,10 @@ def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
 
 def _surface_forces(
     system: System, y: Variables, memory: Memory
-) -> dict[str, dict[str, ContactForce]]:
+) -> dict[str, dict[str, LoadedContact]]:
     """The forces of closed contacts at the wall."""
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
-    forces: dict[str, dict[str, ContactForce]] = {}
+    forces: dict[str, dict[str, LoadedContact]] = {}
     for name, labels in _jumping_contacts(system.scene).items():
         laws, contacts = joints[name].laws(), joints[name].contacts(motions)
         forces[name] = {}
@@ -120,7 +120,7 @@ def _surface_forces(
     return forces
 
 
-def _multiplied(force: ContactForce, factor: Scalar) -> ContactForce:
+def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
     friction = None if force.friction is None else force.friction * factor
     normal, elastic = force.normal_force * factor, force.elastic_force * factor
     return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)

@@ -2,7 +2,7 @@
 
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
-from ..math.groups import by_name, gathered
+from ..math.groups import by_group, by_name
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
 from ..results import RESULTS
@@ -17,7 +17,7 @@ def begin_run(
     with."""
     motion = system.encode(unpack(state.bodies))
     y = Variables(motion, state.work if system.formulation.ledger else {})
-    memory = gathered(state.memory, system.scene.joints)
+    memory = by_group(state.memory, system.scene.joints)
     return start(method, system, t0, t_end, first_step, y, memory)
 
 

@@ -89,9 +89,9 @@ def simulate(
         redundant = check_start(scene, state, start_time, settings.coordinates)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    span = (_array(number) for number in (start_time, end_time, first_step))
+    start, end, length = (_array(number) for number in (start_time, end_time, first_step))
     rows = RECORD_ROWS if save.records else None
-    now = begin_compiled(scheme, form, state, *span, times is not None, rows)
+    now = begin_compiled(scheme, form, state, start, end, length, times is not None, rows)
     if traced:
         run = OnePiece(form, scheme, _array(end_time), redundant)
         return run.solution(now, _array(times), settings.max_steps, loops_for(adjoint))

@@ -49,10 +49,11 @@ def free_impact(
 
     **Raises:** `ValueError` if the mass does not come free again within 100 s.
     """
-    numbers = [jnp.asarray(x, dtype=float) for x in (mass, entry_speed)]
     wall = (bearing_radius, clearance)
-    whole = _contact(law, *numbers, *wall, jnp.asarray(jnp.inf))
-    duration = float(np.max(whole.ts, where=np.isfinite(whole.ts), initial=0.0))
+    mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
+    whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))
+    times = np.asarray(whole.ts)
+    duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
     require(
         bool(whole.result == diffrax.RESULTS.event_occurred),
         "law",
@@ -60,7 +61,7 @@ def free_impact(
         f"one from which a mass rebounds at {entry_speed} m/s",
         "raise the entry speed or the law's floor on it",
     )
-    fine = _contact(law, *numbers, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
+    fine = _contact(law, *mass_and_speed, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
     finite = np.isfinite(np.asarray(fine.ts))
     depth, rate = np.asarray(fine.ys)[finite].T
     gap = Gap(depth, rate, *wall)

@@ -10,13 +10,12 @@ import inspect
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any
 
 import cloudpickle
 import equinox as eqx
 
 
-def encoded(value: Any) -> bytes:
+def encoded(value: object) -> bytes:
     """A value as bytes that `pickle.loads` decodes, in another process."""
     file = io.BytesIO()
     _Pickler(file).dump(value)
@@ -24,11 +23,12 @@ def encoded(value: Any) -> bytes:
 
 
 class _Pickler(cloudpickle.Pickler):
-    def reducer_override(self, value: Any) -> Any:
+    def reducer_override(self, value: object) -> object:
         """How cloudpickle rebuilds a function or a class; that of a module with its fields."""
         reduced = super().reducer_override(value)
-        is_module = isinstance(value, type) and issubclass(value, eqx.Module)
-        if reduced is NotImplemented or not is_module:
+        if reduced is NotImplemented or not isinstance(value, type):
+            return reduced
+        if not issubclass(value, eqx.Module):
             return reduced
         make, arguments, *state = reduced
         return (_with_fields, (make, arguments, _own_fields(value), _initialises(value)), *state)
@@ -47,19 +47,20 @@ def _initialises(cls: type[eqx.Module]) -> bool:
 
 def _with_fields(
     make: Callable[..., type],
-    arguments: tuple[Any, ...],
+    arguments: tuple[object, ...],
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
     """The class that cloudpickle makes without attributes, with fields. It gets its attributes
     afterwards, among them an `__init__` where it has one."""
     constructor, name, bases, namespace, *rest = arguments
+    assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
-    annotations = dict.fromkeys(statics, Any)
+    annotations = dict.fromkeys(statics, object)
     placeholder = {"__init__": _placeholder} if initialises else {}
     namespace = {**namespace, **placeholder, "__annotations__": annotations, **declared}
     return make(constructor, name, bases, namespace, *rest)
 
 
-def _placeholder(self: Any) -> None:
+def _placeholder(self: object) -> None:
     """Stands for an `__init__` until the class has got its attributes."""

@@ -2,17 +2,18 @@
 what is wrong; call them from a test."""
 
 import warnings
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from ..dynamics.multipliers import row_rate
 from ..math.rotations import normalised, rotation_matrix
-from ..math.vectors import EulerParameters, Vector, unpack
+from ..math.vectors import Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from ..model.bodies import Motion
 from ..model.contact.friction import AbstractFriction
 from ..model.contact.gap import Gap
@@ -27,7 +28,11 @@ EDGE = 1e-9
 """How near to where the force begins, m and as a part of the reach, a jump is that of the onset."""
 
 
-def _require(condition: Any, message: str) -> None:
+Places: TypeAlias = Float[jax.Array, " N"]
+"""Depths in m, rates or speeds in m/s at N places; or forces in N there."""
+
+
+def _require(condition: Condition, message: str) -> None:
     if not bool(jnp.all(condition)):
         raise AssertionError(message)
 
@@ -47,13 +52,14 @@ def check_law(
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
-    def force(depth: Any, rate: Any, entry: Any, law: AbstractContactLaw) -> Any:
-        return law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
+    def force(depth: Scalar, rate: Scalar, entry: Scalar, law: AbstractContactLaw) -> jax.Array:
+        force = law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
+        return jnp.asarray(force)
 
-    def elastic(depth: Any) -> Any:
+    def elastic(depth: Scalar) -> Scalar:
         return law.elastic_force(Gap(depth, jnp.zeros_like(depth), *wall))
 
-    def energy(depth: Any) -> Any:
+    def energy(depth: Scalar) -> Scalar:
         return law.stored_energy(Gap(depth, jnp.zeros_like(depth), *wall))
 
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, entry, law)
@@ -71,7 +77,7 @@ def check_law(
     _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
 
 
-def _check_jumps(force: Callable[..., Any], law: AbstractContactLaw) -> None:
+def _check_jumps(force: Callable[..., Places], law: AbstractContactLaw) -> None:
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, places = jumps(lambda depth: force(depth, rate, entry, law), left, right)
@@ -96,30 +102,30 @@ def _check_jumps(force: Callable[..., Any], law: AbstractContactLaw) -> None:
     _tell_of_edge(law, jnp.where(at_edge, sizes, 0.0), rate)
 
 
-def _tell_of_edge(law: AbstractContactLaw, sizes: Any, rate: Any) -> None:
+def _tell_of_edge(law: AbstractContactLaw, sizes: Places, rate: Places) -> None:
     """Say what the force does where contact begins and ends, from its jumps there at some rates."""
     k = int(jnp.argmax(jnp.abs(sizes)))
     if sizes[k] == 0.0:
         return
-    said = (
+    statement = (
         f"The force jumps by {sizes[k]:.3g} N where contact begins or ends, at a rate of "
         f"{rate[k]:.3g} m/s"
     )
-    _require(law.force_jumps, f"{said}, but the law declares `force_jumps = False`.")
+    _require(law.force_jumps, f"{statement}, but the law declares `force_jumps = False`.")
     warnings.warn(
-        f"{said}. Steps land there and sensitivities have the jump's own term, but plain "
+        f"{statement}. Steps land there and sensitivities have the jump's own term, but plain "
         "differentiation of `simulate` has not. If it is not meant, let the damping grow with the "
         "depth.",
         stacklevel=4,
     )
 
 
-def _grid(*rows: tuple[float, ...]) -> list[Any]:
+def _grid(*rows: tuple[float, ...]) -> list[Places]:
     """All combinations of the rows' values, a flat array for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 
-def _check_energy(elastic: Callable[[Any], Any], energy: Callable[[Any], Any]) -> None:
+def _check_energy(elastic: Callable[[Scalar], Scalar], energy: Callable[[Scalar], Scalar]) -> None:
     depths = jnp.asarray([-1e-3, 0.0, 1e-9, 1e-6, 1e-5])
     slope = jax.vmap(jax.grad(energy))(depths)
     expected = jax.vmap(elastic)(depths)
@@ -128,7 +134,11 @@ def _check_energy(elastic: Callable[[Any], Any], energy: Callable[[Any], Any]) -
 
 
 def _check_derivatives(
-    force: Callable[..., Any], law: AbstractContactLaw, depth: Any, rate: Any, entry: Any
+    force: Callable[..., Scalar],
+    law: AbstractContactLaw,
+    depth: Places,
+    rate: Places,
+    entry: Places,
 ) -> None:
     slopes = jax.vmap(jax.grad(force, argnums=(0, 1, 2)), in_axes=(0, 0, 0, None))
     for name, slope in zip(
@@ -141,7 +151,7 @@ def _check_derivatives(
     for leaf in jax.tree.leaves(by_law):
         _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
     step = 1e-9
-    moved = (depth > 1e-7) & (rate > 0.0)
+    inside = (depth > 1e-7) & (rate > 0.0)
     difference = [
         jax.vmap(force, in_axes=(0, 0, 0, None))(depth + s * step, rate, entry, law)
         for s in (0.5, -0.5)
@@ -149,20 +159,21 @@ def _check_derivatives(
     numeric = (difference[0] - difference[1]) / step
     exact = slopes(depth, rate, entry, law)[0]
     near = jnp.abs(numeric - exact) <= 1e-4 * jnp.abs(exact) + 1e-3
-    _require(~moved | near, "The derivative by the depth is not that of the force.")
+    _require(~inside | near, "The derivative by the depth is not that of the force.")
 
 
 def check_friction(friction: AbstractFriction) -> None:
     """Check a friction law: against the slip, zero without it, finite derivatives at rest."""
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
-    ratios = jax.vmap(friction.ratio)(speeds)
+    ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
+    ratios = ratio(speeds)
     _require(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
     _require(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
-    sizes, places = jumps(jax.vmap(friction.ratio), speeds[:-1], speeds[1:])
+    sizes, places = jumps(ratio, speeds[:-1], speeds[1:])
     k = int(jnp.argmax(jnp.abs(sizes)))
     _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
 
-    def force(slip: Any) -> Any:
+    def force(slip: jax.Array) -> Scalar:
         return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x
 
     for slip in ([0.0, 0.0, 0.0], [1e-4, 0.0, 0.0], [0.3, -0.2, 0.1]):
@@ -228,16 +239,8 @@ def _moved(motions: dict[str, Motion], time: float) -> dict[str, Motion]:
     }
 
 
-def _turned(motion: Motion, angle: Vector) -> Any:
-    turn = rotation_matrix(_exponential(angle))
-    m = motion.rotation
-    columns = turn.T
-    return type(m)(
-        *(
-            Vector(row.dot(columns.row_x), row.dot(columns.row_y), row.dot(columns.row_z))
-            for row in (m.row_x, m.row_y, m.row_z)
-        )
-    )
+def _turned(motion: Motion, angle: Vector) -> Matrix:
+    return motion.rotation @ rotation_matrix(_exponential(angle))
 
 
 def _exponential(angle: Vector) -> EulerParameters:
@@ -247,7 +250,16 @@ def _exponential(angle: Vector) -> EulerParameters:
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)
 
 
-def moving(position: Any, orientation: Any, velocity: Any, spin: Any) -> Motion:
-    """A motion from plain numbers, for `check_constraint`; the orientation is normalised."""
+def moving(
+    position: Sequence[float],
+    orientation: Sequence[float],
+    velocity: Sequence[float],
+    spin: Sequence[float],
+) -> Motion:
+    """A motion from plain numbers, for `check_constraint`.
+
+    **Arguments:** `position` (3,) m and `velocity` (3,) m/s of the centre of mass, global;
+    `orientation`: (4,) Euler parameters, which are normalised; `spin`: (3,) rad/s, body axes.
+    """
     parameters = normalised(EulerParameters(*orientation))
     return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))

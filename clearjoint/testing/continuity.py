@@ -1,10 +1,11 @@
 """Where a function of one number jumps."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Float
 
 PIECES = 64
 HALVINGS = 100
@@ -12,7 +13,28 @@ ROUNDING = 1e-9
 """Part of a function's values below which a change is none."""
 
 
-def jumps(function: Callable[[Any], Any], left: Any, right: Any) -> tuple[Any, Any]:
+class Jumps(NamedTuple):
+    """The largest jump in each of N intervals: its signed size, zero where there is none, and the
+    place behind it."""
+
+    sizes: Float[jax.Array, " N"]
+    places: Float[jax.Array, " N"]
+
+
+class _Piece(NamedTuple):
+    """Pieces of the intervals, and the function's values at their ends; (pieces, N) each."""
+
+    left: jax.Array
+    right: jax.Array
+    value_left: jax.Array
+    value_right: jax.Array
+
+
+def jumps(
+    function: Callable[[jax.Array], jax.Array],
+    left: Float[jax.Array, " N"],
+    right: Float[jax.Array, " N"],
+) -> Jumps:
     """The largest jump of a function in each of N intervals, and where it is.
 
     Each interval is cut into pieces. A piece is halved, and the half over which the function
@@ -20,25 +42,23 @@ def jumps(function: Callable[[Any], Any], left: Any, right: Any) -> tuple[Any, A
     that is smaller than what the slope changes within a piece may be missed.
 
     **Arguments:** `function`: of (N,) places, one in each interval; `left`, `right`: (N,).
-
-    **Returns:** (N,) signed jumps, zero where there is none, and (N,) places behind them.
     """
     marks = jnp.linspace(left, right, PIECES + 1)
     values = jax.vmap(function)
-    start = marks[:-1], marks[1:], values(marks[:-1]), values(marks[1:])
+    start = _Piece(marks[:-1], marks[1:], values(marks[:-1]), values(marks[1:]))
 
-    def halved(_: Any, piece: Any) -> Any:
-        a, b, low, high = piece
-        middle = 0.5 * (a + b)
-        half = values(middle)
-        first = jnp.abs(half - low) >= jnp.abs(high - half)
-        left = a, middle, low, half
-        right = middle, b, half, high
-        return tuple(jnp.where(first, *pair) for pair in zip(left, right, strict=True))
+    def half(_: int, piece: _Piece) -> _Piece:
+        middle = 0.5 * (piece.left + piece.right)
+        value = values(middle)
+        first = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
+        halves = (
+            _Piece(piece.left, middle, piece.value_left, value),
+            _Piece(middle, piece.right, value, piece.value_right),
+        )
+        return jax.tree.map(lambda *pair: jnp.where(first, *pair), *halves)
 
-    _, places, low, high = jax.lax.fori_loop(0, HALVINGS, halved, start)
-    scale = jnp.maximum(jnp.abs(start[2]), jnp.abs(start[3]))
+    _, places, low, high = jax.lax.fori_loop(0, HALVINGS, half, start)
+    scale = jnp.maximum(jnp.abs(start.value_left), jnp.abs(start.value_right))
     sizes = jnp.where(jnp.abs(high - low) > ROUNDING * scale, high - low, 0.0)
     largest = jnp.argmax(jnp.abs(sizes), axis=0)[None]
-    found = [jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, places)]
-    return found[0], found[1]
+    return Jumps(*(jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, places)))

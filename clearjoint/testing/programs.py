@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Concatenate, ParamSpec
 from unittest.mock import patch
 
 import diffrax
@@ -18,7 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
+from jaxtyping import ArrayLike, PyTree
 
+from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.vectors import Scalar, Structured, structured
 from ..model.bodies import State
@@ -42,6 +44,7 @@ from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
 from ..sweeps.work import Work, extent
 
+P = ParamSpec("P")
 FIRST_STEP, END = 1e-6, 1e9
 """Of the run that a program is taken from, s."""
 
@@ -57,20 +60,20 @@ class Stepper:
     system: System
     family: SystemFamily | None = None
 
-    def integrated(self, step: Step) -> Any:
+    def integrated(self, step: Step) -> PyTree:
         """The numbers that are integrated; derivatives among them if there are any."""
         return step.y if step.tangents is None else (step.y, step.tangents.y)
 
-    def with_integrated(self, step: Step, numbers: Any) -> Step:
+    def with_integrated(self, step: Step, numbers: PyTree) -> Step:
         """The step with other numbers to integrate."""
         if step.tangents is None:
             return eqx.tree_at(lambda s: s.y, step, numbers)
         return eqx.tree_at(lambda s: (s.y, s.tangents.y), step, numbers)
 
-    def rates(self, step: Step) -> Any:
+    def rates(self, step: Step) -> PyTree:
         """The right-hand side: rates of what is integrated."""
 
-        def rates(system: System, y: Variables, memory: Any) -> tuple[Variables, None]:
+        def rates(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
             return Variables(*system.rates(y.motion, memory, step.t)), None
 
         if self.family is None:
@@ -87,11 +90,12 @@ class Stepper:
         after = eqx.tree_at(lambda s: (s.y, s.solver_state), step, (y, state))
         return after, sum(jax.tree.leaves(error), jnp.zeros_like(step.t))
 
-    def controlled_step(self, step: Step, length: float) -> tuple[Step, Scalar]:
+    def controlled_step(self, step: Step, length: float) -> tuple[Step, jax.Array]:
         """The same with the controller's judgement; and the time it chooses next, s."""
         y, error, state = self._solved(step, length)
-        controller: Any = self.method.controller.wrap(1)
+        controller = self.method.controller.wrap(1)
         order = self.method.solver.error_order(self._term(step))
+        assert order is not None
         t0, past = step.t, step.proposal.controller_state
         _, _, t_next, _, past, _ = controller.adapt_step_size(
             t0, t0 + length, step.y, y, None, error, order, past
@@ -100,26 +104,26 @@ class Stepper:
         after = eqx.tree_at(
             lambda s: (s.y, s.solver_state, s.proposal.controller_state), step, fields
         )
-        return after, t_next
+        return after, jnp.asarray(t_next)
 
     def attempt(self, step: Step) -> Step:
         """A step as a run tries it, landing, memory and acceptance included."""
         return attempt(self.method, self.system, step, jnp.asarray(jnp.inf), self.family).step
 
-    def _solved(self, step: Step, length: float) -> tuple[Any, Any, Any]:
+    def _solved(self, step: Step, length: float) -> tuple[Variables, PyTree, PyTree]:
         t0, solver = step.t, self.method.solver
         y, error, _, state, _ = solver.step(
             self._term(step), t0, t0 + length, step.y, None, step.solver_state, False
         )
         return y, error, state
 
-    def _term(self, step: Step) -> Any:
+    def _term(self, step: Step) -> diffrax.ODETerm:
         """The equations of motion with the memory of a step."""
 
-        def rates(t: Any, y: Variables, args: Any) -> Variables:
+        def rates(t: ArrayLike, y: Variables, args: object) -> Variables:
             del args
-            found = self.system.rates(y.motion, step.memory, t)
-            return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), Variables(*found))
+            rates = Variables(*self.system.rates(y.motion, step.memory, jnp.asarray(t)))
+            return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), rates)
 
         return diffrax.ODETerm(rates)
 
@@ -218,7 +222,7 @@ class SweepProgram:
     def compiled(self) -> str:
         """The program of a slice of turns, as XLA has optimised it."""
         constants = self._common, extent(), _one_device()
-        compiled: Any = advance.lower(constants, self.seats).compile()
+        compiled = advance.lower(constants, self.seats).compile()
         return compiled.compiled.as_text()
 
     @cached_property
@@ -236,16 +240,22 @@ def _one_device() -> Mesh:
 @contextmanager
 def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
     """A list to which each call of `sweep` inside adds what it ran."""
-    seen: list[SweepProgram] = []
-    run = Work.run
+    programs: list[SweepProgram] = []
+    with patch.object(Work, "run", _recording(Work.run, programs)):
+        yield programs
 
-    def seen_run(work: Work, *arguments: Any, **settings: Any) -> Batch:
+
+def _recording(
+    run: Callable[Concatenate[Work, P], Batch], programs: list[SweepProgram]
+) -> Callable[Concatenate[Work, P], Batch]:
+    """The method that runs the work of a sweep, which also adds what it ran to the programs."""
+
+    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> Batch:
         batch = run(work, *arguments, **settings)
-        seen.append(SweepProgram(work, batch))
+        programs.append(SweepProgram(work, batch))
         return batch
 
-    with patch.object(Work, "run", seen_run):
-        yield seen
+    return run_and_record
 
 
 def compiled_sensitivities(

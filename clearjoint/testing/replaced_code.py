@@ -3,13 +3,15 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from types import MappingProxyType
-from typing import Any
+from typing import NoReturn
 from unittest.mock import patch
 
 from ..dynamics import contact_forces, system
+from ..dynamics.coordinates import MotionVariables
 from ..dynamics.joint_coordinates import branches
 from ..dynamics.joint_coordinates import spatial_inertia as inertia
 from ..dynamics.system import System
+from ..math.vectors import Scalar
 from ..model.contact.friction import RegularisedCoulomb
 from ..model.joints import axial, clearance
 from ..model.joints import motion_subspaces as freedoms
@@ -17,7 +19,7 @@ from ..parametrisation.parametrised_scene import AbstractFamily
 from ..simulation import stepping
 from ..simulation.landing import Landing
 
-FEATURES: Mapping[str, tuple[tuple[Any, str], ...]] = MappingProxyType(
+FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     {
         "hinge": (
             (freedoms.Hinge, "rotation"),
@@ -52,15 +54,17 @@ def without(*features: str) -> Iterator[None]:
         yield
 
 
-def _missing(name: str) -> Callable[..., Any]:
-    def function(*_: Any, **__: Any) -> Any:
+def _missing(name: str) -> Callable[..., NoReturn]:
+    def function(*_: object, **__: object) -> NoReturn:
         raise AssertionError(f"{name} is called by a scene that lacks the feature")
 
     return function
 
 
 @contextmanager
-def equations_of_motion(rates: Callable[..., Any]) -> Iterator[None]:
+def equations_of_motion(
+    rates: Callable[..., tuple[MotionVariables, dict[str, Scalar]]],
+) -> Iterator[None]:
     """Inside, steps are traced with other equations of motion.
 
     **Arguments:** `rates`: a function of the `System` (whose `scene` is in scalar form), variables,

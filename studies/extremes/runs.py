@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 import clearjoint as cj
+from clearjoint.extend import Scalar
 from studies.extremes.families import FAMILIES, RADIUS, Family, Trial
 from studies.extremes.invariants import (
     Poses,
@@ -111,7 +112,7 @@ def _swept(
 ) -> xr.Dataset:
     ends = iter([start_time + trial.end_time for trial in trials])
 
-    def made(scene: cj.Scene, state: cj.State, number: float) -> tuple[cj.Scene, cj.State]:
+    def made(scene: cj.Scene, state: cj.State, number: Scalar) -> tuple[cj.Scene, cj.State]:
         del scene, state
         return trials[int(number)].scene, trials[int(number)].state
 

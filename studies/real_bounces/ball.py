@@ -77,7 +77,7 @@ class Floor(cj.AbstractContactJoint):
 
     ball: str = eqx.field(static=True)
     radius: Any = quantity("m")
-    law: cj.AbstractContactLaw
+    law: cj.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
         require_positive("radius", self.radius, "give it in m")
@@ -140,7 +140,7 @@ class RestitutionOverSpeed(cj.AbstractContactLaw):
 
     loss: Any = quantity("1")
     power: Any = quantity("1")
-    elastic: cj.Hertz
+    elastic: cj.Hertz  # pyright: ignore[reportGeneralTypeIssues]
     has_memory = True
     force_jumps = False
 

@@ -90,9 +90,12 @@ def simulate(settings: Settings, clearance: float | None, revolutions: int) -> R
     )
     shown = slice(len(turns), None)
     once = np.concatenate([turns - 1, len(turns) + INSTANTS * np.arange(SHOWN + 1)])
+    cycle, strobe = _part(solution, shown), _part(solution, once)
     return Run(
-        *(cj.observe(scene, solution, _part(solution, rows)) for rows in (shown, once)),
-        *(_part(solution, rows).states.bodies["slider"] for rows in (shown, once)),
+        cj.observe(scene, solution, cycle),
+        cj.observe(scene, solution, strobe),
+        cycle.states.bodies["slider"],
+        strobe.states.bodies["slider"],
         solution.impacts,
     )
 
@@ -144,9 +147,9 @@ def poincare(settings: Settings, clearance: Run) -> Figure:
     acceleration = clearance.strobe.accelerations["slider"].linear[:, 0] * 1e-3
     labels = ("slider velocity, m/s", "slider acceleration, km/s²")
     plot.poincare_map(velocity, acceleration, labels, axes=left)
-    journal = plot.eccentricity_vectors(clearance.strobe, PIN, "V", plot.XY) * 1e3
+    x, y = plot.eccentricity_vectors(clearance.strobe, PIN, "V", plot.XY).T * 1e3
     labels = ("eccentricity along X, mm", "eccentricity along Y, mm")
-    plot.poincare_map(*journal.T, labels, axes=right)
+    plot.poincare_map(x, y, labels, axes=right)
     plot.clearance_circle(right, settings.clearance)
     title = f"once a revolution at crank angle 0, {len(velocity)} revolutions, later ones darker"
     figure.suptitle(title, fontsize=11)

@@ -30,7 +30,7 @@ from matplotlib.figure import Figure
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.extend import Instant, Quantity
+from clearjoint.extend import Instant, Quantity, Scalar
 from clearjoint.quantities import Acceleration, JournalOffset, Multiplier, Velocity
 from studies.common.output import Output
 from studies.slider_crank.runs import PIN, Settings, closed_form, simulate
@@ -126,7 +126,7 @@ class Course:
         return with_ratios(swept)
 
 
-def at_speed(scene: cj.Scene, state: cj.State, speed: float) -> tuple[cj.Scene, cj.State]:
+def at_speed(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene, cj.State]:
     """The scene at another crank speed in 1/min, and its state in the ideal joint's motion."""
     del state
     speed = speed * np.pi / 30.0

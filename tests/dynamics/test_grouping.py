@@ -18,7 +18,7 @@ from clearjoint.dynamics.grouping import condensing as grouping
 from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
 from clearjoint.dynamics.grouping.coordinates import Views, folded
 from clearjoint.dynamics.system import System
-from clearjoint.math.groups import Several, by_name, each, gathered
+from clearjoint.math.groups import Several, by_group, by_name, each
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.simulation import host_run as running
 from clearjoint.simulation.method import Scheme
@@ -81,7 +81,7 @@ def told(coordinates, scene, state, together):
     system = System.of(scene, formulation) if together else System(scene, formulation)
     assert together == bool(groups(system.scene))
     variables = jax.tree.map(jnp.asarray, system.encode(unpack(state.bodies)))
-    memory, t = gathered(state.memory, system.scene.joints), jnp.zeros(())
+    memory, t = by_group(state.memory, system.scene.joints), jnp.zeros(())
     dynamics = system.dynamics(variables, memory, t)
     rates = jax.tree.map(jnp.asarray, dynamics.variable_rates)
     return {
@@ -145,7 +145,7 @@ def attempts(smallest, growth):
         method, system = scheme.method, scheme.unpacked(structured(scene))
         state = shaken(state)
         bodies = system.encode(unpack(state.bodies))
-        memory = gathered(state.memory, system.scene.joints)
+        memory = by_group(state.memory, system.scene.joints)
         t0, t_end, first = (jnp.asarray(t) for t in (0.0, 1.0, 1e-10))
         steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), memory)]
         steps.append(attempt(method, system, steps[-1], t_end).step)
@@ -275,7 +275,7 @@ def test_names_of_several_tell_them_apart():
     assert Several(("a", "b")) == Several(["a", "b"]) != Several(("a, b",))
     family = {Several(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
     assert by_name(family) == {"a": 1.0, "b": 2.0, "c": 3.0}
-    back = gathered({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
+    back = by_group({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
     np.testing.assert_array_equal(back[Several(("a", "b"))], [1.0, 2.0])
     assert back["c"] == 3.0 and set(back) == set(family)
 

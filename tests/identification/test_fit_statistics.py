@@ -112,7 +112,7 @@ def with_minima(*moves):
             best=dataclasses.replace(
                 fit.best.best,
                 coordinates=fit.coordinates + move,
-                residuals=np.sqrt([fit.chi_squared + excess]),
+                residuals=np.full(COUNT, np.sqrt((fit.chi_squared + excess) / COUNT)),
             ),
         )
         for move, excess in moves

@@ -14,13 +14,14 @@ names are taken apart at its ends. Everything happens while tracing, from names 
 import copy
 import dataclasses
 from collections.abc import Hashable, Iterable, Mapping
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
-from ...math.groups import Several, by_name, is_structural, stacked
+from ...math.groups import Several, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
 from ...model.joints.alike_contacts import SeveralContactJoints
@@ -29,6 +30,8 @@ from ...model.scene import Scene
 
 SMALLEST = 4
 """Elements from which on they are put together."""
+T = TypeVar("T")
+
 ROLES = ("the first body", "the second body")
 
 
@@ -37,7 +40,7 @@ def condensed(scene: Scene) -> Scene:
     order, held, contacts = _order(scene), _held_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in held}
     bodies = {
-        Several(names): stacked([scene.bodies[name] for name in names]) for names in _alike(free)
+        Several(names): stack([scene.bodies[name] for name in names]) for names in _alike(free)
     }
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
@@ -71,7 +74,7 @@ def groups(scene: Scene) -> list[Several]:
     return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, Several)]
 
 
-def _with_groups(family: Mapping[str, Any], groups: Mapping[Several, Any]) -> dict[str, Any]:
+def _with_groups(family: Mapping[str, T], groups: Mapping[Several, T]) -> dict[str, T]:
     placed = {member for group in groups for member in group.members}
     return {name: one for name, one in family.items() if name not in placed} | dict(groups)
 
@@ -79,7 +82,7 @@ def _with_groups(family: Mapping[str, Any], groups: Mapping[Several, Any]) -> di
 def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return SeveralContactJoints(
-        stacked([_renamed(joint, joints[0].pair()) for joint in joints]),
+        stack([_renamed(joint, joints[0].pair()) for joint in joints]),
         tuple(joints),
         *(GROUND if GROUND in names else Several(names) for names in (first, second)),
     )
@@ -87,15 +90,15 @@ def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
 
 def _alike(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
     """Names whose keys are equal and not ``None``, where they are enough to be put together."""
-    found: dict[Hashable, list[str]] = {}
+    families: dict[Hashable, list[str]] = {}
     for name, key in keys.items():
         if key is not None:
-            found.setdefault(key, []).append(name)
-    return [names for names in found.values() if len(names) >= SMALLEST]
+            families.setdefault(key, []).append(name)
+    return [names for names in families.values() if len(names) >= SMALLEST]
 
 
-def _structure(tree: Any) -> Hashable | None:
-    """Equal for trees whose scalars may be stacked; ``None`` if there is more than scalars."""
+def _structure(tree: PyTree) -> Hashable | None:
+    """Equal for trees whose scalars may be stack; ``None`` if there is more than scalars."""
     leaves, structure = jax.tree.flatten(tree)
     parts = []
     for leaf in leaves:
@@ -165,14 +168,14 @@ def _order(scene: Scene) -> dict[str, int]:
         first, second = joint.pair()
         neighbours[first].append(second)
         neighbours[second].append(first)
-    found: dict[str, int] = {}
+    places: dict[str, int] = {}
     waiting = [*reversed(scene.bodies), GROUND]
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found[name] = len(found)
+        if name not in places:
+            places[name] = len(places)
             waiting += reversed(neighbours[name])
-    return {name: place for name, place in found.items() if name != GROUND}
+    return {name: place for name, place in places.items() if name != GROUND}
 
 
 def _by_bodies(

@@ -4,31 +4,34 @@ A body that moves freely has the same variables in all coordinates, and Newton a
 arithmetic for it in absolute ones.
 """
 
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...math.groups import Several, by_name, element, gathered, is_structural, total
+from ...math.groups import Several, by_group, by_name, element, is_structural, total
 from ...math.vectors import Scalar
 from ...model.bodies import NO_WRENCH, BodyState, Motion, Wrench
-from ...model.joints.base import Row
+from ...model.joints.base import Motions, Row
 from ...model.scene import Scene
 from ..absolute_coordinates import AbsoluteCoordinates, AbsoluteMechanics
 from ..coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
-    Acceleration,
-    Motions,
+    BodyAcceleration,
+    MotionVariables,
     Speeds,
     Wrenches,
 )
 from ..formulation import Formulation
 from .condensing import condensed, groups
 
-Variables = tuple[Any, dict[str, BodyState]]
+T = TypeVar("T")
+
+GroupedVariables: TypeAlias = tuple[MotionVariables, dict[str, BodyState]]
 """Those of the rest of the scene, and the bodies of each group."""
 
 
@@ -41,34 +44,37 @@ class GroupedCoordinates(AbstractCoordinates):
     rest: AbstractCoordinates
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Those of the rest."""
+        """The joints that the coordinates of the rest eliminate."""
         return self.rest.eliminated(_rest(scene))
 
-    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Variables:
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> GroupedVariables:
         """The rest's variables, and the states of the groups."""
         rest = {name: bodies[name] for name in _rest(scene).bodies}
-        return self.rest.encode(_rest(scene), rest), gathered(bodies, _groups(scene).bodies)
+        return self.rest.encode(_rest(scene), rest), by_group(bodies, _groups(scene).bodies)
 
-    def decode(self, scene: Scene, variables: Variables) -> dict[str, BodyState]:
+    def decode(self, scene: Scene, variables: GroupedVariables) -> dict[str, BodyState]:
         """The states of the rest, and those of the groups."""
         return self.rest.decode(_rest(scene), variables[0]) | variables[1]
 
-    def motions(self, scene: Scene, variables: Variables) -> Motions:
+    def motions(self, scene: Scene, variables: GroupedVariables) -> Motions:
         """Motions that answer the bodies' own names too."""
         rest = self.rest.motions(_rest(scene), variables[0])
-        return Views(rest | AbsoluteCoordinates().motions(_groups(scene), variables[1]))
+        groups = AbsoluteCoordinates().motions(_groups(scene), variables[1])
+        return Views({**rest, **groups})
 
-    def mechanics(self, scene: Scene, variables: Variables) -> "GroupedMechanics":
+    def mechanics(self, scene: Scene, variables: GroupedVariables) -> "GroupedMechanics":
         """The equations of motion of both parts."""
         return GroupedMechanics(self.rest, scene, variables)
 
-    def settled(self, scene: Scene, variables: Variables) -> Variables:
-        """Those of both parts."""
+    def settled(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
+        """The variables of both parts, in numbers that don't drift."""
         groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
         return self.rest.settled(_rest(scene), variables[0]), groups
 
-    def with_speeds(self, scene: Scene, variables: Variables, others: Variables) -> Variables:
-        """Of both parts."""
+    def with_speeds(
+        self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
+    ) -> GroupedVariables:
+        """The rest and the groups with the speeds of the others."""
         groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
         return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
 
@@ -76,14 +82,14 @@ class GroupedCoordinates(AbstractCoordinates):
 class GroupedMechanics(AbstractMechanics):
     """The rest and the groups side by side; the speeds of the rest come first."""
 
-    def __init__(self, rest: AbstractCoordinates, scene: Scene, variables: Variables):
+    def __init__(self, rest: AbstractCoordinates, scene: Scene, variables: GroupedVariables):
         groups = _groups(scene)
         self._rest = rest.mechanics(_rest(scene), variables[0])
         free = AbsoluteCoordinates().mechanics(groups, variables[1])
         self._groups: AbsoluteMechanics = free
         self._bodies, self._variables = scene.bodies, variables
         self._sizes = [len(name.members) for name in _several(groups.bodies) for _ in range(6)]
-        self.motions = Views(self._rest.motions | free.motions)
+        self.motions = Views({**self._rest.motions, **free.motions})
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Rates of both parts."""
@@ -117,22 +123,22 @@ class GroupedMechanics(AbstractMechanics):
         """Of the rest: no constraint concerns a group."""
         return self._rest.bias(row)
 
-    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Accelerations of the bodies, by their own names."""
         rest, groups = self._parted(rates)
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 
-    def variable_rates(self, rates: Speeds) -> Variables:
+    def variable_rates(self, rates: Speeds) -> GroupedVariables:
         """Rates of the variables of both parts."""
         rest, groups = self._parted(rates)
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
-    def moved(self, changes: Speeds) -> Variables:
-        """The rest moved: no constraint concerns a group."""
+    def moved(self, changes: Speeds) -> GroupedVariables:
+        """The rest with its positions changed: no constraint concerns a group."""
         return self._rest.moved(self._parted(changes)[0]), self._variables[1]
 
-    def kicked(self, changes: Speeds) -> Variables:
-        """The rest kicked."""
+    def kicked(self, changes: Speeds) -> GroupedVariables:
+        """The rest with its speeds changed: no constraint concerns a group."""
         return self._rest.kicked(self._parted(changes)[0]), self._variables[1]
 
 
@@ -142,14 +148,14 @@ class Views(dict[str, Motion]):
 
     def __init__(self, motions: Motions):
         super().__init__(motions)
-        self._seen: dict[str, Motion] = {}
+        self._known: dict[str, Motion] = {}
 
     def __missing__(self, name: str) -> Motion:
-        if name not in self._seen:
-            self._seen[name] = self._found(name)
-        return self._seen[name]
+        if name not in self._known:
+            self._known[name] = self._motion_of(name)
+        return self._known[name]
 
-    def _found(self, name: str) -> Motion:
+    def _motion_of(self, name: str) -> Motion:
         if isinstance(name, Several) and name.members[0] in self:
             return self[name.members[0]]
         group = group_with(self, name)
@@ -159,17 +165,17 @@ class Views(dict[str, Motion]):
         return element(self[group], group.members.index(name))
 
 
-def folded(wrenches: Wrenches, bodies: Any) -> Wrenches:
+def folded(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
     """Wrenches by the bodies' own names and by any `Several` as wrenches on single bodies and whole
     groups, of which there is one for each key of `bodies`."""
-    found = dict.fromkeys(bodies, NO_WRENCH)
+    sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
         key, here = _placed(name, wrench, bodies)
-        found[key] = found[key] + here
-    return found
+        sums[key] = sums[key] + here
+    return sums
 
 
-def _placed(name: str, wrench: Wrench, bodies: Any) -> tuple[str, Wrench]:
+def _placed(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wrench]:
     """The single body or whole group that a wrench acts on, and how."""
     if name in bodies:
         return name, wrench
@@ -181,20 +187,20 @@ def _placed(name: str, wrench: Wrench, bodies: Any) -> tuple[str, Wrench]:
     return group, _map_arrays(lambda leaf: _spread(leaf, places, len(group.members)), wrench)
 
 
-def group_with(family: Any, name: str) -> Several:
+def group_with(names: Iterable[str], name: str) -> Several:
     """The group that a body, or the first of several, is in. **Raises:** `KeyError` if none."""
     member = name.members[0] if isinstance(name, Several) else name
-    for group in _several(family):
+    for group in _several(names):
         if member in group.members:
             return group
     raise KeyError(name)
 
 
-def _map_arrays(function: Any, tree: Any) -> Any:
+def _map_arrays(function: Callable[[jax.Array], Scalar], tree: T) -> T:
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else function(leaf), tree)
 
 
-def _taken(values: Any, places: list[int]) -> Any:
+def _taken(values: jax.Array, places: list[int]) -> jax.Array:
     """The values (n,) at some places: a slice, where these follow each other."""
     first, last = places[0], places[-1] + 1
     if places == list(range(first, last)):
@@ -202,8 +208,8 @@ def _taken(values: Any, places: list[int]) -> Any:
     return values.at[np.array(places)].get(mode="promise_in_bounds")
 
 
-def _spread(values: Any, places: list[int], size: int) -> Any:
-    """The sums (n,) of the values that go to each of n places; gathered, since a scatter would keep
+def _spread(values: jax.Array, places: list[int], size: int) -> Scalar:
+    """The sums (n,) of the values that go to each of n places; by_group, since a scatter would keep
     the stepping loop from becoming one native function."""
     values = jnp.broadcast_to(values, (len(places),))
     first, last = places[0], places[-1] + 1
@@ -216,8 +222,8 @@ def _spread(values: Any, places: list[int], size: int) -> Any:
     return sum(padded.at[column].get(mode="promise_in_bounds") for column in columns)
 
 
-def _several(family: Any) -> list[Several]:
-    return [name for name in family if isinstance(name, Several)]
+def _several(names: Iterable[str]) -> list[Several]:
+    return [name for name in names if isinstance(name, Several)]
 
 
 def _rest(scene: Scene) -> Scene:

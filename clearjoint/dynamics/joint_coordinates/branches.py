@@ -5,17 +5,17 @@ Each kind has variables of its own, and turns them into motions and rates.
 
 import abc
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 from ...math.rotations import composed, conjugate, euler_parameter_rates, normalised, turned
 from ...math.vectors import EulerParameters, Matrix, Vector, add
 from ...model.bodies import BodyState, Motion
 from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Relative, Twist
-from ..coordinates import Speeds, body_with_speeds, free_motion, settled_body
+from ..coordinates import MotionVariables, Speeds, body_with_speeds, free_motion, settled_body
 from .links import Link, free_link, jointed_link
 
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
-BodyPose = tuple[EulerParameters, Motion]
+BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 
 
 @dataclass(frozen=True)
@@ -26,40 +26,42 @@ class AbstractBranch(abc.ABC):
     parent: str
 
     @abc.abstractmethod
-    def encode(self, parent: BodyPose, body: BodyPose) -> Any:
+    def encode(self, parent: BodyPose, body: BodyPose) -> MotionVariables:
         """The variables, from orientations and motions."""
 
     @abc.abstractmethod
-    def orientation(self, parent: EulerParameters, state: Any) -> EulerParameters:
+    def orientation(self, parent: EulerParameters, state: MotionVariables) -> EulerParameters:
         """The body's Euler parameters."""
 
     @abc.abstractmethod
-    def motion(self, parent: Motion, state: Any) -> Motion:
-        """The body's motion."""
+    def motion(self, parent: Motion, state: MotionVariables) -> Motion:
+        """Pose and twist of the body, from those of its parent."""
 
     @abc.abstractmethod
-    def link(self, parent: Link | None, state: Any) -> Link:
+    def link(self, parent: Link | None, state: MotionVariables) -> Link:
         """The body as a link of its tree, of which it is the root if it has no parent there."""
 
     @abc.abstractmethod
-    def rates(self, state: Any, speeds: Speeds, axes: Matrix, gravity: Vector) -> Any:
+    def rates(
+        self, state: MotionVariables, speeds: Speeds, axes: Matrix, gravity: Vector
+    ) -> MotionVariables:
         """Time derivative of the variables for rates of the speeds; `axes` turn the root's
         components into global ones."""
 
     @abc.abstractmethod
-    def moved(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
+    def moved(self, state: MotionVariables, changes: Speeds, axes: Matrix) -> MotionVariables:
         """The variables after a small motion along the speeds."""
 
     @abc.abstractmethod
-    def kicked(self, state: Any, changes: Speeds, axes: Matrix) -> Any:
+    def kicked(self, state: MotionVariables, changes: Speeds, axes: Matrix) -> MotionVariables:
         """The variables after changes of the speeds."""
 
     @abc.abstractmethod
-    def settled(self, state: Any) -> Any:
+    def settled(self, state: MotionVariables) -> MotionVariables:
         """The same variables in numbers that don't drift in many steps."""
 
     @abc.abstractmethod
-    def with_speeds(self, state: Any, other: Any) -> Any:
+    def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
         """The variables with the speeds of others."""
 
     @abc.abstractmethod
@@ -88,11 +90,11 @@ class FreeBranch(AbstractBranch):
         return BodyState(position, orientation, motion.velocity, motion.spin)
 
     def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
-        """As it is."""
+        """The Euler parameters that the state holds."""
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """The state itself, or what the anchor makes of it."""
+        """The motion of the centre of mass, from that of the anchor's point if there is one."""
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
@@ -115,7 +117,7 @@ class FreeBranch(AbstractBranch):
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Shifted and turned."""
+        """The position shifted, and the orientation turned."""
         turn = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), turn)
         orientation = turned(state.orientation, turn)
@@ -136,7 +138,7 @@ class FreeBranch(AbstractBranch):
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
-        """They are."""
+        """True: its rates leave gravity out."""
         return True
 
 
@@ -185,16 +187,16 @@ class JointedBranch(AbstractBranch):
         return JointState(self.freedom.rates(state), tuple(speeds))
 
     def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Moved along the freedom."""
+        """The position moved along the directions that the joint leaves free."""
         return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
 
     def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """The speeds changed."""
+        """The position, and the speeds plus their changes."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
     def settled(self, state: JointState) -> JointState:
-        """As the freedom says."""
+        """The position as the joint's freedom keeps it in range."""
         return JointState(self.freedom.settled(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
@@ -202,5 +204,5 @@ class JointedBranch(AbstractBranch):
         return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
-        """They are not."""
+        """False: its rates are against the parent."""
         return False

@@ -10,27 +10,30 @@ terms are structural zeros besides.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TypeAlias
 
 from ...math.linear_solvers import OrderedFactorisation
 from ...math.vectors import ZERO, Scalar, Vector, add, subtract
 from ...model.bodies import NO_WRENCH
-from ...model.joints.base import Row
+from ...model.joints.base import Motions, Row
 from ...model.joints.motion_subspaces import REST, Twist
 from ...model.scene import Scene
-from ..coordinates import Acceleration, Motions, Speeds, Wrenches
+from ..coordinates import BodyAcceleration, MotionVariables, Speeds, Wrenches
+from .branches import AbstractBranch
 from .links import Link
 from .spatial_inertia import Inertia, central_inertia, inertia
 from .tree import Tree
 
-Load = tuple[Vector, Vector]
+ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, and moment about the centre of mass, in the tree's axes."""
 
 
 class TreeMechanics:
     """One tree: its mass matrix, factorised once for all forces and constraints."""
 
-    def __init__(self, scene: Scene, tree: Tree, variables: dict[str, Any], motions: Motions):
+    def __init__(
+        self, scene: Scene, tree: Tree, variables: dict[str, MotionVariables], motions: Motions
+    ):
         self._scene, self._tree, self._variables = scene, tree, variables
         self._axes = motions[tree[0].body].rotation
         self._gravity = ZERO if scene.gravity is None else scene.gravity
@@ -52,7 +55,7 @@ class TreeMechanics:
         self.size = self._firsts[-1]
         self._factorisation = OrderedFactorisation(self._mass_matrix())
 
-    def _pairs(self) -> Any:
+    def _pairs(self) -> Iterator[tuple[AbstractBranch, Link]]:
         return zip(self._tree, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
@@ -102,17 +105,17 @@ class TreeMechanics:
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """H^T times wrenches."""
+        """Forces on the speeds: H^T times the wrenches, and zero where a body has none."""
         return self._along_columns(
             [self._load(branch.body, link, wrenches) for branch, link in self._pairs()]
         )
 
-    def _load(self, name: str, link: Link, wrenches: Wrenches) -> Load:
+    def _load(self, name: str, link: Link, wrenches: Wrenches) -> ForceAndMoment:
         wrench = wrenches.get(name, NO_WRENCH)
         force = self._axes.transposed_times(wrench.force)
         return force, link.rotation @ wrench.moment
 
-    def _along_columns(self, loads: list[Load]) -> Speeds:
+    def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
         """Forces on the speeds, from the leaves to the root."""
         totals = [
             Twist(moment + link.place.cross(force), force)
@@ -153,37 +156,39 @@ class TreeMechanics:
             twists.append(twist)
             yield twist, own
 
-    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Accelerations of the bodies."""
-        found = {}
+        accelerations = {}
         for (branch, link), (twist, _) in zip(self._pairs(), self._spread_out(rates), strict=True):
             linear = twist.slide + twist.turn.cross(link.place) + link.bias + self._fall
             angular = link.rotation.transposed_times(twist.turn + link.turn_bias)
-            found[branch.body] = Acceleration(self._axes @ linear, angular)
-        return found
+            accelerations[branch.body] = BodyAcceleration(self._axes @ linear, angular)
+        return accelerations
 
-    def variable_rates(self, rates: Speeds) -> dict[str, Any]:
+    def variable_rates(self, rates: Speeds) -> dict[str, MotionVariables]:
         """Time derivatives of the variables."""
         return {
             branch.body: branch.rates(state, own, self._axes, self._gravity)
             for branch, state, own in self._shared_out(rates)
         }
 
-    def moved(self, changes: Speeds) -> dict[str, Any]:
+    def moved(self, changes: Speeds) -> dict[str, MotionVariables]:
         """The variables after a small motion along the speeds."""
         return {
             branch.body: branch.moved(state, own, self._axes)
             for branch, state, own in self._shared_out(changes)
         }
 
-    def kicked(self, changes: Speeds) -> dict[str, Any]:
+    def kicked(self, changes: Speeds) -> dict[str, MotionVariables]:
         """The variables after changes of the speeds."""
         return {
             branch.body: branch.kicked(state, own, self._axes)
             for branch, state, own in self._shared_out(changes)
         }
 
-    def _shared_out(self, rates: Speeds) -> Iterator[tuple[Any, Any, Speeds]]:
+    def _shared_out(
+        self, rates: Speeds
+    ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds]]:
         """Each branch with its variables and its own part of the rates."""
         for branch, (_, own) in zip(self._tree, self._spread_out(rates), strict=True):
             yield branch, self._variables[branch.body], own
@@ -195,7 +200,8 @@ def _product(first: Twist, second: Twist) -> Scalar:
 
 
 def _rest(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
-    """What is left for the carrier of a load, or momentum, that is so large along the columns."""
+    """What a body passes on to the body that carries it: a load on it, or its momentum, without the
+    moments `along` its own columns, which its joint leaves free."""
     moment = load.turn
     for column, part in zip(columns, along, strict=True):
         moment = moment - column.turn * part

@@ -6,18 +6,18 @@ and few states. Joints that close a loop stay constraints.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TypeAlias
 
 from ...math.rotations import rotation_matrix
 from ...math.vectors import Scalar, add
 from ...model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
-from ...model.joints.base import Row
+from ...model.joints.base import Motions, Row
 from ...model.scene import Scene
 from ..coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
-    Acceleration,
-    Motions,
+    BodyAcceleration,
+    MotionVariables,
     Speeds,
     Wrenches,
 )
@@ -25,7 +25,7 @@ from .branches import UPRIGHT, AbstractBranch, JointedBranch
 from .composite_rigid_body import TreeMechanics
 from .tree import forest
 
-Variables = dict[str, Any]
+TreeVariables: TypeAlias = dict[str, MotionVariables]
 """A `JointState` for each body that a joint carries, a `BodyState` for each free one."""
 
 
@@ -43,12 +43,12 @@ class JointCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """The joints of the trees."""
+        """The joints that carry a body of a tree."""
         return frozenset(
             branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
         )
 
-    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> Variables:
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """The variables of a state. What violates a joint of the trees is lost."""
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         for name, body in bodies.items():
@@ -62,7 +62,7 @@ class JointCoordinates(AbstractCoordinates):
             for branch in _branches(scene)
         }
 
-    def decode(self, scene: Scene, variables: Variables) -> dict[str, BodyState]:
+    def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         """The states of the bodies."""
         motions, turns = self.motions(scene, variables), {GROUND: UPRIGHT}
         for branch in _branches(scene):
@@ -75,23 +75,25 @@ class JointCoordinates(AbstractCoordinates):
             for name in scene.bodies
         }
 
-    def motions(self, scene: Scene, variables: Variables) -> Motions:
+    def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
         """Motion of each body, from the roots to the leaves."""
-        motions: Motions = {GROUND: GROUND_MOTION}
+        motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
         for branch in _branches(scene):
             motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
         return motions
 
-    def mechanics(self, scene: Scene, variables: Variables) -> "JointMechanics":
+    def mechanics(self, scene: Scene, variables: TreeVariables) -> "JointMechanics":
         """The equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
-    def settled(self, scene: Scene, variables: Variables) -> Variables:
-        """Those of each body."""
+    def settled(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
+        """The variables of each body, in numbers that don't drift."""
         return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
 
-    def with_speeds(self, scene: Scene, variables: Variables, others: Variables) -> Variables:
-        """Of each body."""
+    def with_speeds(
+        self, scene: Scene, variables: TreeVariables, others: TreeVariables
+    ) -> TreeVariables:
+        """The variables of each body with the speeds of the others."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
@@ -105,7 +107,7 @@ def _branches(scene: Scene) -> list[AbstractBranch]:
 class JointMechanics(AbstractMechanics):
     """The trees side by side."""
 
-    def __init__(self, scene: Scene, variables: Variables, motions: Motions):
+    def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
         self.motions = motions
         self._trees = [TreeMechanics(scene, tree, variables, motions) for tree in forest(scene)]
 
@@ -128,28 +130,28 @@ class JointMechanics(AbstractMechanics):
         return [rate for tree, part in self._shared_out(forces) for rate in tree.solved(part)]
 
     def bias(self, row: Row) -> Scalar:
-        """Of all trees together."""
+        """The sum over all trees."""
         total: Scalar = 0.0
         for tree in self._trees:
             total = add(total, tree.bias(row))
         return total
 
-    def accelerations(self, rates: Speeds) -> dict[str, Acceleration]:
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Accelerations of the bodies of all trees."""
         parts = [tree.accelerations(part) for tree, part in self._shared_out(rates)]
-        return {name: found for part in parts for name, found in part.items()}
+        return {name: body for part in parts for name, body in part.items()}
 
-    def variable_rates(self, rates: Speeds) -> Variables:
+    def variable_rates(self, rates: Speeds) -> TreeVariables:
         """Rates of the variables of all trees."""
         parts = [tree.variable_rates(part) for tree, part in self._shared_out(rates)]
-        return {name: found for part in parts for name, found in part.items()}
+        return {name: body for part in parts for name, body in part.items()}
 
-    def moved(self, changes: Speeds) -> Variables:
+    def moved(self, changes: Speeds) -> TreeVariables:
         """The variables of all trees moved."""
         parts = [tree.moved(part) for tree, part in self._shared_out(changes)]
-        return {name: found for part in parts for name, found in part.items()}
+        return {name: body for part in parts for name, body in part.items()}
 
-    def kicked(self, changes: Speeds) -> Variables:
+    def kicked(self, changes: Speeds) -> TreeVariables:
         """The variables of all trees kicked."""
         parts = [tree.kicked(part) for tree, part in self._shared_out(changes)]
-        return {name: found for part in parts for name, found in part.items()}
+        return {name: body for part in parts for name, body in part.items()}

@@ -1,6 +1,7 @@
 """The trees that a scene's ideal joints make of its bodies. Found from names, while tracing."""
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 from ...model.bodies import GROUND
 from ...model.joints.base import AbstractConstraint
@@ -8,7 +9,7 @@ from ...model.scene import Scene
 from ..coordinates import anchors
 from .branches import AbstractBranch, FreeBranch, JointedBranch
 
-Tree = list[AbstractBranch]
+Tree: TypeAlias = list[AbstractBranch]
 """Branches in an order in which each parent comes before its children. Only the first, the root,
 stands on the ground."""
 
@@ -21,38 +22,41 @@ def forest(scene: Scene) -> list[Tree]:
     if there is any, since it keeps its digits so.
     """
     placed = {GROUND}
-    trees = [[root, *_grown(scene, root.body, placed)] for root in _next(scene, GROUND, placed)]
+    trees = [
+        [root, *_descendants(scene, root.body, placed)] for root in _children(scene, GROUND, placed)
+    ]
     points = anchors(scene)
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
             root = FreeBranch(name, GROUND, points.get(name))
-            trees.append([root, *_grown(scene, name, placed)])
+            trees.append([root, *_descendants(scene, name, placed)])
     return trees
 
 
-def _grown(scene: Scene, start: str, placed: set[str]) -> Tree:
+def _descendants(scene: Scene, start: str, placed: set[str]) -> Tree:
     """What hangs on a placed body, the nearest first."""
-    grown: Tree = []
+    descendants: Tree = []
     waiting = [start]
     while waiting:
-        found = _next(scene, waiting.pop(0), placed)
-        grown += found
-        waiting += [branch.body for branch in found]
-    return grown
+        children = _children(scene, waiting.pop(0), placed)
+        descendants += children
+        waiting += [branch.body for branch in children]
+    return descendants
 
 
-def _next(scene: Scene, parent: str, placed: set[str]) -> Tree:
+def _children(scene: Scene, parent: str, placed: set[str]) -> Tree:
     """The bodies that joints carry on a placed body; adds them to the placed ones."""
-    found: Tree = []
-    for branch in _possible(scene, parent):
+    children: Tree = []
+    for branch in _carried(scene, parent):
         if branch.body not in placed:
             placed.add(branch.body)
-            found.append(branch)
-    return found
+            children.append(branch)
+    return children
 
 
-def _possible(scene: Scene, parent: str) -> Iterator[JointedBranch]:
+def _carried(scene: Scene, parent: str) -> Iterator[JointedBranch]:
+    """A branch for each joint that can carry another body on the parent."""
     for name, joint in scene.joints.items():
         if isinstance(joint, AbstractConstraint):
             bodies = joint.body_names()

@@ -36,7 +36,7 @@ class WindowsMisfit:
 
     - `coordinates`: all unknowns, those of the parameters and of the windows' starts.
     - `residuals`: in standard deviations; `jacobian`: their derivatives along the unknowns.
-    - `gaps`: differences between the end of each window and the start of the next.
+    - `gaps`: (K, d) differences between the end of each window and the start of the next.
     - `runs`: of the windows.
     """
 
@@ -155,10 +155,10 @@ class Shooting:
                 memory,
             )
         first_step = self.settings.length_of_first_step(piece.start, piece.end)
-        numbers = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
+        start, end, step = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
         limit = jnp.asarray(self.settings.max_steps)
         outputs = self.outputs | self.watched
-        return run_window(self.scheme, family, outputs, piece.times, *numbers, limit)
+        return run_window(self.scheme, family, outputs, piece.times, start, end, step, limit)
 
     def misfit(self, at: np.ndarray, size: float) -> WindowsMisfit:
         """Run all windows at unknowns (P,); gaps of `size` m count as one standard deviation."""
@@ -173,7 +173,8 @@ class Shooting:
             weights = self._weights(runs[k + 1]) / size
             rows.append((weights * value, weights[:, None] * along))
         residuals, jacobian = (np.concatenate(part) for part in zip(*rows, strict=True))
-        return WindowsMisfit(np.array(at), residuals, jacobian, np.array(gaps), runs)
+        rows_of_gaps = np.reshape(gaps, (len(gaps), len(runs[0].end)))
+        return WindowsMisfit(np.array(at), residuals, jacobian, rows_of_gaps, runs)
 
     def _places(self) -> list[np.ndarray]:
         """For each window the indices of its unknowns among all."""

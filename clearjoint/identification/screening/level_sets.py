@@ -5,6 +5,7 @@ grows, the set of the points within a given excess of the best shrinks.
 """
 
 import numpy as np
+from jaxtyping import Float, Int
 
 HALVINGS = 40
 SPLIT = 1e-12
@@ -28,7 +29,7 @@ def reach(curves: np.ndarray, keep: int, excess: float) -> float:
     return whole + low
 
 
-def level(curves: np.ndarray, count: float) -> np.ndarray:
+def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Chi squared (n,) at a number of times, linear within one."""
     whole = min(int(count), curves.shape[1] - 2)
     part = count - whole
@@ -40,7 +41,7 @@ def _gap(values: np.ndarray, keep: int) -> np.ndarray:
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
-def apart(points: np.ndarray, number: int) -> np.ndarray:
+def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
     """Indices of the first of the points (n, p) and of others, each as far as possible from those
     before, in standard deviations of all."""
     distances = _distances(points)
@@ -51,12 +52,12 @@ def apart(points: np.ndarray, number: int) -> np.ndarray:
 
 
 def among(
-    points: np.ndarray,
+    points: Float[np.ndarray, "n p"],
     number: int,
     neighbours: int,
-    bounds: tuple[np.ndarray, np.ndarray],
+    bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     generator: np.random.Generator,
-) -> np.ndarray:
+) -> Float[np.ndarray, "new p"]:
     """New points (number, p): each drawn from a normal distribution round one of the points (n, p),
     with the covariance of its neighbours, and reflected at the bounds (p,).
 
@@ -68,16 +69,16 @@ def among(
     cloud = points[near[around]]
     offsets = cloud - cloud.mean(axis=1, keepdims=True)
     weights = generator.standard_normal((number, cloud.shape[1], 1)) / np.sqrt(neighbours - 1)
-    drawn = points[around] + (weights * offsets).sum(axis=1)
+    normal = points[around] + (weights * offsets).sum(axis=1)
     low, high = bounds
-    drawn = high - np.abs(high - (low + np.abs(drawn - low)))
-    return np.clip(drawn, low, high)
+    reflected = high - np.abs(high - (low + np.abs(normal - low)))
+    return np.clip(reflected, low, high)
 
 
-def _distances(points: np.ndarray) -> np.ndarray:
+def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
     """Distances (n, n) of points (n, p), in standard deviations."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
-    turned = scaled @ axes / np.sqrt(np.maximum(variances, SPLIT))
-    return np.linalg.norm(turned[:, None] - turned, axis=2)
+    principal = scaled @ axes / np.sqrt(np.maximum(variances, SPLIT))
+    return np.linalg.norm(principal[:, None] - principal, axis=2)

@@ -6,14 +6,15 @@ Such a run costs a small part of one with derivatives, since lanes share the dev
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, PyTree
 
 from ...math.vectors import structured
+from ...model.bodies import State
 from ...runtime import busy_devices
 from ...simulation.batch.device_pool import Common, Task
 from ...simulation.batch.lane import Plan
@@ -34,8 +35,8 @@ class SideBySide:
     data: Samples
 
     @property
-    def times(self) -> np.ndarray:
-        """(T,) s, padded."""
+    def times(self) -> Float[np.ndarray, " T"]:
+        """Times of the samples, (T,) s; after the last one it is repeated."""
         return np.asarray(self.runs.times)
 
     @property
@@ -48,7 +49,9 @@ class SideBySide:
         whole = int(np.ceil(count))
         return float(self.times[whole - 1]) if whole else float(self.runs.start_time)
 
-    def chi_squared(self, coordinates: np.ndarray, count: int, smoothing: int = 1) -> np.ndarray:
+    def chi_squared(
+        self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
+    ) -> Float[np.ndarray, "n {count}+1"]:
         """Chi squared (n, count + 1) of the first 0, 1, ..., count times at coordinates (n, p).
 
         Samples that a run does not reach count `UNREACHED`. With `smoothing`, it is that of the
@@ -81,7 +84,7 @@ class SideBySide:
         return curves
 
     def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
-        varied, states = jax.device_get(_made(self.runs, self._varied, coordinates))
+        varied, states = jax.device_get(_scenes_and_states(self.runs, self._varied, coordinates))
         lanes, times = len(coordinates), self.times.copy()
         end_time = times[count - 1]
         times[count:] = np.inf  # never come to, so that nothing is recorded for padding
@@ -94,7 +97,7 @@ class SideBySide:
         )
 
     @cached_property
-    def _varied(self) -> Any:
+    def _varied(self) -> PyTree[bool]:
         return self.runs.family.varied()
 
     @cached_property
@@ -106,7 +109,9 @@ class SideBySide:
 
 
 @eqx.filter_jit
-def _made(runs: Experiment, varied: Any, coordinates: np.ndarray) -> tuple[Any, Any]:
+def _scenes_and_states(
+    runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
+) -> tuple[PyTree, State]:
     """What varies of the scenes, and the initial states, with lanes in front."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states

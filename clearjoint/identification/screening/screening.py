@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy import special
 from scipy.stats import qmc
 from tqdm import tqdm
@@ -91,9 +92,9 @@ class Screened:
     - `complete`: whether they came to the end of the record.
     """
 
-    points: np.ndarray
-    chi_squared: np.ndarray
-    starts: np.ndarray
+    points: Float[np.ndarray, "keep p"]
+    chi_squared: Float[np.ndarray, " keep"]
+    starts: Float[np.ndarray, "finish p"]
     times: tuple[float, ...]
     runs: int
     complete: bool
@@ -102,7 +103,7 @@ class Screened:
 def screen(
     screening: Screening,
     lanes: SideBySide,
-    centre: np.ndarray,
+    centre: Float[np.ndarray, " p"],
     names: Sequence[str],
     number: int,
     progress: bool,
@@ -118,18 +119,18 @@ def screen(
     with tqdm(desc="screening", unit=" runs", leave=False, disable=not progress) as bar:
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
-            told = reach(curves, screening.keep, excess)
-            misfits = level(curves, told)
+            count = reach(curves, screening.keep, excess)
+            misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
-            times.append(lanes.time(told))
+            times.append(lanes.time(count))
             bar.set_postfix_str(f"to {times[-1]:.4g} s")
             bar.update(len(points))
-            left, complete = points[best], told >= lanes.count
+            left, complete = points[best], count >= lanes.count
             if complete or len(times) == screening.rounds:
                 starts = left[apart(left, screening.finish)]
                 return Screened(left, misfits[best], starts, tuple(times), runs, complete)
-            if told >= ahead:
+            if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
             ahead = min(lanes.count, int(reach(curves, FEW, excess)) + 2)

@@ -7,6 +7,7 @@ whether it behaves.
 
 import abc
 from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -65,7 +66,10 @@ class AbstractContactLaw(AbstractConverting):
     ```
     """
 
-    has_memory: eqx.AbstractClassVar[bool]
+    if TYPE_CHECKING:  # pyright takes equinox's for a field
+        has_memory: ClassVar[bool]
+    else:
+        has_memory: eqx.AbstractClassVar[bool]
     force_jumps = True
 
     def __init_subclass__(cls, **options: object):

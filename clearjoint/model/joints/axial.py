@@ -83,7 +83,7 @@ class EndPlay(AbstractAxialPolicy):
     """
 
     play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")
-    law: AbstractContactLaw
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
         if isinstance(self.law, AbstractHertzianLaw):

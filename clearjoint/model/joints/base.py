@@ -7,6 +7,7 @@ registered. All methods work on the scalar form of `clearjoint.math.vectors`.
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import jax
 import numpy as np
@@ -20,9 +21,13 @@ from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from .motion_subspaces import AbstractFreedom
 
-Motions = Mapping[str, Motion]
+T = TypeVar("T")
+
+Motions: TypeAlias = Mapping[str, Motion]
 """Motion of each body by name, the ground included."""
-Attachment = tuple[str, str, Triple]
+ByLabel: TypeAlias = dict[str, dict[str, T]]
+"""One of each contact, or of each constraint equation, by the joint's name and its own label."""
+Attachment: TypeAlias = tuple[str, str, Triple]
 """A point on a body: the element's argument for it, the body's name, and (3,) m in its axes."""
 
 

@@ -22,7 +22,7 @@ from ...fields.checks import (
     require_point,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
@@ -81,23 +81,23 @@ class ClearanceJoint(AbstractContactJoint):
     )
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
-    law: AbstractContactLaw
-    friction: AbstractFriction | None
-    axial: AbstractAxialPolicy
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
 
     def __init__(
         self,
         bearing_body: str,
         journal_body: str,
         *,
-        bearing_point: Triple = (0.0, 0.0, 0.0),
-        bearing_axis: Triple = (0.0, 0.0, 1.0),
-        journal_point: Triple = (0.0, 0.0, 0.0),
-        journal_axis: Triple = (0.0, 0.0, 1.0),
-        bearing_radius: Single,
-        journal_radius: Single | None = None,
-        clearance: Single | None = None,
-        journal_length: Single,
+        bearing_point: TripleLike = (0.0, 0.0, 0.0),
+        bearing_axis: TripleLike = (0.0, 0.0, 1.0),
+        journal_point: TripleLike = (0.0, 0.0, 0.0),
+        journal_axis: TripleLike = (0.0, 0.0, 1.0),
+        bearing_radius: Scalar,
+        journal_radius: Scalar | None = None,
+        clearance: Scalar | None = None,
+        journal_length: Scalar,
         law: AbstractContactLaw,
         friction: AbstractFriction | None = None,
         axial: AbstractAxialPolicy | None = None,
@@ -110,8 +110,8 @@ class ClearanceJoint(AbstractContactJoint):
             "pass one of the two, in m",
         )
         if clearance is None:
-            clearance = as_number(bearing_radius) - as_number(journal_radius)
-            number = concrete(clearance)
+            difference = as_number(bearing_radius) - as_number(journal_radius)
+            number = concrete(difference)
             if number is not None and number.shape == ():
                 require(
                     not number <= 0.0,
@@ -269,7 +269,7 @@ class ClearanceJoint(AbstractContactJoint):
             return None
         return self._ideal(self.bearing_point + self.clearance / size * across)
 
-    def _ideal(self, centre: Triple) -> AbstractConstraint:
+    def _ideal(self, centre: TripleLike) -> AbstractConstraint:
         """An ideal joint about a centre in the bearing's body, m."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)

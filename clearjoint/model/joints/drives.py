@@ -48,8 +48,8 @@ class AbstractDrive(AbstractElement):
         axis = unit(self.axis)
         start, _ = transverse_axes(axis)
         direction = rotation_matrix(self.orientation).transposed_times(start)
-        names = (self.first, self.second)
-        return turning_angle(names, *(motions[name] for name in names), axis, direction)
+        first, second = motions[self.first], motions[self.second]
+        return turning_angle((self.first, self.second), first, second, axis, direction)
 
 
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):

@@ -60,17 +60,6 @@ class AbstractPairJoint(AbstractConstraint):
             for label, normal in zip(("offset 1", "offset 2"), across, strict=True)
         }
 
-    def _parallel_axes(self, motions: Motions, first: Vector, second: Vector) -> dict[str, Row]:
-        across = transverse_axes(unit(second))
-        return {
-            label: self._perpendicular(motions, unit(first), direction)
-            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
-        }
-
-    def _turn(self, motions: Motions, first: Vector, second: Vector) -> Row:
-        names = (self.first, self.second)
-        return turning_about_axes(names, *(motions[name] for name in names), first, second)
-
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
         relative = rotation_matrix(orientation)
         return {
@@ -81,6 +70,28 @@ class AbstractPairJoint(AbstractConstraint):
                 ("rotation z", UNIT_X, UNIT_Y),
             )
         }
+
+
+class AbstractAxisJoint(AbstractPairJoint):
+    """An ideal joint that keeps an axis of each body parallel."""
+
+    axis_first: eqx.AbstractVar[Triple]
+    axis_second: eqx.AbstractVar[Triple]
+
+    def _tilts(self, motions: Motions) -> dict[str, Row]:
+        """Two rows that keep the first body's axis at a right angle to two directions across the
+        second's."""
+        across = transverse_axes(unit(self.axis_second))
+        return {
+            label: self._perpendicular(motions, unit(self.axis_first), direction)
+            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
+        }
+
+    def turn(self, motions: Motions) -> Row:
+        """The angle in rad, within (-pi, pi], as a row."""
+        names = (self.first, self.second)
+        first, second = motions[self.first], motions[self.second]
+        return turning_about_axes(names, first, second, self.axis_first, self.axis_second)
 
 
 def require_distinct(first: str, second: str) -> None:
@@ -111,7 +122,7 @@ class SphericalJoint(AbstractPairJoint):
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
 
-class RevoluteJoint(AbstractPairJoint):
+class RevoluteJoint(AbstractAxisJoint):
     """Points coincide and axes stay parallel; five rows.
 
     The cross product of eq. (26) has three rows of rank two. Here the first body's axis is kept at
@@ -130,12 +141,7 @@ class RevoluteJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Three translations and two tilts."""
         del t
-        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
-        return self._coincidence(motions) | tilts
-
-    def turn(self, motions: Motions) -> Row:
-        """The angle in rad, within (-pi, pi], as a row."""
-        return self._turn(motions, self.axis_first, self.axis_second)
+        return self._coincidence(motions) | self._tilts(motions)
 
     def freedom(self, parent: str) -> Hinge:
         """The second body turns about the axis."""
@@ -191,7 +197,7 @@ class InlineJoint(AbstractPairJoint):
         return self._point_on_line(motions, self.axis)
 
 
-class CylindricalJoint(AbstractPairJoint):
+class CylindricalJoint(AbstractAxisJoint):
     """Bodies that turn about a common axis and slide along it; four rows.
 
     **Arguments:** as `RevoluteJoint`.
@@ -207,12 +213,7 @@ class CylindricalJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Two translations and two tilts."""
         del t
-        tilts = self._parallel_axes(motions, self.axis_first, self.axis_second)
-        return self._point_on_line(motions, self.axis_first) | tilts
-
-    def turn(self, motions: Motions) -> Row:
-        """The angle in rad, within (-pi, pi], as a row."""
-        return self._turn(motions, self.axis_first, self.axis_second)
+        return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
 
 class PrismaticJoint(AbstractPairJoint):

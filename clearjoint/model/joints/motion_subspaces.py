@@ -144,7 +144,7 @@ class Weld(AbstractFreedom):
         return JointState((), ())
 
     def orientation(self, position: PyTree) -> EulerParameters:
-        """The constant `reference`."""
+        """The `reference`, whatever the position."""
         del position
         return self.reference
 
@@ -270,7 +270,7 @@ class Slider(AbstractFreedom):
         return JointState(distance, (relative.twist.slide.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """The constant `reference`."""
+        """The `reference`, whatever the position."""
         del position
         return self.reference
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.multipliers import stacked
+from ...dynamics.multipliers import as_array
 from ...math.linear_solvers import LARGEST_UNROLLED, Exact, Rows, inner, product
 from ...math.vectors import Scalar, add
 
@@ -151,5 +151,5 @@ def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:
     n = len(right)
     if n <= LARGEST_UNROLLED:
         return Exact().unrolled(matrix, right)
-    full = [stacked([matrix[max(i, j)][min(i, j)] for j in range(n)]) for i in range(n)]
-    return list(Exact().dense(jnp.stack(full), stacked(right)))
+    full = [as_array([matrix[max(i, j)][min(i, j)] for j in range(n)]) for i in range(n)]
+    return list(Exact().dense(jnp.stack(full), as_array(right)))

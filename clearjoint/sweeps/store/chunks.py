@@ -2,7 +2,6 @@
 other."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import zarr
@@ -13,24 +12,26 @@ CHECKED = (ZstdCodec(), Crc32cCodec())
 MISSING, DAMAGED = "missing", "damaged"
 
 
-def opened(group: zarr.Group, name: str) -> Any:
+def opened(group: zarr.Group, name: str) -> zarr.Array:
     """An array of a group, which writes a file for every chunk, so that none can be lost unseen."""
     with zarr.config.set({"array.write_empty_chunks": True}):
-        return group[name]
+        array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
 
 
-def chunk_file(path: Path, array: Any, chunk: int) -> Path:
+def chunk_file(path: Path, array: zarr.Array, chunk: int) -> Path:
     """The file of a chunk of an array in the store at a path."""
     return path / array.path / array.metadata.encode_chunk_key((chunk,) + (0,) * (array.ndim - 1))
 
 
-def read(path: Path, array: Any) -> tuple[np.ndarray, dict[int, str]]:
+def read(path: Path, array: zarr.Array) -> tuple[np.ndarray, dict[int, str]]:
     """The values of an array in the store at a path, and the chunks of which it has none: that
     their file is missing, or damaged. They are left at the fill value."""
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}
     try:
-        return array[:], faults
+        return np.asarray(array[:]), faults
     except ValueError:  # A checksum does not agree.
         values = np.full(array.shape, array.fill_value, array.dtype)
         for chunk in range(count):

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator
 from os.path import commonprefix
-from typing import Any
 
 import numpy as np
 
-from ..layout import Layout, Variable
+from ..layout import Layout, Note, Variable
 from .metadata import Contents
 from .program import RUN
 
 _SHOWN = 60
-_ABSENT = object()
+Part = Note | np.ndarray
+"""A part of a layout that sweeps may differ in."""
 
 
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
@@ -31,32 +31,34 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     return lines and [*lines, *_compared(*_common_notes(stored.layout, wanted.layout))]
 
 
-def _settings(layout: Layout) -> dict[str, Any]:
-    settings = {f"setting {name}": value for name, value in layout.settings.items()}
+def _settings(layout: Layout) -> dict[str, Part]:
+    settings: dict[str, Part] = {
+        f"setting {name}": value for name, value in layout.settings.items()
+    }
     return {"lanes in a chunk": layout.chunk, **settings}
 
 
-def _parts(layout: Layout) -> dict[str, Any]:
+def _parts(layout: Layout) -> dict[str, Part]:
     """What another layout has to have too, by name."""
     units = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
-    labels = {f"coordinate {c.name}": c.values for c in layout.coordinates}
+    labels: dict[str, Part] = {f"coordinate {c.name}": c.values for c in layout.coordinates}
     labels |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
     variables = {f"variable {name}": _outline(v) for name, v in layout.variables.items()}
     return {**units, **labels, **variables}
 
 
-def _common_notes(stored: Layout, wanted: Layout) -> tuple[dict[str, Any], dict[str, Any]]:
+def _common_notes(stored: Layout, wanted: Layout) -> tuple[dict[str, Part], dict[str, Part]]:
     names = [name for name in stored.notes if name in wanted.notes]
     return {n: stored.notes[n] for n in names}, {n: wanted.notes[n] for n in names}
 
 
-def _lacking(there: dict[str, Any], here: dict[str, Any]) -> Iterator[str]:
+def _lacking(there: dict[str, Part], here: dict[str, Part]) -> Iterator[str]:
     return _compared(there, {name: here[name] for name in there if name in here})
 
 
-def _compared(there: dict[str, Any], here: dict[str, Any]) -> Iterator[str]:
+def _compared(there: dict[str, Part], here: dict[str, Part]) -> Iterator[str]:
     for name in {**there, **here}:
-        one, other = there.get(name, _ABSENT), here.get(name, _ABSENT)
+        one, other = there.get(name), here.get(name)
         if not _same(one, other):
             yield f"{name}: {_difference(one, other)}"
 
@@ -104,13 +106,13 @@ def _outline(variable: Variable) -> str:
     return f"{np.dtype(variable.dtype)} ({shape}), {attrs}"
 
 
-def _same(one: Any, other: Any) -> bool:
+def _same(one: Part | None, other: Part | None) -> bool:
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return np.array_equal(one, other)
     return type(one) is type(other) and one == other
 
 
-def _difference(stored: Any, wanted: Any) -> str:
+def _difference(stored: Part | None, wanted: Part | None) -> str:
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -131,8 +133,8 @@ def _from(text: str, place: int) -> str:
     return text if place < _SHOWN // 2 else f"…{text[place - _SHOWN // 4 :]}"
 
 
-def _shown(value: Any) -> str:
-    if value is _ABSENT:
+def _shown(value: object) -> str:
+    if value is None:
         return "nothing"
     if isinstance(value, np.ndarray):
         return f"{value.size} values"

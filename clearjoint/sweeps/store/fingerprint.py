@@ -11,12 +11,15 @@ import dataclasses
 import enum
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 DIGITS = 16
 _WRAPPERS = {
@@ -32,10 +35,15 @@ _ADDRESS = " at 0x"
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
-def fingerprints(
-    function: Callable[..., Mapping[str, Any]], *arguments: Any
-) -> tuple[dict[str, str], dict[str, Any]]:
-    """Digests of what a function of PyTrees returns, by the names of its entries, and its shapes.
+class Fingerprints(NamedTuple):
+    """Digests of what a function returns, and its shapes (`jax.ShapeDtypeStruct`), both by name."""
+
+    digests: dict[str, str]
+    shapes: dict[str, PyTree]
+
+
+def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
+    """Digests of the entries that a function of PyTrees returns.
 
     Only structure, shapes and types of the arguments count.
 
@@ -48,12 +56,12 @@ def fingerprints(
         for (path, _), variable in zip(named, program.jaxpr.invars, strict=True)
     ]
     results = _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
-    found: dict[str, list[str]] = {name: [] for name in shapes}
+    parts: dict[str, list[str]] = {name: [] for name in shapes}
     for (path, _), result in zip(
         jax.tree_util.tree_flatten_with_path(shapes)[0], results, strict=True
     ):
-        found[path[0].key] += [jax.tree_util.keystr(path[1:]), result]
-    return {name: digest(*parts) for name, parts in found.items()}, shapes
+        parts[path[0].key] += [jax.tree_util.keystr(path[1:]), result]
+    return Fingerprints({name: digest(*own) for name, own in parts.items()}, shapes)
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
@@ -61,10 +69,9 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
     known = dict(zip(jaxpr.invars, inputs, strict=True))
     known |= zip(jaxpr.constvars, constants, strict=True)
 
-    def of(atom: Any) -> str:
+    def of(atom: Var | Literal) -> str:
         if isinstance(atom, Literal):
-            kind: Any = atom.aval
-            return _constant(np.asarray(atom.val, kind.dtype))
+            return _constant(np.asarray(atom.val, _shape(atom).dtype))
         return known[atom]
 
     for line in jaxpr.eqns:
@@ -89,11 +96,11 @@ def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
     return _results(program, _places("constant", program.constvars), inputs)
 
 
-def _places(kind: str, variables: Sequence[Any]) -> list[str]:
+def _places(kind: str, variables: Sequence[Var]) -> list[str]:
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
-def _setting(operation: str, value: Any) -> str:
+def _setting(operation: str, value: object) -> str:
     """A digest of a setting of an operation."""
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
@@ -126,22 +133,29 @@ def _untraced(operation: str, function: object) -> ValueError:
     )
 
 
-def _constant(value: Any) -> str:
+def _constant(value: ArrayLike) -> str:
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
         value = jax.random.key_data(value)
     array = np.asarray(value)
     return digest("constant", f"{array.dtype}{array.shape}", array.tobytes())
 
 
-def _kind(variable: Any) -> str:
-    return f"{variable.aval.dtype}{variable.aval.shape}"
+def _kind(variable: Var) -> str:
+    shape = _shape(variable)
+    return f"{shape.dtype}{shape.shape}"
+
+
+def _shape(atom: Var | Literal) -> ShapedArray:
+    assert isinstance(atom.aval, ShapedArray)
+    return atom.aval
 
 
 def digest(*parts: str | bytes) -> str:
-    """Of the parts in their order; each goes in with its length, so that none can pass for two."""
-    found = hashlib.blake2b(digest_size=DIGITS // 2)
+    """The digest of parts in their order; each goes in with its length, so that none passes for
+    two."""
+    whole = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part
-        found.update(b"%d:" % len(content))
-        found.update(content)
-    return found.hexdigest()
+        whole.update(b"%d:" % len(content))
+        whole.update(content)
+    return whole.hexdigest()

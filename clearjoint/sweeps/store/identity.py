@@ -3,11 +3,13 @@
 import hashlib
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Int, PyTree
+from numpy.typing import ArrayLike
 
 from ...simulation.batch.device_pool import Task
 from ..axes import Lanes
@@ -28,7 +30,7 @@ class Identity(NamedTuple):
     lanes: Mapping[str, np.ndarray]
 
 
-def run_digests(lanes: Lanes, tasks: Task) -> np.ndarray:
+def run_digests(lanes: Lanes, tasks: Task) -> Int[np.ndarray, " n"]:
     """(n,) of each lane's scene, initial state, end and first step; where no scene can have the
     values, of what is said of them."""
     pairs = zip(_leaves(lanes.scene), _leaves(lanes.scenes), strict=True)
@@ -39,36 +41,36 @@ def run_digests(lanes: Lanes, tasks: Task) -> np.ndarray:
         if eqx.is_array_like(base)
     ]
     states = jax.tree.leaves(lanes.states)
-    found = row_digests([*scenes, *states, tasks.end_time, tasks.first_step])
+    digests = row_digests([*scenes, *states, tasks.end_time, tasks.first_step])
     for lane, message in lanes.bad.items():
-        found[lane] = _number(message.encode())
-    return found
+        digests[lane] = _number(message.encode())
+    return digests
 
 
-def row_digests(columns: Iterable[Any]) -> np.ndarray:
+def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
     """(n,) int64, one for the n-th rows of arrays (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
-    found = np.empty(count, np.int64)
+    digests = np.empty(count, np.int64)
     for first in range(0, count, _BLOCK):
         block = slice(first, min(first + _BLOCK, count))
         rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
         table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
-        found[block] = [_number(row.tobytes()) for row in table]
-    return found
+        digests[block] = [_number(row.tobytes()) for row in table]
+    return digests
 
 
-def places(stored: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def places(stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]) -> Int[np.ndarray, " s"]:
     """For each stored lane the number of the wanted one with its digest, each once; -1 for none."""
     left: defaultdict[int, deque[int]] = defaultdict(deque)
-    for lane, found in enumerate(wanted.tolist()):
-        left[found].append(lane)
+    for lane, digest in enumerate(wanted.tolist()):
+        left[digest].append(lane)
     return np.array(
-        [left[found].popleft() if left[found] else -1 for found in stored.tolist()], dtype=int
+        [left[digest].popleft() if left[digest] else -1 for digest in stored.tolist()], dtype=int
     )
 
 
-def _leaves(tree: Any) -> list[Any]:
+def _leaves(tree: PyTree) -> list[PyTree]:
     """The leaves; where the tree has nothing, ``None``."""
     return jax.tree.leaves(tree, is_leaf=lambda node: node is None)
 

@@ -58,9 +58,9 @@ class Contents(NamedTuple):
 def create(path: Path, contents: Contents) -> None:
     """Make a store without results, as a whole or not at all; nothing if another process was
     first."""
-    with _made(path, contents) as making:
+    with _new_store(path, contents) as store:
         try:
-            making.rename(path)
+            store.rename(path)
         except OSError:
             if not path.exists():
                 raise
@@ -71,10 +71,10 @@ def extend(path: Path, contents: Contents) -> None:
 
     Its chunks stay as they are; until the last file is replaced it reads as before.
     """
-    with _made(path, contents) as making:
-        files = [file.relative_to(making) for file in making.rglob("*") if file.is_file()]
+    with _new_store(path, contents) as store:
+        files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
         for file in sorted(files, key=lambda file: file == Path(_ROOT)):
-            _move(making / file, path / file)
+            _move(store / file, path / file)
 
 
 def remove_remains(path: Path) -> None:
@@ -142,14 +142,14 @@ def _move(file: Path, to: Path) -> None:
 
 
 @contextmanager
-def _made(path: Path, contents: Contents) -> Iterator[Path]:
+def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
     """A store beside a path, of which nothing stays there."""
-    making = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    store = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
-        _write(making, contents)
-        yield making
+        _write(store, contents)
+        yield store
     finally:
-        shutil.rmtree(making, ignore_errors=True)
+        shutil.rmtree(store, ignore_errors=True)
 
 
 def _write(path: Path, contents: Contents) -> None:
@@ -162,7 +162,7 @@ def _write(path: Path, contents: Contents) -> None:
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
-        *(Coordinate(digests[name], found[order]) for name, found in identity.lanes.items()),
+        *(Coordinate(digests[name], own[order]) for name, own in identity.lanes.items()),
         Coordinate(_order_name(order), order),
     ]
     for coordinate in along_lanes:

@@ -4,18 +4,19 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
 from importlib.metadata import version
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
+from ...model.scene import Scene
 from ...parametrisation.places import parameters
 
 LONGEST = 200
 _VERSIONED = ("clearjoint", "jax", "diffrax")
 
 
-def describe(value: Any) -> str:
+def describe(value: object) -> str:
     """A text with the names of classes and functions and the numbers that they hold."""
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
@@ -33,10 +34,10 @@ def describe(value: Any) -> str:
     return getattr(value, "__qualname__", type(value).__name__)
 
 
-def number_notes(tree: Any, varied: Any, name: str) -> dict[str, str]:
+def number_notes(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
     """The numbers of a scene or state by name, without those of which a tree of booleans says that
     they vary."""
-    varies = {key: any(jax.tree.leaves(found)) for key, (found, _) in parameters(varied).items()}
+    varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     return {
         f"{name}.{key}": describe(value)
         for key, (value, _) in parameters(tree).items()
@@ -44,7 +45,7 @@ def number_notes(tree: Any, varied: Any, name: str) -> dict[str, str]:
     }
 
 
-def structure_note(scene: Any) -> str:
+def structure_note(scene: Scene) -> str:
     """Names, kinds and choices of a scene, without its numbers."""
     return describe(jax.tree.map(lambda _: 0, scene))
 

@@ -5,11 +5,11 @@ of solver, controller and outputs are constants in them.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.vectors import Scalar, Structured, unpack
 from ...model.bodies import State
@@ -43,15 +43,16 @@ def programs(
     numbers, rest = eqx.partition(form, eqx.is_array_like)
     traced = _Traced(plan, rest, channels)
     time = jnp.asarray(start_time, dtype=float)
-    begun, lanes = fingerprints(traced.begun, numbers, state, time, 1.0)
-    lane: Lane = lanes[RUN]
-    taken, _ = fingerprints(traced.taken, numbers, lane, 1.0)
+    start = fingerprints(traced.begun, numbers, state, time, 1.0)
+    lane: Lane = start.shapes[RUN]
+    step = fingerprints(traced.taken, numbers, lane, 1.0)
     row = Row(lane.step.t, lane.step.y, lane.step.memory)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
-    read, _ = fingerprints(traced.read, numbers, row, row, tallies)
+    outputs = fingerprints(traced.read, numbers, row, row, tallies)
     contacts = jax.eval_shape(traced.begun_contacts, numbers, state, time, 1.0)
-    tabled, _ = fingerprints(traced.tabled, numbers, contacts, 1.0)
-    return {RUN: digest(begun[RUN], taken[RUN])} | read | tabled
+    tables = fingerprints(traced.tabled, numbers, contacts, 1.0)
+    whole = {RUN: digest(start.digests[RUN], step.digests[RUN])}
+    return whole | outputs.digests | tables.digests
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class _Traced:
     """What is traced: functions of the numbers of a scene, of which `rest` is what else it is."""
 
     plan: Plan
-    rest: Any
+    rest: PyTree
     channels: dict[str, dict[str, Quantity]]
 
     @property
@@ -67,15 +68,15 @@ class _Traced:
         """The plan without outputs."""
         return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
 
-    def _scene(self, numbers: Any) -> Scene:
+    def _scene(self, numbers: PyTree) -> Scene:
         return unpack(eqx.combine(numbers, self.rest))
 
-    def begun(self, numbers: Any, state: State, time: Any, length: Any) -> dict[str, Lane]:
+    def begun(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> dict[str, Lane]:
         """The lane before its first step."""
         orders = _orders(time + length, length)
         return {RUN: begin_lane(self._bare, self._scene(numbers), state, time, orders)}
 
-    def taken(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+    def taken(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """A step of the lane, and what would be reported of it."""
         scene = self._scene(numbers)
         after = turn(self._bare, scene, lane, _orders(end_time, end_time))
@@ -86,12 +87,12 @@ class _Traced:
         """The plan without outputs but tables of impacts."""
         return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps, self.plan.impacts)
 
-    def begun_contacts(self, numbers: Any, state: State, time: Any, length: Any) -> Lane:
+    def begun_contacts(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
         """The lane before its first step, with its contacts."""
         orders = _orders(time + length, length)
         return begin_lane(self._tabling, self._scene(numbers), state, time, orders)
 
-    def tabled(self, numbers: Any, lane: Lane, end_time: Any) -> dict[str, Any]:
+    def tabled(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """By variable of the tables of impacts, what is recorded at a step."""
         if not lane.impacts:
             return {}
@@ -103,7 +104,7 @@ class _Traced:
             for key in (*IMPACT_UNITS, "count")
         }
 
-    def tallies(self, numbers: Any, row: Row) -> dict[str, Any]:
+    def tallies(self, numbers: PyTree, row: Row) -> dict[str, PyTree]:
         """The reductions' tallies at the start."""
         now = self._instant(numbers, row, row)
         return {
@@ -111,9 +112,11 @@ class _Traced:
             for name, reduction in self.plan.reductions.items()
         }
 
-    def read(self, numbers: Any, row: Row, inside: Row, tallies: dict[str, Any]) -> dict[str, Any]:
+    def read(
+        self, numbers: PyTree, row: Row, inside: Row, tallies: dict[str, PyTree]
+    ) -> dict[str, PyTree]:
         """By variable, all that an output computes for it at the end of a step."""
-        now, found = self._instant(numbers, row, inside), {}
+        now, programs = self._instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
             whole = (
@@ -121,18 +124,18 @@ class _Traced:
                 reduction.update(tally, now),
                 reduction.results(tally, now),
             )
-            found |= {variable_name(name, key): whole for key in reduction.units()}
+            programs |= {variable_name(name, key): whole for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
             where = () if section is None else (section.quantity(now), section.after)
-            found |= {variable_name(name, key): where for key in ("time", "count")}
-            found |= {
+            programs |= {variable_name(name, key): where for key in ("time", "count")}
+            programs |= {
                 variable_name(name, key): (*where, quantity(now))
                 for key, quantity in quantities.items()
             }
-        return found
+        return programs
 
-    def _instant(self, numbers: Any, row: Row, inside: Row) -> Instant:
+    def _instant(self, numbers: PyTree, row: Row, inside: Row) -> Instant:
         """The instant of a row. What is asked of places in its step has the numbers of another row
         times the place, so that the program tells the places."""
         system = self.plan.scheme.system(self._scene(numbers))
@@ -143,5 +146,5 @@ class _Traced:
         return row.instant(system, at)
 
 
-def _orders(end_time: Any, first_step: Any) -> Orders:
+def _orders(end_time: Scalar, first_step: Scalar) -> Orders:
     return Orders(end_time, first_step, (jnp.inf,) * WINDOW, {})

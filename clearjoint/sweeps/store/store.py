@@ -17,11 +17,11 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 import zarr
+from numpy.typing import ArrayLike
 
 from ..layout import PENDING, RESULT, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, opened, read
@@ -45,7 +45,7 @@ class SweepMemory:
         """By chunk the lanes that are not done."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
-    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, Any]) -> None:
+    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
         """Keep results of lanes of a chunk."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
@@ -88,13 +88,13 @@ class SweepStore:
         codes = self._arrays()[RESULT]
         return _missing(codes, self._contents.order, self.layout.chunk)
 
-    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, Any]) -> None:
+    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
         """Put results of lanes of a chunk on disk; when this returns they are done."""
         results = self.layout.checked(len(lanes), arrays)
         span = self.layout.span(chunk)
         rows = self._place[list(lanes)] - span.start
         whole = len(lanes) == span.stop - span.start
-        before = {} if whole else {name: self._array(name)[span] for name in results}
+        before = {} if whole else {name: np.asarray(self._array(name)[span]) for name in results}
         self._file(RESULT, chunk).unlink(missing_ok=True)
         for name in sorted(results, key=lambda name: name == RESULT):
             values = before.get(name, np.empty_like(results[name]))
@@ -109,7 +109,7 @@ class SweepStore:
     def _arrays(self) -> dict[str, np.ndarray]:
         return _arrays(self.path, self._group, self._contents)
 
-    def _array(self, name: str) -> Any:
+    def _array(self, name: str) -> zarr.Array:
         return opened(self._group, name)
 
     def _file(self, name: str, chunk: int) -> Path:
@@ -136,11 +136,11 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     """The wanted contents in the order of those stored, with what these lack behind."""
     here = wanted.identity.lanes[RUN]
     kept = places(stored.identity.lanes[RUN][stored.order], here)
-    found = differences(stored, wanted, kept)
-    if found:
+    lines = differences(stored, wanted, kept)
+    if lines:
         raise ValueError(
             f"The store {path} belongs to another sweep:\n  "
-            + "\n  ".join(found)
+            + "\n  ".join(lines)
             + "\nPass another path, or delete the store to compute it anew."
         )
     order = np.concatenate([kept, np.setdiff1d(np.arange(len(here)), kept)])
@@ -150,10 +150,10 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
     """By chunk the lanes that are pending, of codes in the order of the store."""
-    found: dict[int, list[int]] = {}
+    pending: dict[int, list[int]] = {}
     for place in np.flatnonzero(codes == PENDING):
-        found.setdefault(int(place) // chunk, []).append(int(order[place]))
-    return found
+        pending.setdefault(int(place) // chunk, []).append(int(order[place]))
+    return pending
 
 
 def _labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
