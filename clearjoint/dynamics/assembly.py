@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..compilation import Compiled
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import require, require_finite
 from ..math.vectors import Scalar, pack, unpack
@@ -185,7 +186,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     )
 
 
-@eqx.filter_jit
+@Compiled
 def _round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
@@ -215,7 +216,7 @@ def _require_satisfied(
     )
 
 
-@eqx.filter_jit
+@Compiled
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from ..compilation import Compiled
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row
@@ -136,10 +137,10 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
     return _Rows(values, rates, jacobian, remaining)
 
 
-_constraints_compiled = eqx.filter_jit(_constraints)
+_constraints_compiled = Compiled(_constraints)
 
 
-@eqx.filter_jit
+@Compiled
 def _constraints_together(
     scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
 ) -> _Rows:

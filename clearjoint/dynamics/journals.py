@@ -5,11 +5,11 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..compilation import Compiled
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..math.rotations import rotation_matrix
@@ -165,7 +165,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
     return {name: float(number) for name, number in by_name.items()}
 
 
-@eqx.filter_jit
+@Compiled
 def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
@@ -175,7 +175,7 @@ def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     }
 
 
-@eqx.filter_jit
+@Compiled
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""

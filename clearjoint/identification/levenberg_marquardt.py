@@ -22,6 +22,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Float, PyTree
 
+from ..compilation import Compiled
 from ..math.vectors import Scalar
 
 PATIENCE = 15
@@ -156,7 +157,7 @@ def _initial_state(solver: _LevenbergMarquardt, y: jax.Array, model: _Model) -> 
     return solver.init(_residuals, y, model, {}, rows, None, frozenset())
 
 
-@eqx.filter_jit
+@Compiled
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, strides: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from ..compilation import Compiled
 from ..fields.checks import require
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
@@ -234,7 +235,7 @@ def run_misfit(
     )
 
 
-@eqx.filter_jit
+@Compiled
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
     values, derivatives = _arrays(runs, run)
     jacobian = derivatives * data.weights[..., None]

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ..compilation import Compiled
 from ..dynamics.system import System
 from ..math.vectors import Scalar
 from .step_state import Attempt, Method, Step, choose
@@ -125,7 +126,7 @@ class CheckpointedLoops(AbstractLoops):
         return outcome
 
 
-_attempt = eqx.filter_jit(attempt)
+_attempt = Compiled(attempt)
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> AbstractLoops:

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
+from ..compilation import Compiled
 from ..math.vectors import Structured, pack
 from ..model.bodies import State
 from ..results import RESULTS
@@ -22,7 +22,7 @@ from .step_state import Step
 
 ATTEMPTS_A_SEGMENT = 50_000
 SAVES_A_SEGMENT = 512
-segment_compiled = eqx.filter_jit(segment)
+segment_compiled = Compiled(segment)
 
 
 class AbstractRun:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..compilation import Compiled
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
 from ..math.groups import by_group, by_name
@@ -88,7 +89,7 @@ class History(eqx.Module):
     largest_depth: Float[Array, " N"]
 
 
-@eqx.filter_jit
+@Compiled
 def contact_histories(
     form: Structured, formulation: Formulation, times: Float[Array, " N"], states: State
 ) -> dict[str, dict[str, History]]:

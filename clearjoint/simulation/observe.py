@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..compilation import Compiled
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.energy import mechanical_energy
 from ..dynamics.equations_of_motion import Dynamics
@@ -167,7 +168,7 @@ def _filled(rows: np.ndarray) -> np.ndarray:
     return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
-@eqx.filter_jit
+@Compiled
 def observe_compiled(
     form: Structured, absolute: Formulation, unique: bool, times: Numbers, states: State
 ) -> Observation:

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
 
+from ..compilation import Compiled
 from ..dynamics.system import System
 from ..fields.checks import require, require_names
 from ..math.vectors import Scalar, pack
@@ -186,7 +187,7 @@ def _looked_at(
     return values, derivatives
 
 
-@eqx.filter_jit
+@Compiled
 def sampled_compiled(*arguments: Any) -> Sampled:
     """What was seen of `followed`."""
     return followed(*arguments)[0]

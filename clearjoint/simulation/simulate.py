@@ -3,10 +3,10 @@
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.checks import concrete, require
 from ..math.vectors import structured
@@ -104,7 +104,7 @@ def simulate(
     return solution
 
 
-begin_compiled = eqx.filter_jit(begin)
+begin_compiled = Compiled(begin)
 
 
 def _warn(scene: Scene, solution: Solution) -> None:

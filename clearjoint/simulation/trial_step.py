@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import closed, has_memory
-from ..dynamics.contact_forces import Memory
+from ..dynamics.contact_forces import Closed, Memory
 from ..dynamics.system import System
 from ..math.groups import total
 from ..math.vectors import Scalar
@@ -27,18 +27,27 @@ REJECTED_ERROR = 1e30
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     """The rates of the variables as a diffrax term, whose arguments are system and memory.
 
-    Of a `step` that lands on events: the rates with the contacts that are closed at its start.
+    Of a `step` that lands on events: the rates with the contacts that are closed at its start. They
+    are traced once for all stages of a step; and anew for another term, since what they read
+    outside of their arguments may have changed.
     """
+    traced_once = eqx.filter_jit(_rates)
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.reaches) if step is not None and lands else None
 
     def rates(t: Scalar, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
         t = seen(system.scene, t if step is None else step.t, t)
-        rates = Variables(*system.rates(y.motion, memory, t, closed_contacts))
-        return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
+        return traced_once(system, y, memory, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
+
+
+def _rates(
+    system: System, y: Variables, memory: Memory, t: Scalar, closed_contacts: Closed | None
+) -> Variables:
+    rates = Variables(*system.rates(y.motion, memory, t, closed_contacts))
+    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
 
 
 def error_order(method: Method) -> Scalar:

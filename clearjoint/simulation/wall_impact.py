@@ -10,6 +10,7 @@ import numpy as np
 import optimistix
 from jaxtyping import Float
 
+from ..compilation import Compiled
 from ..fields.checks import require
 from ..math.interpolation import Parabola
 from ..math.vectors import Scalar
@@ -69,7 +70,7 @@ def free_impact(
     return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
 
 
-@eqx.filter_jit
+@Compiled
 def _contact(
     law: AbstractContactLaw,
     mass: Scalar,

@@ -222,8 +222,7 @@ class SweepProgram:
     def compiled(self) -> str:
         """The program of a slice of turns, as XLA has optimised it."""
         constants = self._common, extent(), _one_device()
-        compiled = advance.lower(constants, self.seats).compile()
-        return compiled.compiled.as_text()
+        return advance.program(constants, self.seats)
 
     @cached_property
     def _common(self) -> Common:

@@ -50,9 +50,9 @@ def test_another_number_of_ones_own_motor_compiles_nothing():
         return float(cj.simulate(scene, state, 1e-4).final.bodies["crank"].spin[2])
 
     slow = speed(2, 600)
-    programs = segment_compiled._cached._cache_size()
+    programs = segment_compiled.programs()
     assert speed(4.0, 500.0) == pytest.approx(2.0 * slow, rel=1e-3)
-    assert segment_compiled._cached._cache_size() == programs
+    assert segment_compiled.programs() == programs
 
 
 class Thing(AbstractConverting):

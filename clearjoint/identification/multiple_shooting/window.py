@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float, PyTree
 
+from ...compilation import Compiled
 from ...dynamics.contact_forces import Memory
 from ...dynamics.coordinates import AbstractCoordinates
 from ...math.rotations import normalised
@@ -72,7 +73,7 @@ class WindowRun(eqx.Module):
     final: tuple[PyTree, Memory]
 
 
-@eqx.filter_jit
+@Compiled
 def run_window(
     scheme: Scheme,
     family: AbstractFamily,

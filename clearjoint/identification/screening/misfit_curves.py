@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from ...compilation import Compiled
 from ...math.vectors import structured
 from ...model.bodies import State
 from ...runtime import busy_devices
@@ -108,7 +109,7 @@ class SideBySide:
         return Common(plan, form, runs.start_time, {}, {LOG: runs.outputs}, LOG)
 
 
-@eqx.filter_jit
+@Compiled
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
@@ -117,7 +118,7 @@ def _scenes_and_states(
     return eqx.filter(scenes, varied), states
 
 
-@eqx.filter_jit
+@Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
     """Chi squared (n, T) up to each time of predictions (n, S, T), by residuals or their means."""
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
+from ...compilation import Compiled
 from ...math.vectors import Scalar, Structured, pack, unpack
 from ...quantities.base import Quantity
 from ..dense_output import Row
@@ -122,7 +123,7 @@ class Page(eqx.Module):
     seats: Any
 
 
-@eqx.filter_jit
+@Compiled
 def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
     """Lanes before their first steps."""
 
@@ -134,13 +135,13 @@ def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
     return _on_devices(mesh, jax.vmap(one, (None, 0)), common, tasks)
 
 
-@eqx.filter_jit
+@Compiled
 def replaced(fresh: Any, begun: Seat, seats: Seat) -> Seat:
     """The pool with lanes that have just begun in the seats that `fresh` names."""
     return _choose(fresh, begun, seats)
 
 
-@eqx.filter_jit(donate="all-except-first")
+@partial(Compiled, donate="all-except-first")
 def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, Status, Page]:
     """Slice after slice, until all lanes of a device have ended or its slices are used up."""
     common, extent, mesh = constants
@@ -168,7 +169,7 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
     return _on_devices(mesh, on_device, common, seats)
 
 
-@eqx.filter_jit
+@Compiled
 def harvest(
     common: Common, mesh: Mesh, seats: Seat, logs: dict[str, Any]
 ) -> tuple[Outcome, dict[str, Any]]:

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float, Int
 
+from ...compilation import Compiled
 from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
@@ -219,7 +220,7 @@ def _run(
     return _Outcome(end, pack(system.decode(end.variables)), kept)
 
 
-_run_compiled = eqx.filter_jit(_run)
+_run_compiled = Compiled(_run)
 
 
 def _with_breakpoints(
