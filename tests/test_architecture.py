@@ -13,7 +13,7 @@ from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbou
 HIGHEST_FLOOR = 9
 MODULES_BESIDE_ROOMS = 7
 FLOORS = (
-    ("math", "results"),
+    ("compilation", "math", "results"),
     ("fields",),
     ("model", "runtime"),
     ("dynamics", "parametrisation"),
