@@ -5,9 +5,10 @@ keeps its digits whatever JAX's precision setting. Values under a JAX transforma
 a run re-checks what it can (`clearjoint.simulation.simulate`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import fields
-from typing import TypeVar
+from functools import lru_cache, reduce
+from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -19,6 +20,8 @@ from numpy.typing import ArrayLike
 from .cautions import UnusualValueWarning, caution, quiet
 
 T = TypeVar("T")
+Path: TypeAlias = tuple[str | int, ...]
+"""Names of fields, and keys of containers, that lead into a tree."""
 
 
 def as_number(value: object) -> np.ndarray | jax.Array:
@@ -192,26 +195,38 @@ def recheck_changes(tree: PyTree, base: PyTree) -> None:
     What holds such a module is checked too, but not across a dictionary: its entries are
     independent.
     """
-    pairs = zip(jax.tree.leaves(tree), jax.tree.leaves(base), strict=True)
+    leaves, structure = jax.tree.flatten(tree)
+    changed = tuple(a is not b for a, b in zip(leaves, jax.tree.leaves(base), strict=True))
     with quiet():
-        _recheck_changed(tree, iter([a is not b for a, b in pairs]))
+        for path in _paths_to_changed(structure, changed):
+            _check_here(reduce(_child, path, tree))
 
 
-def _recheck_changed(tree: PyTree, changed: Iterator[bool]) -> bool:
-    """Go through the leaves in their order; whether any number here has changed."""
-    if tree is None:
-        return False
-    if isinstance(tree, eqx.Module):
-        inner = [getattr(tree, f.name) for f in fields(tree) if not f.metadata.get("static", False)]
-        touched = sum(_recheck_changed(child, changed) for child in inner) > 0
-        if touched:
-            _check_here(tree)
-        return touched
-    if isinstance(tree, dict | list | tuple):
-        for child in _children(tree):
-            _recheck_changed(child, changed)
-        return False
-    return next(changed)
+@lru_cache(maxsize=256)
+def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
+    """Where the modules are that hold changed leaves, those inside of others first."""
+    paths: list[Path] = []
+
+    def collect(tree: PyTree, path: Path) -> bool:
+        """Whether any leaf here has changed."""
+        if isinstance(tree, eqx.Module):
+            names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
+            touched = sum(collect(getattr(tree, name), (*path, name)) for name in names) > 0
+            if touched:
+                paths.append(path)
+            return touched
+        if isinstance(tree, dict | list | tuple):
+            for key in tree if isinstance(tree, dict) else range(len(tree)):
+                collect(tree[key], (*path, key))
+            return False
+        return tree is True
+
+    collect(jax.tree.unflatten(structure, changed), ())
+    return paths
+
+
+def _child(tree: PyTree, key: str | int) -> PyTree:
+    return getattr(tree, str(key)) if isinstance(tree, eqx.Module) else tree[key]
 
 
 def _check_here(tree: PyTree) -> None:
