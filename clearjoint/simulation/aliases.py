@@ -20,6 +20,8 @@ SecondRates: TypeAlias = dict[str, dict[str, Scalar]]
 """Second derivatives of the depths of contacts by joint and contact, m/s^2."""
 Numbers: TypeAlias = Float[Any, "*times"]
 """A number at each time, or at one if there are no `times`."""
+Gradients: TypeAlias = Float[Any, "*times p"]
+"""Derivatives along p parameters, of a number at each time."""
 Integers: TypeAlias = Int[Any, "*times"]
 """A whole number at each time."""
 Vectors: TypeAlias = Float[Any, "*times 3"]

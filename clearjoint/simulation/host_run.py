@@ -1,6 +1,6 @@
 """Carrying out a run: segment after segment, or in one piece under a transformation."""
 
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from ..math.vectors import Structured, pack
+from ..math.vectors import Scalar, Structured, pack
 from ..model.bodies import State
 from ..results import RESULTS
 from ..runtime import SlowRunNotice
@@ -20,6 +20,7 @@ from .segments import Progress, Row, Saved, rewound, segment
 from .solution import Solution, Trajectory
 from .step_state import Step
 
+T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
 SAVES_A_SEGMENT = 512
 segment_compiled = eqx.filter_jit(segment)
@@ -28,12 +29,17 @@ segment_compiled = eqx.filter_jit(segment)
 class AbstractRun:
     """What both ways share: the parts of a solution."""
 
-    def __init__(self, form: Structured, scheme: Scheme, end: Any, redundant: tuple[str, ...]):
+    def __init__(self, form: Structured, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]):
         self._form, self._scheme, self._end = form, scheme, end
         self._redundant = redundant
 
     def _solution(
-        self, step: Step, saved: Trajectory | None, count: Any, steps: Any, impacts: Any
+        self,
+        step: Step,
+        saved: Trajectory | None,
+        count: Scalar | None,
+        steps: Trajectory | None,
+        impacts: Impacts | None,
     ) -> Solution:
         return Solution(
             step.t,
@@ -54,7 +60,7 @@ class OnePiece(AbstractRun):
     """The whole run inside one traced computation."""
 
     def solution(
-        self, now: Progress, save_at: Any | None, max_steps: int, loops: AbstractLoops
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
     ) -> Solution:
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
@@ -164,7 +170,7 @@ class _Waiting:
         return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
 
 
-def _joined(pieces: list[Any]) -> Any:
+def _joined(pieces: list[T]) -> T:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
 
 

@@ -4,14 +4,13 @@ A segment ends at the end time, after a number of attempts, at a failure, or whe
 accepted steps is full. The host then takes what was recorded, shows progress and goes on.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.system import System
-from ..math.vectors import Scalar, Structured
+from ..math.vectors import Condition, Scalar, Structured
 from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .advance import Recorder, Stride, advance, latest_attempt
@@ -31,18 +30,18 @@ class Rows(eqx.Module):
     and full blocks into the large `table`.
     """
 
-    table: Any
-    count: Any
-    block: Any
-    block_count: Any
+    table: PyTree
+    count: Scalar
+    block: PyTree
+    block_count: Scalar
 
     @staticmethod
-    def like(row: Any, length: int) -> "Rows":
+    def like(row: PyTree, length: int) -> "Rows":
         """An empty table with room for `length` rows like the given one."""
         none = jnp.zeros((), int)
         return Rows(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
 
-    def with_row(self, row: Any, kept: Any) -> "Rows":
+    def with_row(self, row: PyTree, kept: Scalar) -> "Rows":
         """The row written behind the last one, and counted if it is to be kept."""
         block = jax.tree.map(
             lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
@@ -60,11 +59,11 @@ class Rows(eqx.Module):
         )
         return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
 
-    def block_is_full(self) -> Any:
+    def block_is_full(self) -> Condition:
         """Whether the block must be moved before another row is written."""
         return self.block_count >= BLOCK_ROWS
 
-    def has_room(self) -> Any:
+    def has_room(self) -> Condition:
         """Whether another full block fits into the table."""
         length = jax.tree.leaves(self.table)[0].shape[0]
         return self.count + BLOCK_ROWS <= length
@@ -73,7 +72,7 @@ class Rows(eqx.Module):
 class Row(eqx.Module):
     """A time and the state there, under the names of the condensed scene."""
 
-    t: Any
+    t: Scalar
     state: State
 
 
@@ -93,16 +92,16 @@ class Saved(eqx.Module):
     """States at the times of a segment, and which of these times were reached."""
 
     states: State
-    reached: Any
+    reached: jax.Array
 
 
 def begin(
     scheme: Scheme,
     form: Structured,
     state: State,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
     saves: bool,
     record_rows: int | None,
 ) -> Progress:
@@ -125,9 +124,9 @@ def segment(
     scheme: Scheme,
     form: Structured,
     progress: Progress,
-    save_times: Any | None,
-    t_end: Any,
-    attempts: Any,
+    save_times: jax.Array | None,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops = PLAIN,
 ) -> tuple[Progress, Saved | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
@@ -136,7 +135,7 @@ def segment(
     if save_times is None:
         return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
 
-    def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, Saved]:
         now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
@@ -155,9 +154,9 @@ def _run_and_record(
     method: Method,
     system: System,
     progress: Progress,
-    stop: Any,
-    t_end: Any,
-    attempts: Any,
+    stop: Scalar,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
     """Steps until one passes `stop`, emptying the record's block whenever it is full."""
@@ -179,7 +178,7 @@ def _run_and_record(
     return jax.lax.while_loop(goes, go, progress)
 
 
-def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
+def _running(now: Progress, stop: Scalar, t_end: Scalar, attempts: Scalar) -> Scalar:
     return (now.step.t < stop) & running(now.step, t_end, attempts)
 
 
@@ -187,9 +186,9 @@ def _run(
     method: Method,
     system: System,
     progress: Progress,
-    stop: Any,
-    t_end: Any,
-    attempts: Any,
+    stop: Scalar,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
     """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
@@ -221,5 +220,5 @@ def _row(system: System, step: Step) -> Row:
     return Row(step.t, state_of(system, step.y, step.memory))
 
 
-def _buffer(row: Any, length: int) -> Any:
+def _buffer(row: PyTree, length: int) -> PyTree:
     return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)

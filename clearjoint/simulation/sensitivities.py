@@ -9,14 +9,15 @@ measured by `studies.benchmark`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
+from numpy.typing import ArrayLike
 
+from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..fields.checks import require, require_names
 from ..math.vectors import Scalar, pack
@@ -29,6 +30,7 @@ from ..quantities.instant import Instant
 from ..results import RESULTS
 from . import presets
 from .advance import Recorder, advance, latest_attempt
+from .aliases import Gradients, Numbers
 from .dense_output import Row, correct, look_inside
 from .derivative_runs import derivative_scheme
 from .impact_recorder import (
@@ -85,13 +87,13 @@ class Sampled(eqx.Module):
     - `states`, in scalar form with N in front, and `impacts`, if they are kept.
     """
 
-    values: dict[str, Any]
-    derivatives: dict[str, Any]
-    reached: Any
-    time: Any
+    values: dict[str, Numbers]
+    derivatives: dict[str, Gradients]
+    reached: jax.Array
+    time: Scalar
     result: RESULTS
-    attempts: Any
-    accepted: Any
+    attempts: Scalar
+    accepted: Scalar
     states: State | None = None
     impacts: ImpactRecord[Table] | None = None
 
@@ -100,11 +102,11 @@ def followed(
     scheme: Scheme,
     family: AbstractFamily,
     outputs: Mapping[str, Quantity],
-    times: Any,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
-    max_steps: Any,
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> tuple[Sampled, Step, Step]:
     """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
@@ -161,7 +163,7 @@ def followed(
 
 def _nothing(
     family: SystemFamily, outputs: Mapping[str, Quantity]
-) -> tuple[dict[str, Scalar], dict[str, Any]]:
+) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
     """What stands in the place of quantities at a time that has been looked at."""
     along = jnp.zeros(len(family.values))
     return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
@@ -173,11 +175,11 @@ def _looked_at(
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, Any]]:
+) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
     """Quantities at an instant of an accepted step, and their derivatives."""
     dense = look_inside(method, family.system(), tried, time)
 
-    def observed(system: System, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
+    def observed(system: System, y: Variables, memory: Memory) -> tuple[dict[str, Scalar], None]:
         y = correct(system, y, time)
         now = Instant(system, time, y.motion, memory, y.work)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
@@ -187,7 +189,7 @@ def _looked_at(
 
 
 @eqx.filter_jit
-def sampled_compiled(*arguments: Any) -> Sampled:
+def sampled_compiled(*arguments: PyTree) -> Sampled:
     """What was seen of `followed`."""
     return followed(*arguments)[0]
 
@@ -224,7 +226,7 @@ def sensitivities(
     end_time: float,
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
-    times: Any,
+    times: ArrayLike,
     settings: Settings | None = None,
     save: Saving | None = None,
     *,
@@ -297,7 +299,7 @@ def sensitivities(
     return result
 
 
-def _recorded(arguments: tuple[Any, ...], states: bool, impacts: bool) -> Sampled:
+def _recorded(arguments: tuple[PyTree, ...], states: bool, impacts: bool) -> Sampled:
     """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from ..results import RESULTS, result_number
-from ..runtime import busy_devices
+from ..runtime import Device, busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
 from ..simulation.batch.scheduler import Batch, Ended
 from .layout import RESULT, LaneArrays, Variable
@@ -22,15 +21,6 @@ FINAL = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-
-
-class Device(Protocol):
-    """A device of JAX, as `jax.devices()` lists them."""
-
-    @property
-    def platform(self) -> str:
-        """The kind of device: "cpu", "gpu" or "tpu"."""
-        ...
 
 
 @dataclass(frozen=True)
