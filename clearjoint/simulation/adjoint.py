@@ -33,7 +33,7 @@ REMEDY = (
 
 
 Carry = TypeVar("Carry")
-Place = TypeVar("Place")
+Item = TypeVar("Item")
 Visit = TypeVar("Visit")
 
 
@@ -53,9 +53,9 @@ class AbstractLoops(eqx.Module):
     @abc.abstractmethod
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """Visit places one after the other, like `jax.lax.scan`; places and visits have their
         number in front."""
@@ -80,9 +80,9 @@ class PlainLoops(AbstractLoops):
 
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """JAX's loop over a known number of places."""
         return jax.lax.scan(visit, start, places)
@@ -113,9 +113,9 @@ class CheckpointedLoops(AbstractLoops):
 
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """JAX's loop, keeping the state at each place and nothing of the way there."""
         return jax.lax.scan(jax.checkpoint(visit, prevent_cse=False), start, places)

@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 from ..dynamics.system import System
 from ..math.vectors import Scalar
 from ..quantities.instant import Instant
-from .dense_output import Bracket, Row
+from .dense_output import Bracket, Snapshot
 from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 from .systems import SystemFamily
@@ -51,7 +51,7 @@ class Stride:
         def inside(x: Scalar) -> Instant:
             return self.bracket.within(self.method, x).instant(self.system)
 
-        return Row(here.t, here.y, here.memory).instant(self.system, inside)
+        return Snapshot(here.t, here.y, here.memory).instant(self.system, inside)
 
 
 Recorder = Callable[[PyTree, Stride], PyTree]

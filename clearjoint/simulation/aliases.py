@@ -8,8 +8,6 @@ from jaxtyping import Float, Int, PyTree
 
 from ..math.vectors import Scalar
 
-MotionVariables: TypeAlias = PyTree[Scalar]
-"""The variables of a system's coordinates, or their rates."""
 SolverState: TypeAlias = PyTree[Scalar]
 """What a diffrax solver keeps from one step to the next."""
 ControllerState: TypeAlias = PyTree[Scalar]

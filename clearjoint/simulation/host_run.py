@@ -16,7 +16,7 @@ from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
 from .run_ends import final_result, final_state, named
-from .segments import Progress, Row, Saved, rewound, segment
+from .segments import Progress, SavedStates, TimedState, rewound, segment
 from .solution import Solution, Trajectory
 from .step_state import Step
 
@@ -88,7 +88,7 @@ class HostLoop(AbstractRun):
     ) -> Solution:
         """Run to the end, a failure or the step limit."""
         waiting = _Waiting(save_at, float(self._end))
-        rows: list[Row] = []
+        rows: list[TimedState] = []
         notice, start = SlowRunNotice(), float(now.step.t)
         bar = tqdm(
             total=float(self._end) - start,
@@ -146,7 +146,7 @@ class _Waiting:
         chunk[: len(following)] = following
         return jnp.asarray(chunk)
 
-    def take(self, saved: Saved | None) -> None:
+    def take(self, saved: SavedStates | None) -> None:
         """Keep the states at the requested times that were reached."""
         if saved is None or self._times is None:
             return
@@ -174,16 +174,16 @@ def _joined(pieces: list[T]) -> T:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
 
 
-def _recorded_rows(now: Progress) -> Row:
+def _recorded_rows(now: Progress) -> TimedState:
     """The record's table and the block behind it, cut to what is filled."""
     record = jax.device_get(now.record)
     assert record is not None
     table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
     block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
     whole = _joined([table, block])
-    return Row(whole.t, named(whole.state))
+    return TimedState(whole.t, named(whole.state))
 
 
-def _trajectory(rows: list[Row]) -> Trajectory:
+def _trajectory(rows: list[TimedState]) -> Trajectory:
     whole = _joined(rows)
     return Trajectory(whole.t, pack(whole.state))

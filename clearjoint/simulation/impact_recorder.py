@@ -177,14 +177,14 @@ class ImpactRecorder(eqx.Module):
     ) -> ImpactRecord[S]:
         """The record after a stride; of each contact no more rows than are wanted, if that is
         said."""
-        laws, found = stride.now.scene.laws(), self._instants(stride.now, stride.after)
+        laws, ends = stride.now.scene.laws(), self._instants(stride.now, stride.after)
         return {
             name: {
                 label: _after(
                     laws[name][label],
                     one,
                     stride,
-                    found[name][label],
+                    ends[name][label],
                     None if wanted is None else wanted[name][label],
                 )
                 for label, one in family.items()

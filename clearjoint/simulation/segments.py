@@ -23,7 +23,7 @@ from .stepping import blank_attempt, running
 BLOCK_ROWS = 64
 
 
-class Rows(eqx.Module):
+class GrowingTable(eqx.Module):
     """A table that grows by rows.
 
     A loop copies the buffers it writes into at every turn, so rows go into a small `block` first,
@@ -36,28 +36,28 @@ class Rows(eqx.Module):
     block_count: Scalar
 
     @staticmethod
-    def like(row: PyTree, length: int) -> "Rows":
+    def like(row: PyTree, length: int) -> "GrowingTable":
         """An empty table with room for `length` rows like the given one."""
         none = jnp.zeros((), int)
-        return Rows(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
+        return GrowingTable(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
 
-    def with_row(self, row: PyTree, kept: Scalar) -> "Rows":
+    def with_row(self, row: PyTree, kept: Scalar) -> "GrowingTable":
         """The row written behind the last one, and counted if it is to be kept."""
         block = jax.tree.map(
             lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
             self.block,
             row,
         )
-        return Rows(self.table, self.count, block, self.block_count + kept)
+        return GrowingTable(self.table, self.count, block, self.block_count + kept)
 
-    def flushed(self) -> "Rows":
+    def flushed(self) -> "GrowingTable":
         """The block moved into the table; what of it is not filled is overwritten later."""
         table = jax.tree.map(
             lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
             self.table,
             self.block,
         )
-        return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
+        return GrowingTable(table, self.count + self.block_count, self.block, jnp.zeros((), int))
 
     def block_is_full(self) -> Condition:
         """Whether the block must be moved before another row is written."""
@@ -69,7 +69,7 @@ class Rows(eqx.Module):
         return self.count + BLOCK_ROWS <= length
 
 
-class Row(eqx.Module):
+class TimedState(eqx.Module):
     """A time and the state there, under the names of the condensed scene."""
 
     t: Scalar
@@ -85,10 +85,10 @@ class Progress(eqx.Module):
 
     step: Step
     last: Attempt | None
-    record: Rows | None
+    record: GrowingTable | None
 
 
-class Saved(eqx.Module):
+class SavedStates(eqx.Module):
     """States at the times of a segment, and which of these times were reached."""
 
     states: State
@@ -113,7 +113,7 @@ def begin(
         last = blank_attempt(method, system, step, t_end)
     if record_rows is not None:
         row = _row(system, step)
-        record = Rows.like(row, record_rows).with_row(row, 1)
+        record = GrowingTable.like(row, record_rows).with_row(row, 1)
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), Progress(step, last, record)
@@ -128,18 +128,18 @@ def segment(
     t_end: Scalar,
     attempts: Scalar,
     loops: AbstractLoops = PLAIN,
-) -> tuple[Progress, Saved | None]:
+) -> tuple[Progress, SavedStates | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
     method, system = scheme.method, scheme.unpacked(form)
     if save_times is None:
         return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
 
-    def save_next(now: Progress, time: Scalar) -> tuple[Progress, Saved]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
         now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
-        return now, Saved(named(state), time <= now.step.t)
+        return now, SavedStates(named(state), time <= now.step.t)
 
     return loops.each(save_next, progress, save_times)
 
@@ -208,7 +208,7 @@ def _run(
     return loops.repeat(goes, go, progress)
 
 
-def _with_step(record: Rows, stride: Stride) -> Rows:
+def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
     """Keeps every accepted step."""
     return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
 
@@ -216,8 +216,8 @@ def _with_step(record: Rows, stride: Stride) -> Rows:
 RECORDERS: dict[str, Recorder] = {"last": latest_attempt, "record": _with_step}
 
 
-def _row(system: System, step: Step) -> Row:
-    return Row(step.t, state_of(system, step.y, step.memory))
+def _row(system: System, step: Step) -> TimedState:
+    return TimedState(step.t, state_of(system, step.y, step.memory))
 
 
 def _buffer(row: PyTree, length: int) -> PyTree:

@@ -31,7 +31,7 @@ from ..results import RESULTS
 from . import presets
 from .advance import Recorder, advance, latest_attempt
 from .aliases import Gradients, Numbers
-from .dense_output import Row, correct, look_inside
+from .dense_output import Snapshot, correct, look_inside
 from .derivative_runs import derivative_scheme
 from .impact_recorder import (
     ImpactRecord,
@@ -117,7 +117,7 @@ def followed(
     records: dict[str, PyTree] = {LATEST: blank_attempt(method, system, first, t_end, systems)}
     recorders: dict[str, Recorder] = {LATEST: latest_attempt}
     if kept.impacts is not None:
-        now, table = Row(first.t, first.y, first.memory).instant(system), ImpactRow.none()
+        now, table = Snapshot(first.t, first.y, first.memory).instant(system), ImpactRow.none()
         records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
         recorders[IMPACTS] = ImpactRecorder().after
 
@@ -131,7 +131,7 @@ def followed(
             lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
         )
         last = records[LATEST]
-        found = jax.lax.cond(
+        looks = jax.lax.cond(
             is_new,
             lambda: _looked_at(method, systems, outputs, last, time),
             lambda: _nothing(systems, outputs),
@@ -139,14 +139,14 @@ def followed(
         states = None
         if kept.states:
             states = named(state_of(system, *look_inside(method, system, last, time)))
-        return now, (*found, time <= step.t, states)
+        return now, (*looks, time <= step.t, states)
 
     is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
-    (step, records), (*found, reached, states) = jax.lax.scan(
+    (step, records), (*looks, reached, states) = jax.lax.scan(
         sample, (first, records), (times, is_new)
     )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
-    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], looks)
     sampled = Sampled(
         values,
         derivatives,
@@ -280,19 +280,19 @@ def sensitivities(
         *span,
         jnp.asarray(settings.max_steps, int),
     )
-    found = _recorded(arguments, saved is not None, save.impacts)
-    rows = _rows_reached(found, looked_at, asked)
+    sampled = _recorded(arguments, saved is not None, save.impacts)
+    rows = _rows_reached(sampled, looked_at, asked)
     result = Sensitivities(
         tuple(parameters),
         asked[: len(rows)],
-        {name: values[rows] for name, values in found.values.items()},
-        {name: values[rows] for name, values in found.derivatives.items()},
-        float(found.time),
-        found.result,
-        int(found.attempts),
-        int(found.accepted),
-        None if saved is None else _trajectory(found, looked_at, saved),
-        None if found.impacts is None else impacts_of(found.impacts),
+        {name: values[rows] for name, values in sampled.values.items()},
+        {name: values[rows] for name, values in sampled.derivatives.items()},
+        float(sampled.time),
+        sampled.result,
+        int(sampled.attempts),
+        int(sampled.accepted),
+        None if saved is None else _trajectory(sampled, looked_at, saved),
+        None if sampled.impacts is None else impacts_of(sampled.impacts),
     )
     if throw:
         raise_failure(result)
@@ -303,26 +303,26 @@ def _recorded(arguments: tuple[PyTree, ...], states: bool, impacts: bool) -> Sam
     """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
-        found: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
-        if found.impacts is None or room is None or most(found.impacts) <= room:
-            return found
+        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
+        if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
+            return sampled
         room *= GROWTH
 
 
 def _rows_reached(
-    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
     """Where among all times that were looked at those of `times` are that the run came to."""
     rows = np.searchsorted(looked_at, times)
-    return rows[found.reached[rows]]
+    return rows[sampled.reached[rows]]
 
 
 def _trajectory(
-    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Trajectory:
     """The states at those of `times` that the run came to."""
-    rows = _rows_reached(found, looked_at, times)
-    states = jax.tree.map(lambda leaf: leaf[rows], found.states)
+    rows = _rows_reached(sampled, looked_at, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
     return Trajectory(times[: len(rows)], pack(states))
 
 

@@ -9,12 +9,13 @@ import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reaches
 from ..dynamics.contact_forces import Memory
+from ..dynamics.coordinates import MotionVariables
 from ..math.vectors import Scalar
 from ..results import RESULTS
-from .aliases import ControllerState, DenseInformation, MotionVariables, SecondRates, SolverState
+from .aliases import ControllerState, DenseInformation, SecondRates, SolverState
 from .landing import Landing
 
-Tree = TypeVar("Tree")
+T = TypeVar("T")
 
 
 class Method(eqx.Module):
@@ -107,6 +108,6 @@ class TangentsInside(eqx.Module):
     information: DenseInformation
 
 
-def choose(condition: Scalar, first: Tree, second: Tree) -> Tree:
+def choose(condition: Scalar, first: T, second: T) -> T:
     """The first of two PyTrees where a condition holds, else the second, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

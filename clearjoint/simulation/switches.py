@@ -6,6 +6,8 @@ the motion along whatever the breakpoint depends on. Where the angle of a driver
 velocities jump by an impulse of the constraints, with least kinetic energy.
 """
 
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +19,9 @@ from ..math.vectors import Scalar
 from ..model.bodies import NO_WRENCH, Wrench
 from ..model.joints.base import AbstractForce, Motions
 from ..model.scene import Scene
-from .step_state import Tree, Variables
+from .step_state import Variables
+
+T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
@@ -48,7 +52,7 @@ class SwitchedForce(AbstractForce):
             *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
         )
 
-    def _between(self, old: Tree, new: Tree) -> Tree:
+    def _between(self, old: T, new: T) -> T:
         return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
 
 

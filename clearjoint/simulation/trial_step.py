@@ -129,10 +129,10 @@ def _without_drift(
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
             return node
-        return Variables(jax.jvp(system.settled, (y.motion,), (node.motion,))[1], node.work)
+        return Variables(jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1], node.work)
 
     state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
-    return Variables(system.settled(y.motion), y.work), state
+    return Variables(system.without_drift(y.motion), y.work), state
 
 
 def _unless(finite: Scalar, outcome: SolverStep, y: Variables) -> SolverStep:

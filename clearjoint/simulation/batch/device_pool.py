@@ -27,13 +27,13 @@ from ...math.vectors import Scalar, Structured, pack, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
-from ..dense_output import Row
+from ..dense_output import Snapshot
 from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
 from .recording import Ring
 
 T = TypeVar("T")
-Channels = dict[str, Scalar]
+Columns = dict[str, Scalar]
 """What is reported of a row, or of each of many, by name."""
 ACROSS = PartitionSpec("lanes")
 UNKNOWN_WORK = 500.0
@@ -177,12 +177,12 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
 @eqx.filter_jit
 def harvest(
     common: Common, mesh: Mesh, seats: Seat, logs: dict[str, jax.Array]
-) -> tuple[Outcome, dict[str, Channels]]:
+) -> tuple[Outcome, dict[str, Columns]]:
     """Outcome of every lane of the pool, and the channels of its logs' rows."""
 
     def one(
         common: Common, seat: Seat, logs: dict[str, jax.Array]
-    ) -> tuple[Outcome, dict[str, Channels]]:
+    ) -> tuple[Outcome, dict[str, Columns]]:
         scene = common.scene(seat.task)
         read = {
             name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
@@ -192,16 +192,16 @@ def harvest(
     return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
 
 
-def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Channels:
+def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Columns:
     """What is reported of the rows of a log."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
-    def at(row: jax.Array) -> Channels:
+    def at(row: jax.Array) -> Columns:
         parts = zip(jnp.split(row, ends), example, strict=True)
         columns = [part.reshape(leaf.shape) for part, leaf in parts]
-        here: Row | ImpactRow = jax.tree.unflatten(structure, columns)
+        here: Snapshot | ImpactRow = jax.tree.unflatten(structure, columns)
         return here.columns(system, common.channels.get(name, {}))
 
     return jax.vmap(at)(rows)
@@ -244,8 +244,8 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     recorded = {name: chosen.recorded[name] + count for name, count in counts.items()}
     chosen = Seat(chosen.task, emptied(lanes), recorded)
     back = jnp.minimum(rank, extent.places - 1)
-    moved = jax.tree.map(lambda leaf: leaf[back], chosen)
-    return _choose(rank < extent.places, moved, seats), page
+    advanced = jax.tree.map(lambda leaf: leaf[back], chosen)
+    return _choose(rank < extent.places, advanced, seats), page
 
 
 def _table(ring: Ring) -> jax.Array:

@@ -22,7 +22,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
 from ..advance import Recorder, Stride, advance, latest_bracket
-from ..dense_output import Bracket, Row, on_constraints
+from ..dense_output import Bracket, Snapshot, on_constraints
 from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
@@ -79,7 +79,7 @@ class Lane(eqx.Module):
     crossings: dict[str, CrossingRecord]
     impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
     bracket: Bracket | None
-    saved: Ring[Row] | None
+    saved: Ring[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Scalar:
         """Whether another step is to be tried."""
@@ -87,11 +87,11 @@ class Lane(eqx.Module):
 
     def rings(self) -> dict[str, Ring]:
         """What is recorded beside saved states, by log."""
-        rings: dict[str, Ring] = {name: found.rows for name, found in self.crossings.items()}
+        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
-                for contact, found in family.items():
-                    rings[impact_log(name, joint, contact)] = found.rows
+                for contact, one in family.items():
+                    rings[impact_log(name, joint, contact)] = one.rows
         return rings
 
 
@@ -124,7 +124,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
-    row = Row(step.t, step.y, step.memory)
+    row = Snapshot(step.t, step.y, step.memory)
     now = row.instant(system)
     hits = Ring.like(ImpactRow.none())
     lane = Lane(
@@ -207,7 +207,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """What is known of a lane now; final if it has ended."""
     system = plan.scheme.system(scene)
     step = lane.step
-    now = Row(step.t, step.y, step.memory).instant(system)
+    now = Snapshot(step.t, step.y, step.memory).instant(system)
     return Outcome(
         step.t,
         final_result(step, end_time),
@@ -270,14 +270,14 @@ def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
     assert lane.bracket is not None
     due = _save_is_due(lane, orders) & ~lane.saved.full()
     row = lane.bracket.at(plan.method, _next_save(lane, orders))
-    row = Row(row.t, on_constraints(system, row.y, row.t), row.memory)
+    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
 def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:
     """A bracket of length zero at the start."""
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
-    row = Row(step.t, step.y, step.memory)
+    row = Snapshot(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
     return Bracket(
         row, row, stages, step.proposal.begins_contact if shapes.graded is not None else None

@@ -109,11 +109,11 @@ class Peak(AbstractReduction):
         """The highest value of the step, if it is higher than those before."""
         start, end = Point(0.0, tally.last), Point(1.0, self._value(now))
         middle = Point(0.5, self._value(now.middle))
-        found = highest(lambda x: self._value(now.inside(x)), start, middle, end)
-        time = tally.now + found.place * (now.time - tally.now)
-        rises = found.value > tally.highest
+        peak = highest(lambda x: self._value(now.inside(x)), start, middle, end)
+        time = tally.now + peak.place * (now.time - tally.now)
+        rises = peak.value > tally.highest
         return PeakTally(
-            jnp.where(rises, found.value, tally.highest),
+            jnp.where(rises, peak.value, tally.highest),
             jnp.where(rises, time, tally.time),
             end.value,
             now.time,

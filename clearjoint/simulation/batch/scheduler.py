@@ -161,9 +161,9 @@ class Batch:
     ) -> None:
         tables, counts = self._tables(seats, sitting)
         tables = jax.device_put(tables, self._across)
-        found, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
+        outcomes, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
         for k in np.flatnonzero(finished):
-            lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (found, channels))
+            lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (outcomes, channels))
             logs = {name: (values, int(counts[name][k])) for name, values in read.items()}
             on_ended(Ended(int(sitting[k]), lane, logs))
             for name in self._lengths:

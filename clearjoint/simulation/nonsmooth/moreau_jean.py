@@ -22,10 +22,10 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...dynamics.breakpoints import seen
+from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...math.rotations import normalised
 from ...math.vectors import EulerParameters, Scalar, add, multiply
-from ..aliases import MotionVariables
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -89,10 +89,10 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
     after = problem.velocities_after(unloaded, impulses)
-    last = mechanics.kicked(problem.kick(impulses))
+    last = mechanics.after_speed_change(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
     push, projection_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).kicked(push)
+    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).after_speed_change(push)
     residual = jnp.maximum(residual, projection_residual)
     return StepEnd(
         variables=_arrived(rigid, variables, mean, last, middle_time, h),

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
-from ...dynamics.coordinates import AbstractCoordinates
+from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
@@ -20,7 +20,7 @@ from ...math.vectors import Scalar, Structured, pack, structured, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
 from ...results import RESULTS
-from ..aliases import Integers, MotionVariables, Numbers
+from ..aliases import Integers, Numbers
 from ..run_checks import check_precision, check_start
 from ..saving import Saving, saving_or_nothing
 from ..solution import Trajectory, raise_failure
