@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 
@@ -46,7 +46,7 @@ class AbstractLoops(eqx.Module):
 
     @abc.abstractmethod
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """Apply `go` to a state as long as `goes` holds of it, like `jax.lax.while_loop`."""
 
@@ -73,7 +73,7 @@ class PlainLoops(AbstractLoops):
         return attempt(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """JAX's loop, whose number of turns is not known beforehand."""
         return jax.lax.while_loop(goes, go, start)
@@ -106,7 +106,7 @@ class CheckpointedLoops(AbstractLoops):
         return _attempt_without_overflow(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """equinox's loop with checkpoints."""
         return eqxi.while_loop(goes, go, start, kind="checkpointed", checkpoints=self.checkpoints)
@@ -171,7 +171,7 @@ def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
     return jnp.zeros_like(primal) if missing else tangent
 
 
-def _is_finite(tree: PyTree[Scalar]) -> Scalar:
+def _is_finite(tree: PyTree[Scalar]) -> Condition:
     """Whether all numbers are finite, and their squares."""
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):

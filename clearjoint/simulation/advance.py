@@ -11,7 +11,7 @@ from functools import cached_property
 from jaxtyping import PyTree
 
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..quantities.instant import Instant
 from .dense_output import Bracket, Snapshot
 from .step_state import Attempt, Method, Step, choose
@@ -33,7 +33,7 @@ class Stride:
         before: Step,
         tried: Attempt,
         after: Step,
-        kept: Scalar,
+        kept: Condition,
     ):
         self.method, self.system = method, system
         self.before, self.tried, self.after, self.kept = before, tried, after, kept
@@ -66,7 +66,7 @@ def advance(
     records: Mapping[str, PyTree],
     recorders: Mapping[str, Recorder],
     *,
-    goes: Scalar | None = None,
+    goes: Condition | None = None,
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> tuple[Step, dict[str, PyTree]]:

@@ -14,6 +14,7 @@ from ..math.vectors import Condition, Scalar, Structured
 from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .advance import Recorder, Stride, advance, latest_attempt
+from .aliases import Numbers
 from .dense_output import look_inside
 from .method import Scheme
 from .run_ends import begin_run, named, state_of
@@ -72,7 +73,7 @@ class GrowingTable(eqx.Module):
 class TimedState(eqx.Module):
     """A time and the state there, under the names of the condensed scene."""
 
-    t: Scalar
+    t: Numbers
     state: State
 
 
@@ -139,7 +140,7 @@ def segment(
         now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
-        return now, SavedStates(named(state), time <= now.step.t)
+        return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, progress, save_times)
 
@@ -163,7 +164,7 @@ def _run_and_record(
     if progress.record is None:
         return _run(method, system, progress, stop, t_end, attempts, loops)
 
-    def goes(now: Progress) -> Scalar:
+    def goes(now: Progress) -> Condition:
         assert now.record is not None
         return _running(now, stop, t_end, attempts) & now.record.has_room()
 
@@ -178,7 +179,7 @@ def _run_and_record(
     return jax.lax.while_loop(goes, go, progress)
 
 
-def _running(now: Progress, stop: Scalar, t_end: Scalar, attempts: Scalar) -> Scalar:
+def _running(now: Progress, stop: Scalar, t_end: Scalar, attempts: Scalar) -> Condition:
     return (now.step.t < stop) & running(now.step, t_end, attempts)
 
 
@@ -193,9 +194,9 @@ def _run(
 ) -> Progress:
     """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
 
-    def goes(now: Progress) -> Scalar:
+    def goes(now: Progress) -> Condition:
         more = _running(now, stop, t_end, attempts)
-        return more if now.record is None else more & ~now.record.block_is_full()
+        return more if now.record is None else more & jnp.logical_not(now.record.block_is_full())
 
     def go(now: Progress) -> Progress:
         records = {"last": now.last, "record": now.record}

@@ -163,7 +163,7 @@ def followed(
 
 def _nothing(
     family: SystemFamily, outputs: Mapping[str, Quantity]
-) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
+) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """What stands in the place of quantities at a time that has been looked at."""
     along = jnp.zeros(len(family.values))
     return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
@@ -175,7 +175,7 @@ def _looked_at(
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
+) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """Quantities at an instant of an accepted step, and their derivatives."""
     dense = look_inside(method, family.system(), tried, time)
 

@@ -75,16 +75,16 @@ class Work:
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
-            "time_reached": outcome.time,
-            "attempts": outcome.attempts,
-            "accepted": outcome.accepted,
+            "time_reached": np.asarray(outcome.time),
+            "attempts": np.asarray(outcome.attempts),
+            "accepted": np.asarray(outcome.accepted),
         }
         bodies = [outcome.final.bodies[name] for name in self.bodies]
         for part in FINAL:
             results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
         for name, values in outcome.results.items():
             for key, value in values.items():
-                results[variable_name(name, key)] = value
+                results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
         return {

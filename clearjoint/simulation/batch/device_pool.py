@@ -23,10 +23,12 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+from ...fields.types import Single
 from ...math.vectors import Scalar, Structured, pack, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
+from ..aliases import Numbers
 from ..dense_output import Snapshot
 from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
@@ -63,8 +65,8 @@ class Task(eqx.Module):
 
     varied: PyTree
     state: State
-    end_time: Scalar
-    first_step: Scalar
+    end_time: Numbers
+    first_step: Numbers
     save_at: jax.Array | np.ndarray | None
 
 
@@ -90,7 +92,7 @@ class Common(eqx.Module):
 
     plan: Plan
     form: Structured
-    start_time: Scalar
+    start_time: Single
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
     saved: str = eqx.field(default="", static=True)
@@ -169,7 +171,8 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
         pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
         seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
         left = _work_left(common, seats)
-        return seats, Status(left, seats.lane.step.t, slices[None] * extent.turns), pages
+        time = jnp.asarray(seats.lane.step.t)
+        return seats, Status(left, time, slices[None] * extent.turns), pages
 
     return _on_devices(mesh, on_device, common, seats)
 
@@ -230,7 +233,8 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
         return turn(common.plan, common.scene(task), lane, orders)
 
     def goes(now: tuple[jax.Array, Lane]) -> jax.Array:
-        return (now[0] < extent.turns) & jax.vmap(partial(moves, common.plan))(now[1], orders).any()
+        able = jax.vmap(partial(moves, common.plan))(now[1], orders)
+        return (now[0] < extent.turns) & jnp.any(able)
 
     def all_turn(now: tuple[jax.Array, Lane]) -> tuple[jax.Array, Lane]:
         return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)

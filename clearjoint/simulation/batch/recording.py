@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ...math.interpolation import secant_root
-from ...math.vectors import Scalar
+from ...math.vectors import Condition, Scalar
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..advance import Stride
@@ -28,18 +28,18 @@ class Ring(eqx.Module, Generic[R]):
     """A few rows, and how many of them are filled."""
 
     slots: tuple[R, ...]
-    count: Scalar
+    count: jax.Array
 
     @staticmethod
     def like(row: R) -> "Ring[R]":
         """An empty ring."""
         return Ring((row,) * SLOTS, jnp.zeros((), int))
 
-    def full(self) -> Scalar:
+    def full(self) -> Condition:
         """Whether another row must wait."""
         return self.count >= SLOTS
 
-    def waits(self, wanted: Scalar) -> Scalar:
+    def waits(self, wanted: Scalar) -> Condition:
         """Whether a lane waits for the host, of which so many more rows are wanted."""
         return self.full() & (wanted > self.count)
 
@@ -47,7 +47,7 @@ class Ring(eqx.Module, Generic[R]):
         """The ring after the host has taken its rows."""
         return Ring(self.slots, jnp.zeros_like(self.count))
 
-    def with_row(self, row: R, wanted: Scalar) -> "Ring[R]":
+    def with_row(self, row: R, wanted: Condition) -> "Ring[R]":
         """The row added, if it is wanted."""
         slots = tuple(
             jax.tree.map(

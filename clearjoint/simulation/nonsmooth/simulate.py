@@ -16,7 +16,7 @@ from ...dynamics.journals import warn_of_journals_outside
 from ...dynamics.system import System
 from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.readable import AbstractReadable
-from ...math.vectors import Scalar, Structured, pack, structured, unpack
+from ...math.vectors import Condition, Scalar, Structured, pack, structured, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
 from ...results import RESULTS
@@ -318,7 +318,7 @@ def _is_contact(tree: object) -> bool:
     return isinstance(tree, ContactTotals | ContactStep)
 
 
-def _total(totals: ContactTotals, step: ContactStep, touched: Scalar) -> ContactTotals:
+def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
     """The totals with those of a step; `touched` tells whether the one before had an impulse."""
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
