@@ -76,8 +76,8 @@ from .model.joints.motion_subspaces import Twist as Twist
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component
+from .quantities.base import Quantity as Quantity
 from .quantities.instant import Instant as Instant
 from .results import result_number as result_number
 from .results import result_numbers as result_numbers
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
-from .simulation.batch.reductions import Quantity as Quantity

@@ -50,11 +50,11 @@ _idle = 0
 
 
 class Device(Protocol):
-    """What is asked of a device of JAX."""
+    """A device of JAX, as `jax.devices()` lists them: what is asked of it."""
 
     @property
     def platform(self) -> str:
-        """ "cpu", "gpu" or the like."""
+        """The kind of device: "cpu", "gpu" or "tpu"."""
         ...
 
 

@@ -3,8 +3,10 @@
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 
@@ -12,6 +14,7 @@ from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbou
 
 HIGHEST_FLOOR = 9
 MODULES_BESIDE_ROOMS = 7
+PLACES_OF_ANY = 60
 FLOORS = (
     ("compilation", "math", "results"),
     ("fields",),
@@ -111,6 +114,24 @@ def test_classes_are_abstract_or_final():
     concrete = {node.name for node in classes if not node.name.startswith("Abstract")}
     subclassed = {ast.unparse(base).split(".")[-1] for node in classes for base in node.bases}
     assert concrete & subclassed == set()
+
+
+def test_public_classes_and_types_have_names_of_their_own():
+    """Private ones, and variables of types, mean something in their module alone."""
+    names = Counter(
+        node.name if isinstance(node, ast.ClassDef) else ast.unparse(node.target)
+        for path in PATHS.values()
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef)
+        or (isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias")
+    )
+    assert len(names) > 200
+    assert [n for n, times in names.items() if times > 1 and not n.startswith("_")] == []
+
+
+def test_few_types_are_any():
+    texts = [path.read_text() for path in PATHS.values()]
+    assert sum(len(re.findall(r"\bAny\b", text)) for text in texts) <= PLACES_OF_ANY
 
 
 IMPORT_EVERYTHING = """

@@ -68,7 +68,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         """The equations of motion of the bodies (eq. 29)."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
-    def settled(self, scene: Scene, variables: Bodies) -> Bodies:
+    def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
         """Euler parameters of unit norm."""
         del scene
         return {name: settled_body(body) for name, body in variables.items()}
@@ -131,7 +131,7 @@ class AbsoluteMechanics(AbstractMechanics):
             )
         return variable_rates
 
-    def moved(self, changes: Speeds) -> Bodies:
+    def after_displacement(self, changes: Speeds) -> Bodies:
         """Positions shifted and orientations turned."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
@@ -143,7 +143,7 @@ class AbsoluteMechanics(AbstractMechanics):
             bodies[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
         return bodies
 
-    def kicked(self, changes: Speeds) -> Bodies:
+    def after_speed_change(self, changes: Speeds) -> Bodies:
         """Velocities and spins changed."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():

@@ -71,11 +71,11 @@ class AbstractMechanics(abc.ABC):
         """Time derivative of the variables for rates of the speeds."""
 
     @abc.abstractmethod
-    def moved(self, changes: Speeds) -> MotionVariables:
+    def after_displacement(self, changes: Speeds) -> MotionVariables:
         """The variables after a small motion along the speeds (m and rad)."""
 
     @abc.abstractmethod
-    def kicked(self, changes: Speeds) -> MotionVariables:
+    def after_speed_change(self, changes: Speeds) -> MotionVariables:
         """The variables after changes of the speeds."""
 
 
@@ -103,7 +103,7 @@ class AbstractCoordinates(eqx.Module):
         """The equations of motion."""
 
     @abc.abstractmethod
-    def settled(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
+    def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
         """The same motion in numbers that don't drift in many steps, for the end of each: Euler
         parameters of unit norm, angles within two turns. Exactly as they are if they are that."""
 

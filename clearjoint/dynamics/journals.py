@@ -47,7 +47,7 @@ def outside(scene: Scene, state: State) -> set[str]:
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
     """The ideal joints that hold journals in the middle, of those joints that know one."""
     joints = scene.contact_joints()
-    ideal = {name: joints[name].centred() for name in names}
+    ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
 
 
@@ -68,7 +68,7 @@ def seating_joints(
     for name in names:
         first, second = joints[name].pair()
         load = np.asarray(loads[name])
-        joint = joints[name].seated(load)
+        joint = joints[name].seated_joint(load)
         require(
             joint is not None,
             "seated",

@@ -12,7 +12,7 @@ def projected_positions(
 ) -> MotionVariables:
     """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
     targets = [-row.value for row in rows]
-    return mechanics.moved(_correction(mechanics, rows, targets, solver))
+    return mechanics.after_displacement(_correction(mechanics, rows, targets, solver))
 
 
 def projected_velocities(
@@ -21,7 +21,7 @@ def projected_velocities(
     """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy the
     rate of Phi = 0."""
     targets = [-row_rate(row, mechanics.motions) for row in rows]
-    return mechanics.kicked(_correction(mechanics, rows, targets, solver))
+    return mechanics.after_speed_change(_correction(mechanics, rows, targets, solver))
 
 
 def _correction(

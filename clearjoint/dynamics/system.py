@@ -56,9 +56,9 @@ class System(eqx.Module):
         """The state of the variables, in scalar form."""
         return self.formulation.coordinates.decode(self.scene, variables)
 
-    def settled(self, variables: MotionVariables) -> MotionVariables:
+    def without_drift(self, variables: MotionVariables) -> MotionVariables:
         """The same motion in numbers that don't drift in many steps."""
-        return self.formulation.coordinates.settled(self.scene, variables)
+        return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
         """The variables with the speeds of others; positions stay."""

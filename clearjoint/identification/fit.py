@@ -64,7 +64,7 @@ class Fit:
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance (p, p) of the coordinates, if the noise is as stated."""
-        return statistics.covariance(self.best.best.jacobian)
+        return statistics.parameter_covariance(self.best.best.jacobian)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:

@@ -44,7 +44,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     return changes
 
 
-def covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
+def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
     """Covariance (p, p) of the coordinates, from the Jacobian (M, p) of residuals in standard
     deviations; large, but finite, for what the data don't see."""
     return information.covariance(jacobian, SINGULAR)

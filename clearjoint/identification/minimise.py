@@ -14,8 +14,8 @@ from ..fields.checks import require, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
+from ..quantities.base import Quantity
 from ..results import RESULTS
-from ..simulation.batch.reductions import Quantity
 from ..simulation.settings import Settings
 from .residuals import experiment
 

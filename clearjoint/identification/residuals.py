@@ -28,9 +28,9 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
+from ..quantities.base import Quantity
 from ..results import RESULTS
 from ..simulation import presets
-from ..simulation.batch.reductions import Quantity
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled

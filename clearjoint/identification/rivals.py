@@ -32,7 +32,7 @@ def intervals(
     for one in (best, *others):
         left = DEVIATIONS**2 - (one.chi_squared - best.chi_squared)
         if left >= 0.0:
-            half = math.sqrt(left) * np.sqrt(np.diag(statistics.covariance(one.jacobian)))
+            half = math.sqrt(left) * np.sqrt(np.diag(statistics.parameter_covariance(one.jacobian)))
             lows.append(one.coordinates - half)
             highs.append(one.coordinates + half)
     return np.min(lows, axis=0), np.max(highs, axis=0)
@@ -50,5 +50,5 @@ def rivals(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    reach = DEVIATIONS * np.sqrt(np.diag(statistics.covariance(one.jacobian)))
+    reach = DEVIATIONS * np.sqrt(np.diag(statistics.parameter_covariance(one.jacobian)))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > reach))

@@ -15,9 +15,9 @@ from ..math.vectors import Scalar, pack, structured, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
+from ..quantities.base import Quantity
 from ..quantities.bodies import PointPosition
 from ..quantities.joints import Penetration
-from ..simulation.batch.reductions import Quantity
 
 DISTURBANCE = "initial velocity"
 """Name of the parameter that disturbs the initial state."""

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_names
 from ..model.scene import Scene
-from ..quantities.base import check_quantity
-from ..simulation.batch.reductions import Quantity
+from ..quantities.base import Quantity, check_quantity
 
 
 class SampledChannel(Protocol):

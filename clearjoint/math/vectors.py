@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, TypeAlias, overload
+from typing import TypeAlias, overload
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from jax.tree_util import DictKey, GetAttrKey, SequenceKey
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-Scalar: TypeAlias = Any
+Scalar: TypeAlias = float | jax.Array
 """A number: a float, Python's or numpy's, or a JAX array of shape ()."""
 Condition: TypeAlias = bool | jax.Array
 """True or false: a bool, or a JAX array of booleans of shape ()."""

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
-from ..simulation.batch.reductions import Quantity
+from ..quantities.base import Quantity
 from .series import Measurements, Series
 from .units import to_si
 

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from ..fields.checks import as_number, concrete, named, require
 from ..fields.readable import AbstractReadable
 from ..model.scene import Scene
-from ..quantities.base import check_quantity
-from ..simulation.batch.reductions import Quantity
+from ..quantities.base import Quantity, check_quantity
 from .units import to_si
 
 

@@ -19,7 +19,7 @@ from jaxtyping import PyTree
 
 from ..compilation import Compiled
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 
@@ -34,7 +34,7 @@ REMEDY = (
 
 
 Carry = TypeVar("Carry")
-Place = TypeVar("Place")
+Item = TypeVar("Item")
 Visit = TypeVar("Visit")
 
 
@@ -47,16 +47,16 @@ class AbstractLoops(eqx.Module):
 
     @abc.abstractmethod
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """Apply `go` to a state as long as `goes` holds of it, like `jax.lax.while_loop`."""
 
     @abc.abstractmethod
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """Visit places one after the other, like `jax.lax.scan`; places and visits have their
         number in front."""
@@ -74,16 +74,16 @@ class PlainLoops(AbstractLoops):
         return attempt(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """JAX's loop, whose number of turns is not known beforehand."""
         return jax.lax.while_loop(goes, go, start)
 
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """JAX's loop over a known number of places."""
         return jax.lax.scan(visit, start, places)
@@ -107,16 +107,16 @@ class CheckpointedLoops(AbstractLoops):
         return _attempt_without_overflow(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Scalar], go: Callable[[Carry], Carry], start: Carry
+        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """equinox's loop with checkpoints."""
         return eqxi.while_loop(goes, go, start, kind="checkpointed", checkpoints=self.checkpoints)
 
     def each(
         self,
-        visit: Callable[[Carry, Place], tuple[Carry, Visit]],
+        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
         start: Carry,
-        places: Place,
+        places: Item,
     ) -> tuple[Carry, Visit]:
         """JAX's loop, keeping the state at each place and nothing of the way there."""
         return jax.lax.scan(jax.checkpoint(visit, prevent_cse=False), start, places)
@@ -172,7 +172,7 @@ def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
     return jnp.zeros_like(primal) if missing else tangent
 
 
-def _is_finite(tree: PyTree[Scalar]) -> Scalar:
+def _is_finite(tree: PyTree[Scalar]) -> Condition:
     """Whether all numbers are finite, and their squares."""
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):

@@ -11,9 +11,9 @@ from functools import cached_property
 from jaxtyping import PyTree
 
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..quantities.instant import Instant
-from .dense_output import Bracket, Row
+from .dense_output import Bracket, Snapshot
 from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 from .systems import SystemFamily
@@ -33,7 +33,7 @@ class Stride:
         before: Step,
         tried: Attempt,
         after: Step,
-        kept: Scalar,
+        kept: Condition,
     ):
         self.method, self.system = method, system
         self.before, self.tried, self.after, self.kept = before, tried, after, kept
@@ -51,7 +51,7 @@ class Stride:
         def inside(x: Scalar) -> Instant:
             return self.bracket.within(self.method, x).instant(self.system)
 
-        return Row(here.t, here.y, here.memory).instant(self.system, inside)
+        return Snapshot(here.t, here.y, here.memory).instant(self.system, inside)
 
 
 Recorder = Callable[[PyTree, Stride], PyTree]
@@ -66,7 +66,7 @@ def advance(
     records: Mapping[str, PyTree],
     recorders: Mapping[str, Recorder],
     *,
-    goes: Scalar | None = None,
+    goes: Condition | None = None,
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> tuple[Step, dict[str, PyTree]]:

@@ -22,7 +22,7 @@ from ..math.interpolation import (
     higher,
     highest,
 )
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.contact.gap import Gap
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
 
@@ -41,7 +41,7 @@ class ContactInstant(eqx.Module):
     second_rate: Scalar
     entry_speed: Scalar | None
 
-    def touches(self, law: AbstractContactLaw) -> Scalar:
+    def touches(self, law: AbstractContactLaw) -> Condition:
         """Whether there is a force."""
         if self.entry_speed is None:
             return self.gap.depth + law.reach() > 0.0

@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..dynamics.contact_forces import Memory
+from ..dynamics.coordinates import MotionVariables
 from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar
 from ..quantities.base import Quantity
 from ..quantities.instant import Instant
-from .aliases import MotionVariables
 from .step_state import Attempt, Method, Variables, choose
 from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
 
@@ -75,7 +75,7 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
     )
 
 
-class Row(eqx.Module):
+class Snapshot(eqx.Module):
     """A time, the variables and the memory there."""
 
     t: Scalar
@@ -100,8 +100,8 @@ class Row(eqx.Module):
 class Bracket(eqx.Module):
     """The latest accepted step, with its stages."""
 
-    start: Row
-    end: Row
+    start: Snapshot
+    end: Snapshot
     stages: tuple[Variables, ...]
     graded: Scalar | None
 
@@ -110,8 +110,8 @@ class Bracket(eqx.Module):
         """The bracket of an accepted attempt."""
         step, inside = tried.step, tried.information
         return Bracket(
-            Row(tried.t_start, inside["y0"], tried.memory_start),
-            Row(step.t, step.y, step.memory),
+            Snapshot(tried.t_start, inside["y0"], tried.memory_start),
+            Snapshot(step.t, step.y, step.memory),
             inside["stages"],
             tried.graded,
         )
@@ -123,16 +123,16 @@ class Bracket(eqx.Module):
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
         return dense.at(place_in_step(x, self.graded))
 
-    def within(self, method: Method, x: Scalar) -> Row:
+    def within(self, method: Method, x: Scalar) -> Snapshot:
         """The row at a fraction x of the step."""
         require_dense(method.solver)
         t = self.start.t + x * (self.end.t - self.start.t)
-        return Row(t, self.inside(method, x), self.start.memory)
+        return Snapshot(t, self.inside(method, x), self.start.memory)
 
-    def at(self, method: Method, t: Scalar) -> Row:
+    def at(self, method: Method, t: Scalar) -> Snapshot:
         """The row at a time of the step."""
         length = self.end.t - self.start.t
         x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t
         y = choose(ends, self.end.y, self.inside(method, x))
-        return Row(t, y, choose(ends, self.end.memory, self.start.memory))
+        return Snapshot(t, y, choose(ends, self.end.memory, self.start.memory))

@@ -1,6 +1,6 @@
 """Carrying out a run: segment after segment, or in one piece under a transformation."""
 
-from typing import Any
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ..compilation import Compiled
-from ..math.vectors import Structured, pack
+from ..math.vectors import Scalar, Structured, pack
 from ..model.bodies import State
 from ..results import RESULTS
 from ..runtime import SlowRunNotice
@@ -16,10 +16,11 @@ from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
 from .run_ends import final_result, final_state, named
-from .segments import Progress, Row, Saved, rewound, segment
+from .segments import Progress, SavedStates, TimedState, rewound, segment
 from .solution import Solution, Trajectory
 from .step_state import Step
 
+T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
 SAVES_A_SEGMENT = 512
 segment_compiled = Compiled(segment)
@@ -28,12 +29,17 @@ segment_compiled = Compiled(segment)
 class AbstractRun:
     """What both ways share: the parts of a solution."""
 
-    def __init__(self, form: Structured, scheme: Scheme, end: Any, redundant: tuple[str, ...]):
+    def __init__(self, form: Structured, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]):
         self._form, self._scheme, self._end = form, scheme, end
         self._redundant = redundant
 
     def _solution(
-        self, step: Step, saved: Trajectory | None, count: Any, steps: Any, impacts: Any
+        self,
+        step: Step,
+        saved: Trajectory | None,
+        count: Scalar | None,
+        steps: Trajectory | None,
+        impacts: Impacts | None,
     ) -> Solution:
         return Solution(
             step.t,
@@ -54,7 +60,7 @@ class OnePiece(AbstractRun):
     """The whole run inside one traced computation."""
 
     def solution(
-        self, now: Progress, save_at: Any | None, max_steps: int, loops: AbstractLoops
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
     ) -> Solution:
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
@@ -82,7 +88,7 @@ class HostLoop(AbstractRun):
     ) -> Solution:
         """Run to the end, a failure or the step limit."""
         waiting = _Waiting(save_at, float(self._end))
-        rows: list[Row] = []
+        rows: list[TimedState] = []
         notice, start = SlowRunNotice(), float(now.step.t)
         bar = tqdm(
             total=float(self._end) - start,
@@ -140,7 +146,7 @@ class _Waiting:
         chunk[: len(following)] = following
         return jnp.asarray(chunk)
 
-    def take(self, saved: Saved | None) -> None:
+    def take(self, saved: SavedStates | None) -> None:
         """Keep the states at the requested times that were reached."""
         if saved is None or self._times is None:
             return
@@ -164,20 +170,20 @@ class _Waiting:
         return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
 
 
-def _joined(pieces: list[Any]) -> Any:
+def _joined(pieces: list[T]) -> T:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
 
 
-def _recorded_rows(now: Progress) -> Row:
+def _recorded_rows(now: Progress) -> TimedState:
     """The record's table and the block behind it, cut to what is filled."""
     record = jax.device_get(now.record)
     assert record is not None
     table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
     block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
     whole = _joined([table, block])
-    return Row(whole.t, named(whole.state))
+    return TimedState(whole.t, named(whole.state))
 
 
-def _trajectory(rows: list[Row]) -> Trajectory:
+def _trajectory(rows: list[TimedState]) -> Trajectory:
     whole = _joined(rows)
     return Trajectory(whole.t, pack(whole.state))

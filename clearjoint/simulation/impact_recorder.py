@@ -15,7 +15,7 @@ from jaxtyping import PyTree
 
 from ..dynamics.system import System
 from ..math.groups import by_name
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import AbstractContactLaw
 from ..quantities.base import Quantity
 from ..quantities.instant import Instant
@@ -77,12 +77,12 @@ class OpenContact(eqx.Module):
     """
 
     here: ContactInstant
-    seen: Scalar
+    seen: Condition
     row: ImpactRow
 
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
-    ) -> tuple["OpenContact", Scalar, ImpactRow]:
+    ) -> tuple["OpenContact", Condition, ImpactRow]:
         """The contact after a step from t0 to t1; whether one was over in it, and its row."""
         here, row, h = self.here, self.row, t1 - t0
         touched, touches = here.touches(law), end.touches(law)
@@ -97,21 +97,22 @@ class OpenContact(eqx.Module):
             jnp.where(stronger, t0 + h * peak.place, row.peak_time),
             jnp.maximum(row.largest_penetration, peak.depth),
         )
-        begins = touches & ~touched
+        begins = touches & jnp.logical_not(touched)
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
         )
         seen = touches & (begins | self.seen)
-        return OpenContact(end, seen, choose(begins, fresh, row)), self.seen & ~touches, row
+        over = self.seen & jnp.logical_not(touches)
+        return OpenContact(end, seen, choose(begins, fresh, row)), over, row
 
 
 class Sink(Protocol):
     """What takes rows, and counts them."""
 
-    count: Scalar
+    count: jax.Array
 
-    def with_row(self, row: PyTree, wanted: Scalar) -> Self:
+    def with_row(self, row: PyTree, wanted: Condition) -> Self:
         """The sink with another row, if it is wanted."""
         ...
 
@@ -123,7 +124,7 @@ class Table(eqx.Module):
     """A table of so many rows at most; `count` goes on where it is full."""
 
     rows: ImpactRow
-    count: Scalar
+    count: jax.Array
 
     @staticmethod
     def like(row: ImpactRow, capacity: int) -> "Table":
@@ -131,7 +132,7 @@ class Table(eqx.Module):
         rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
         return Table(rows, jnp.zeros((), int))
 
-    def with_row(self, row: ImpactRow, wanted: Scalar) -> "Table":
+    def with_row(self, row: ImpactRow, wanted: Condition) -> "Table":
         """The row written behind the last one, and counted if it is wanted."""
         rows = jax.tree.map(
             lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
@@ -177,14 +178,14 @@ class ImpactRecorder(eqx.Module):
     ) -> ImpactRecord[S]:
         """The record after a stride; of each contact no more rows than are wanted, if that is
         said."""
-        laws, found = stride.now.scene.laws(), self._instants(stride.now, stride.after)
+        laws, ends = stride.now.scene.laws(), self._instants(stride.now, stride.after)
         return {
             name: {
                 label: _after(
                     laws[name][label],
                     one,
                     stride,
-                    found[name][label],
+                    ends[name][label],
                     None if wanted is None else wanted[name][label],
                 )
                 for label, one in family.items()

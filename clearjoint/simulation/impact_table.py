@@ -120,14 +120,14 @@ def _history(law: AbstractContactLaw, times: Float[Array, " N"], here: ContactIn
     h = jnp.concatenate([jnp.diff(times), jnp.zeros(1)])
     peak = peak_in_step(law, here, following, h)
     return History(
-        here.touches(law),
-        here.gap.rate,
-        here.speed(),
+        jnp.asarray(here.touches(law)),
+        jnp.asarray(here.gap.rate),
+        jnp.asarray(here.speed()),
         times - begin_before(law, here),
         times + h * end_in_step(law, here, following, h),
-        peak.force,
+        jnp.asarray(peak.force),
         times + h * peak.place,
-        peak.depth,
+        jnp.asarray(peak.depth),
     )
 
 

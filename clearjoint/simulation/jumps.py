@@ -16,7 +16,7 @@ from ..dynamics.contact_events import Reach, Reaches
 from ..dynamics.contact_forces import LoadedContact, Memory, contact_force
 from ..dynamics.system import System
 from ..math.groups import some
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.scene import Scene
 from .step_state import Variables
 
@@ -37,7 +37,7 @@ def across_contacts(
     y: Variables,
     memory: Memory,
     t: Scalar,
-    lands: Scalar,
+    lands: Condition,
 ) -> Variables:
     """The variables at the end of a step, where it `lands` on the begin or end of contacts.
 
@@ -75,13 +75,13 @@ def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
     return {name: labels for name, labels in labels_by_joint.items() if labels}
 
 
-def _changes(before: Reach, after: Reach) -> Scalar:
+def _changes(before: Reach, after: Reach) -> Condition:
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
-def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Scalar:
+def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Condition:
     """Whether a contact whose force may jump then begins or ends between two instants."""
-    any_change: Scalar = jnp.asarray(False)
+    any_change: Condition = jnp.asarray(False)
     for name, labels in _jumping_contacts(scene).items():
         for label in labels:
             any_change |= some(_changes(before[name][label], after[name][label]))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from ..dynamics.contact_events import Reach, Reaches
 from ..math.groups import least
 from ..math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from .aliases import SecondRates
 
 LATEST = 1e-11
@@ -60,10 +60,10 @@ class Landing(eqx.Module):
 
     def retry(
         self, before: Reaches, after: Reaches, t0: Scalar, t1: Scalar
-    ) -> tuple[Scalar, Scalar]:
+    ) -> tuple[Condition, Scalar]:
         """Whether the step passes an event beyond the tolerance, and the time to end at instead."""
         h = t1 - t0
-        resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), h)
+        resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
         fraction: Scalar = 1.0
         for name, family in before.items():
             for label, start in family.items():

@@ -72,7 +72,7 @@ class Load(eqx.Module):
     moment: Vectors
 
 
-class BodyAcceleration(eqx.Module):
+class AccelerationSeries(eqx.Module):
     """Acceleration of a body over time.
 
     `linear`: (N, 3) of the centre of mass, global, m/s^2; `angular`: (N, 3) of the spin, body axes,
@@ -91,7 +91,7 @@ class Observation(eqx.Module):
     - `modes[joint]`: (N,) `MotionMode` numbers of the clearance joints.
     - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). Not unique, and then of least
       norm, if the solution names redundant constraints; see `reactions_unique`.
-    - `accelerations[body]`: `BodyAcceleration`.
+    - `accelerations[body]`: `AccelerationSeries`.
     - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
     - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" as far as the scene has
       them, their sum "mechanical", and of the ledger, if it was kept, the integrals "normal
@@ -102,7 +102,7 @@ class Observation(eqx.Module):
     contacts: dict[str, dict[str, ContactObservation]]
     modes: dict[str, Integers]
     reactions: dict[str, dict[str, Load]]
-    accelerations: dict[str, BodyAcceleration]
+    accelerations: dict[str, AccelerationSeries]
     drift: dict[str, Numbers]
     drift_rate: dict[str, Numbers]
     energies: dict[str, Numbers]
@@ -183,7 +183,7 @@ def observe_compiled(
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)
         accelerations = {
-            name: BodyAcceleration(pack(part.linear), pack(part.angular))
+            name: AccelerationSeries(pack(part.linear), pack(part.angular))
             for name, part in dynamics.accelerations.items()
         }
         observation = Observation(

@@ -1,12 +1,12 @@
 """What a run keeps beside the state that it ends in."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..fields.checks import concrete, require
+from ..math.vectors import Scalar
 from .spans import check_rising, checked_times
 
 
@@ -42,7 +42,7 @@ class Saving:
         """Whether steps are recorded as they are made."""
         return self.steps or self.impacts
 
-    def times_between(self, start_time: Any, end_time: Any) -> np.ndarray | None:
+    def times_between(self, start_time: Scalar, end_time: Scalar) -> np.ndarray | None:
         """The times of a run between two others, s.
 
         **Raises:** `ValueError` for times outside.

@@ -4,17 +4,17 @@ A segment ends at the end time, after a number of attempts, at a failure, or whe
 accepted steps is full. The host then takes what was recorded, shows progress and goes on.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.system import System
-from ..math.vectors import Scalar, Structured
+from ..math.vectors import Condition, Scalar, Structured
 from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .advance import Recorder, Stride, advance, latest_attempt
+from .aliases import Numbers
 from .dense_output import look_inside
 from .method import Scheme
 from .run_ends import begin_run, named, state_of
@@ -24,56 +24,56 @@ from .stepping import blank_attempt, running
 BLOCK_ROWS = 64
 
 
-class Rows(eqx.Module):
+class GrowingTable(eqx.Module):
     """A table that grows by rows.
 
     A loop copies the buffers it writes into at every turn, so rows go into a small `block` first,
     and full blocks into the large `table`.
     """
 
-    table: Any
-    count: Any
-    block: Any
-    block_count: Any
+    table: PyTree
+    count: Scalar
+    block: PyTree
+    block_count: Scalar
 
     @staticmethod
-    def like(row: Any, length: int) -> "Rows":
+    def like(row: PyTree, length: int) -> "GrowingTable":
         """An empty table with room for `length` rows like the given one."""
         none = jnp.zeros((), int)
-        return Rows(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
+        return GrowingTable(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
 
-    def with_row(self, row: Any, kept: Any) -> "Rows":
+    def with_row(self, row: PyTree, kept: Scalar) -> "GrowingTable":
         """The row written behind the last one, and counted if it is to be kept."""
         block = jax.tree.map(
             lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
             self.block,
             row,
         )
-        return Rows(self.table, self.count, block, self.block_count + kept)
+        return GrowingTable(self.table, self.count, block, self.block_count + kept)
 
-    def flushed(self) -> "Rows":
+    def flushed(self) -> "GrowingTable":
         """The block moved into the table; what of it is not filled is overwritten later."""
         table = jax.tree.map(
             lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
             self.table,
             self.block,
         )
-        return Rows(table, self.count + self.block_count, self.block, jnp.zeros((), int))
+        return GrowingTable(table, self.count + self.block_count, self.block, jnp.zeros((), int))
 
-    def block_is_full(self) -> Any:
+    def block_is_full(self) -> Condition:
         """Whether the block must be moved before another row is written."""
         return self.block_count >= BLOCK_ROWS
 
-    def has_room(self) -> Any:
+    def has_room(self) -> Condition:
         """Whether another full block fits into the table."""
         length = jax.tree.leaves(self.table)[0].shape[0]
         return self.count + BLOCK_ROWS <= length
 
 
-class Row(eqx.Module):
+class TimedState(eqx.Module):
     """A time and the state there, under the names of the condensed scene."""
 
-    t: Any
+    t: Numbers
     state: State
 
 
@@ -86,23 +86,23 @@ class Progress(eqx.Module):
 
     step: Step
     last: Attempt | None
-    record: Rows | None
+    record: GrowingTable | None
 
 
-class Saved(eqx.Module):
+class SavedStates(eqx.Module):
     """States at the times of a segment, and which of these times were reached."""
 
     states: State
-    reached: Any
+    reached: jax.Array
 
 
 def begin(
     scheme: Scheme,
     form: Structured,
     state: State,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
     saves: bool,
     record_rows: int | None,
 ) -> Progress:
@@ -114,7 +114,7 @@ def begin(
         last = blank_attempt(method, system, step, t_end)
     if record_rows is not None:
         row = _row(system, step)
-        record = Rows.like(row, record_rows).with_row(row, 1)
+        record = GrowingTable.like(row, record_rows).with_row(row, 1)
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), Progress(step, last, record)
@@ -125,22 +125,22 @@ def segment(
     scheme: Scheme,
     form: Structured,
     progress: Progress,
-    save_times: Any | None,
-    t_end: Any,
-    attempts: Any,
+    save_times: jax.Array | None,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops = PLAIN,
-) -> tuple[Progress, Saved | None]:
+) -> tuple[Progress, SavedStates | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
     method, system = scheme.method, scheme.unpacked(form)
     if save_times is None:
         return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
 
-    def save_next(now: Progress, time: Any) -> tuple[Progress, Saved]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
         now = _run_and_record(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
-        return now, Saved(named(state), time <= now.step.t)
+        return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, progress, save_times)
 
@@ -155,16 +155,16 @@ def _run_and_record(
     method: Method,
     system: System,
     progress: Progress,
-    stop: Any,
-    t_end: Any,
-    attempts: Any,
+    stop: Scalar,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
     """Steps until one passes `stop`, emptying the record's block whenever it is full."""
     if progress.record is None:
         return _run(method, system, progress, stop, t_end, attempts, loops)
 
-    def goes(now: Progress) -> Scalar:
+    def goes(now: Progress) -> Condition:
         assert now.record is not None
         return _running(now, stop, t_end, attempts) & now.record.has_room()
 
@@ -179,7 +179,7 @@ def _run_and_record(
     return jax.lax.while_loop(goes, go, progress)
 
 
-def _running(now: Progress, stop: Any, t_end: Any, attempts: Any) -> Scalar:
+def _running(now: Progress, stop: Scalar, t_end: Scalar, attempts: Scalar) -> Condition:
     return (now.step.t < stop) & running(now.step, t_end, attempts)
 
 
@@ -187,16 +187,16 @@ def _run(
     method: Method,
     system: System,
     progress: Progress,
-    stop: Any,
-    t_end: Any,
-    attempts: Any,
+    stop: Scalar,
+    t_end: Scalar,
+    attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
     """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
 
-    def goes(now: Progress) -> Scalar:
+    def goes(now: Progress) -> Condition:
         more = _running(now, stop, t_end, attempts)
-        return more if now.record is None else more & ~now.record.block_is_full()
+        return more if now.record is None else more & jnp.logical_not(now.record.block_is_full())
 
     def go(now: Progress) -> Progress:
         records = {"last": now.last, "record": now.record}
@@ -209,7 +209,7 @@ def _run(
     return loops.repeat(goes, go, progress)
 
 
-def _with_step(record: Rows, stride: Stride) -> Rows:
+def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
     """Keeps every accepted step."""
     return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
 
@@ -217,9 +217,9 @@ def _with_step(record: Rows, stride: Stride) -> Rows:
 RECORDERS: dict[str, Recorder] = {"last": latest_attempt, "record": _with_step}
 
 
-def _row(system: System, step: Step) -> Row:
-    return Row(step.t, state_of(system, step.y, step.memory))
+def _row(system: System, step: Step) -> TimedState:
+    return TimedState(step.t, state_of(system, step.y, step.memory))
 
 
-def _buffer(row: Any, length: int) -> Any:
+def _buffer(row: PyTree, length: int) -> PyTree:
     return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)

@@ -9,15 +9,16 @@ measured by `studies.benchmark`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
+from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
+from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..fields.checks import require, require_names
 from ..math.vectors import Scalar, pack
@@ -30,7 +31,8 @@ from ..quantities.instant import Instant
 from ..results import RESULTS
 from . import presets
 from .advance import Recorder, advance, latest_attempt
-from .dense_output import Row, correct, look_inside
+from .aliases import Gradients, Numbers
+from .dense_output import Snapshot, correct, look_inside
 from .derivative_runs import derivative_scheme
 from .impact_recorder import (
     ImpactRecord,
@@ -86,13 +88,13 @@ class Sampled(eqx.Module):
     - `states`, in scalar form with N in front, and `impacts`, if they are kept.
     """
 
-    values: dict[str, Any]
-    derivatives: dict[str, Any]
-    reached: Any
-    time: Any
+    values: dict[str, Numbers]
+    derivatives: dict[str, Gradients]
+    reached: jax.Array
+    time: Scalar
     result: RESULTS
-    attempts: Any
-    accepted: Any
+    attempts: Scalar
+    accepted: Scalar
     states: State | None = None
     impacts: ImpactRecord[Table] | None = None
 
@@ -101,11 +103,11 @@ def followed(
     scheme: Scheme,
     family: AbstractFamily,
     outputs: Mapping[str, Quantity],
-    times: Any,
-    t0: Any,
-    t_end: Any,
-    first_step: Any,
-    max_steps: Any,
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> tuple[Sampled, Step, Step]:
     """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
@@ -116,7 +118,7 @@ def followed(
     records: dict[str, PyTree] = {LATEST: blank_attempt(method, system, first, t_end, systems)}
     recorders: dict[str, Recorder] = {LATEST: latest_attempt}
     if kept.impacts is not None:
-        now, table = Row(first.t, first.y, first.memory).instant(system), ImpactRow.none()
+        now, table = Snapshot(first.t, first.y, first.memory).instant(system), ImpactRow.none()
         records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
         recorders[IMPACTS] = ImpactRecorder().after
 
@@ -130,7 +132,7 @@ def followed(
             lambda now: (now[0].t < time) & running(now[0], t_end, max_steps), go, now
         )
         last = records[LATEST]
-        found = jax.lax.cond(
+        looks = jax.lax.cond(
             is_new,
             lambda: _looked_at(method, systems, outputs, last, time),
             lambda: _nothing(systems, outputs),
@@ -138,14 +140,14 @@ def followed(
         states = None
         if kept.states:
             states = named(state_of(system, *look_inside(method, system, last, time)))
-        return now, (*found, time <= step.t, states)
+        return now, (*looks, time <= step.t, states)
 
     is_new = jnp.diff(times, prepend=-jnp.inf) > 0.0
-    (step, records), (*found, reached, states) = jax.lax.scan(
+    (step, records), (*looks, reached, states) = jax.lax.scan(
         sample, (first, records), (times, is_new)
     )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
-    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], found)
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], looks)
     sampled = Sampled(
         values,
         derivatives,
@@ -162,7 +164,7 @@ def followed(
 
 def _nothing(
     family: SystemFamily, outputs: Mapping[str, Quantity]
-) -> tuple[dict[str, Scalar], dict[str, Any]]:
+) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """What stands in the place of quantities at a time that has been looked at."""
     along = jnp.zeros(len(family.values))
     return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
@@ -174,11 +176,11 @@ def _looked_at(
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, Any]]:
+) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """Quantities at an instant of an accepted step, and their derivatives."""
     dense = look_inside(method, family.system(), tried, time)
 
-    def observed(system: System, y: Variables, memory: Any) -> tuple[dict[str, Scalar], None]:
+    def observed(system: System, y: Variables, memory: Memory) -> tuple[dict[str, Scalar], None]:
         y = correct(system, y, time)
         now = Instant(system, time, y.motion, memory, y.work)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
@@ -188,7 +190,7 @@ def _looked_at(
 
 
 @Compiled
-def sampled_compiled(*arguments: Any) -> Sampled:
+def sampled_compiled(*arguments: PyTree) -> Sampled:
     """What was seen of `followed`."""
     return followed(*arguments)[0]
 
@@ -225,7 +227,7 @@ def sensitivities(
     end_time: float,
     parameters: Mapping[str, Parameter],
     outputs: Mapping[str, Quantity],
-    times: Any,
+    times: ArrayLike,
     settings: Settings | None = None,
     save: Saving | None = None,
     *,
@@ -279,49 +281,49 @@ def sensitivities(
         *span,
         jnp.asarray(settings.max_steps, int),
     )
-    found = _recorded(arguments, saved is not None, save.impacts)
-    rows = _rows_reached(found, looked_at, asked)
+    sampled = _recorded(arguments, saved is not None, save.impacts)
+    rows = _rows_reached(sampled, looked_at, asked)
     result = Sensitivities(
         tuple(parameters),
         asked[: len(rows)],
-        {name: values[rows] for name, values in found.values.items()},
-        {name: values[rows] for name, values in found.derivatives.items()},
-        float(found.time),
-        found.result,
-        int(found.attempts),
-        int(found.accepted),
-        None if saved is None else _trajectory(found, looked_at, saved),
-        None if found.impacts is None else impacts_of(found.impacts),
+        {name: values[rows] for name, values in sampled.values.items()},
+        {name: values[rows] for name, values in sampled.derivatives.items()},
+        float(sampled.time),
+        sampled.result,
+        int(sampled.attempts),
+        int(sampled.accepted),
+        None if saved is None else _trajectory(sampled, looked_at, saved),
+        None if sampled.impacts is None else impacts_of(sampled.impacts),
     )
     if throw:
         raise_failure(result)
     return result
 
 
-def _recorded(arguments: tuple[Any, ...], states: bool, impacts: bool) -> Sampled:
+def _recorded(arguments: tuple[PyTree, ...], states: bool, impacts: bool) -> Sampled:
     """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
-        found: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
-        if found.impacts is None or room is None or most(found.impacts) <= room:
-            return found
+        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
+        if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
+            return sampled
         room *= GROWTH
 
 
 def _rows_reached(
-    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
     """Where among all times that were looked at those of `times` are that the run came to."""
     rows = np.searchsorted(looked_at, times)
-    return rows[found.reached[rows]]
+    return rows[sampled.reached[rows]]
 
 
 def _trajectory(
-    found: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Trajectory:
     """The states at those of `times` that the run came to."""
-    rows = _rows_reached(found, looked_at, times)
-    states = jax.tree.map(lambda leaf: leaf[rows], found.states)
+    rows = _rows_reached(sampled, looked_at, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
     return Trajectory(times[: len(rows)], pack(states))
 
 

@@ -1,7 +1,6 @@
 """How runs are integrated: one value for all functions that make runs."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import diffrax
 import jax
@@ -11,6 +10,8 @@ from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..dynamics.stabilisation import AbstractStabilisation, Baumgarte
 from ..fields.checks import concrete, require, require_count, require_positive
+from ..math.vectors import Scalar
+from .aliases import Numbers
 from .solvers import require_ordinary
 
 FIRST_SHARE = 1e-6
@@ -117,7 +118,7 @@ class Settings:
         """What JAX may trace."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
-    def length_of_first_step(self, start_time: Any, end_time: Any) -> Any:
+    def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
         """Length of the first step of a run between two times, s."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)

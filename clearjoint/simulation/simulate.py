@@ -1,19 +1,20 @@
 """Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
 
-from typing import Any
-
 import diffrax
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.checks import concrete, require
-from ..math.vectors import structured
+from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
 from . import presets
 from .adjoint import loops_for
+from .aliases import Numbers
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
 from .method import Scheme
@@ -31,11 +32,11 @@ LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 def simulate(
     scene: Scene,
     state: State,
-    end_time: Any,
+    end_time: Scalar,
     settings: Settings | None = None,
     save: Saving | None = None,
     *,
-    start_time: Any = 0.0,
+    start_time: Scalar = 0.0,
     adjoint: diffrax.RecursiveCheckpointAdjoint | None = None,
     throw: bool = True,
     progress: bool = True,
@@ -80,7 +81,7 @@ def simulate(
     _check_adjoint(adjoint)
     traced = _is_traced((scene, state, end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
-    times: Any = save.times
+    times: Numbers | None = save.times
     if traced:
         save.require_times_alone("under a transformation of JAX", LEAVE_OUT)
     else:
@@ -94,7 +95,8 @@ def simulate(
     now = begin_compiled(scheme, form, state, start, end, length, times is not None, rows)
     if traced:
         run = OnePiece(form, scheme, _array(end_time), redundant)
-        return run.solution(now, _array(times), settings.max_steps, loops_for(adjoint))
+        save_at = None if times is None else _array(times)
+        return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
     host = HostLoop(form, scheme, _array(end_time), redundant)
     collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
     solution = host.solution(now, times, settings.max_steps, collector, save.steps, progress)
@@ -113,7 +115,7 @@ def _warn(scene: Scene, solution: Solution) -> None:
     warn_of_journals_outside(scene, solution.time, solution.final, kept)
 
 
-def _check_adjoint(adjoint: Any) -> None:
+def _check_adjoint(adjoint: object) -> None:
     require(
         adjoint is None or isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint),
         "adjoint",
@@ -123,7 +125,7 @@ def _check_adjoint(adjoint: Any) -> None:
     )
 
 
-def _is_traced(tree: Any) -> bool:
+def _is_traced(tree: PyTree) -> bool:
     """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
     for what is computed from them to be."""
     return concrete(jnp.zeros(())) is None or any(
@@ -131,5 +133,5 @@ def _is_traced(tree: Any) -> bool:
     )
 
 
-def _array(value: Any) -> Any:
-    return None if value is None else jnp.asarray(value, dtype=float)
+def _array(value: ArrayLike) -> jax.Array:
+    return jnp.asarray(value, dtype=float)

@@ -1,20 +1,22 @@
 """What a run returns."""
 
-from typing import Any
+from typing import Protocol
 
 import equinox as eqx
 
 from ..dynamics.formulation import Formulation
 from ..fields.readable import AbstractReadable
+from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..results import RESULTS
+from .aliases import Numbers
 from .impact_table import Impacts
 
 
 class Trajectory(AbstractReadable):
     """States over time: `times` (N,) s, and `states` with the times in front of each array."""
 
-    times: Any
+    times: Numbers
     states: State
 
     def __len__(self) -> int:
@@ -37,20 +39,20 @@ class Solution(AbstractReadable):
       reactions are those of least norm and not unique.
     """
 
-    time: Any
+    time: Scalar
     final: State
     result: RESULTS
-    attempts: Any
-    accepted: Any
+    attempts: Scalar
+    accepted: Scalar
     saved: Trajectory | None
-    saved_count: Any
+    saved_count: Scalar | None
     steps: Trajectory | None
     impacts: Impacts | None = eqx.field(static=True)
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     @property
-    def times(self) -> Any:
+    def times(self) -> Numbers:
         """The requested times that were reached, s."""
         return self._requested().times
 
@@ -65,16 +67,30 @@ class Solution(AbstractReadable):
         return self.saved
 
 
+class FinishedRun(Protocol):
+    """What every run returns, whatever else it does."""
+
+    @property
+    def time(self) -> Scalar:
+        """Where it ended, s."""
+        ...
+
+    @property
+    def result(self) -> RESULTS:
+        """How it ended."""
+        ...
+
+
 class SimulationError(RuntimeError):
     """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
     that raised it returns."""
 
-    def __init__(self, message: str, solution: Any):
+    def __init__(self, message: str, solution: FinishedRun):
         super().__init__(message)
         self.solution = solution
 
 
-def raise_failure(solution: Any) -> None:
+def raise_failure(solution: FinishedRun) -> None:
     """Raise a `SimulationError` if a run failed.
 
     **Arguments:** `solution`: a run's `result`, `time` in s, and whatever the error is to carry.

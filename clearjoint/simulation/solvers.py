@@ -13,7 +13,7 @@ from ..math.vectors import Scalar
 from .unrolled_runge_kutta import unrolled
 
 
-def largest_component(tree: PyTree[Scalar]) -> Scalar:
+def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     """The largest absolute value of all leaves.
 
     A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
@@ -27,7 +27,7 @@ def largest_component(tree: PyTree[Scalar]) -> Scalar:
     return reduce(jnp.maximum, [jnp.max(leaf) for leaf in largest.values()])
 
 
-def default_controller(rtol: Scalar, atol: Scalar) -> diffrax.PIDController:
+def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
     """diffrax's controller, bounding the error of each component of the state."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
@@ -45,7 +45,7 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 
 
 def ready_solver(
-    solver: diffrax.AbstractSolver, rtol: Scalar, atol: Scalar
+    solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
     """What `diffrax.diffeqsolve` does to a solver before it steps.
 

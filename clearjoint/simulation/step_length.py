@@ -7,7 +7,7 @@ from jaxtyping import PyTree
 from ..dynamics.breakpoints import next_breakpoint
 from ..dynamics.contact_events import Reaches, begins
 from ..dynamics.system import System
-from ..math.vectors import Scalar, Vector
+from ..math.vectors import Condition, Scalar, Vector
 from ..model.bodies import BodyState
 from .step_state import Method, Proposal, Step, Variables
 
@@ -29,8 +29,8 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 
 
 def lengths_after_contacts(
-    step: Step, after: Reaches, t1: Scalar, keep: Scalar, lands: Scalar, proposed: Scalar
-) -> tuple[Scalar, Scalar, Scalar]:
+    step: Step, after: Reaches, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
+) -> tuple[Scalar, Condition, Scalar]:
     """`full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
     A step that an event cut short says nothing about the length of the next one. That is then the
@@ -52,13 +52,13 @@ def lengths_after_contacts(
     return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
 
 
-def length_after_breakpoints(step: Step, t1: Scalar, keep: Scalar, proposed: Scalar) -> Scalar:
+def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
     """`full_length` of the next `Proposal` where there are breakpoints, but no contacts."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
-def _uncut(last: Proposal, is_cut: Scalar, proposed: Scalar) -> Scalar:
+def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 

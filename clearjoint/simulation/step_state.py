@@ -9,12 +9,13 @@ import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reaches
 from ..dynamics.contact_forces import Memory
-from ..math.vectors import Scalar
+from ..dynamics.coordinates import MotionVariables
+from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
-from .aliases import ControllerState, DenseInformation, MotionVariables, SecondRates, SolverState
+from .aliases import ControllerState, DenseInformation, SecondRates, SolverState
 from .landing import Landing
 
-Tree = TypeVar("Tree")
+T = TypeVar("T")
 
 
 class Method(eqx.Module):
@@ -53,9 +54,9 @@ class Proposal(eqx.Module):
 
     t_next: Scalar
     full_length: Scalar
-    begins_contact: Scalar
+    begins_contact: Condition
     entry_length: Scalar
-    made_jump: Scalar
+    made_jump: Condition
     controller_state: ControllerState
 
 
@@ -92,7 +93,7 @@ class Attempt(eqx.Module):
     """
 
     step: Step
-    kept: Scalar
+    kept: Condition
     t_start: Scalar
     memory_start: Memory
     information: DenseInformation
@@ -107,6 +108,6 @@ class TangentsInside(eqx.Module):
     information: DenseInformation
 
 
-def choose(condition: Scalar, first: Tree, second: Tree) -> Tree:
+def choose(condition: Condition, first: T, second: T) -> T:
     """The first of two PyTrees where a condition holds, else the second, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

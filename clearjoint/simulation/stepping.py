@@ -25,7 +25,7 @@ from ..dynamics.contact_events import (
 )
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
 from .aliases import SecondRates, SolverState
 from .jumps import across_contacts, contacts_jump
@@ -158,7 +158,7 @@ def _arrival(
     step: Step,
     trial: Trial,
     after: Reaches,
-    keep: Scalar,
+    keep: Condition,
 ) -> _Arrival:
     """What a trial arrives at, with the contacts `after`: memory, forces that jump, tangents."""
     t1, y1 = trial.t1, trial.outcome.y
@@ -184,7 +184,7 @@ def _across_jumps(
     family: SystemFamily | None,
     step: Step,
     trial: Trial,
-    keep: Scalar,
+    keep: Condition,
 ) -> tuple[Variables, Variables | None]:
     """The variables at the end of a step, and their tangents if there are any, with what jumps of
     the forces there leave in them."""
@@ -243,7 +243,7 @@ def _memory_after(
     y1: Variables,
     after: Reaches,
     t1: Scalar,
-    keep: Scalar,
+    keep: Condition,
     second_rates: SecondRates,
 ) -> Memory:
     """The memory if the step is accepted."""
@@ -288,6 +288,6 @@ def blank_attempt(
     return replace(zeros, step=step)
 
 
-def running(step: Step, t_end: Scalar, attempts: Scalar) -> Scalar:
+def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
     """Whether to try another step before `t_end` and within the number of attempts."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

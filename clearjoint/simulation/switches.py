@@ -6,6 +6,9 @@ the motion along whatever the breakpoint depends on. Where the angle of a driver
 velocities jump by an impulse of the constraints, with least kinetic energy.
 """
 
+from collections.abc import Mapping
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,11 +16,13 @@ import jax.numpy as jnp
 from ..dynamics.breakpoints import breakpoints, seen, since_breakpoints
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.bodies import NO_WRENCH, Wrench
 from ..model.joints.base import AbstractForce, Motions
 from ..model.scene import Scene
-from .step_state import Tree, Variables
+from .step_state import Variables
+
+T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
@@ -48,7 +53,7 @@ class SwitchedForce(AbstractForce):
             *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
         )
 
-    def _between(self, old: Tree, new: Tree) -> Tree:
+    def _between(self, old: T, new: T) -> T:
         return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
 
 
@@ -58,7 +63,7 @@ def across_breakpoints(
     y: Variables,
     memory: Memory,
     t: Scalar,
-    keep: Scalar,
+    keep: Condition,
 ) -> Variables:
     """The variables at the end of a step from `start` to t, changed if that is kept and lands on
     breakpoints; `memory` is that at its start.
@@ -69,7 +74,7 @@ def across_breakpoints(
     forces = {name: since[name] for name in scene.forces if name in since}
     before, after = seen(scene, start, t), seen(scene, t, t)
 
-    def rates(shares: dict[str, Scalar], y: Variables, time: Scalar) -> Variables:
+    def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         between = _with_shares(system, before, after, shares)
         return jax.tree.map(jnp.asarray, Variables(*between.rates(y.motion, memory, time)))
 
@@ -86,14 +91,14 @@ def across_breakpoints(
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
         return y
 
-    lands: Scalar = jnp.asarray(False)
+    lands: Condition = jnp.asarray(False)
     for lands_here, _ in since.values():
         lands = lands | lands_here
     return jax.lax.cond(keep & lands, cross, lambda y: y, y)
 
 
 def _with_shares(
-    system: System, before: Scalar, after: Scalar, shares: dict[str, Scalar]
+    system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
     """The system with given shares of what its forces with breakpoints change by."""
     forces = {
@@ -103,7 +108,7 @@ def _with_shares(
     return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
 
 
-def _mean(since: dict[str, tuple[Scalar, Scalar]]) -> Scalar:
+def _mean(since: dict[str, tuple[Condition, Scalar]]) -> Scalar:
     """The time since the breakpoints that a step lands on; drivers that change at one instant are
     taken to do so together."""
     count = sum(jnp.asarray(lands, float) for lands, _ in since.values())

@@ -10,8 +10,9 @@ from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import closed, has_memory
 from ..dynamics.contact_forces import Closed, Memory
 from ..dynamics.system import System
+from ..fields.types import Single
 from ..math.groups import total
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.scene import Scene
 from .aliases import DenseInformation, SolverState
 from .dense_output import correct
@@ -35,7 +36,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.reaches) if step is not None and lands else None
 
-    def rates(t: Scalar, y: Variables, args: tuple[System, Memory]) -> Variables:
+    def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
         t = seen(system.scene, t if step is None else step.t, t)
         return traced_once(system, y, memory, t, closed_contacts)
@@ -44,13 +45,13 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
 
 def _rates(
-    system: System, y: Variables, memory: Memory, t: Scalar, closed_contacts: Closed | None
+    system: System, y: Variables, memory: Memory, t: Single, closed_contacts: Closed | None
 ) -> Variables:
     rates = Variables(*system.rates(y.motion, memory, t, closed_contacts))
-    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=t.dtype), rates)
+    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
 
-def error_order(method: Method) -> Scalar:
+def error_order(method: Method) -> Single:
     """The order of the solver's error estimate, which the controller needs."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
@@ -78,7 +79,7 @@ class Trial(eqx.Module):
     t1: Scalar
     outcome: SolverStep
     tangents: SolverStep | None
-    finite: Scalar
+    finite: Condition
     solver_result: diffrax.RESULTS
 
 
@@ -138,13 +139,13 @@ def _without_drift(
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
             return node
-        return Variables(jax.jvp(system.settled, (y.motion,), (node.motion,))[1], node.work)
+        return Variables(jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1], node.work)
 
     state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
-    return Variables(system.settled(y.motion), y.work), state
+    return Variables(system.without_drift(y.motion), y.work), state
 
 
-def _unless(finite: Scalar, outcome: SolverStep, y: Variables) -> SolverStep:
+def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     """The outcome if it is finite; else with the given variables, and an error beyond all
     bounds."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
@@ -164,7 +165,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     return contacts_jump(scene) or bool(breakpoints(scene))
 
 
-def _all_finite(tree: PyTree[Scalar]) -> Scalar:
+def _all_finite(tree: PyTree[Scalar]) -> Condition:
     """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
     one shape are added element by element before the elements are."""
     sums: dict[tuple[int, ...], Scalar] = {}

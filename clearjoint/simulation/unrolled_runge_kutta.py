@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from ..fields.types import Single
 from ..math.vectors import Scalar
 from .aliases import DenseInformation
 
@@ -53,7 +54,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         """Order of the wrapped method's solution."""
         return self.method.order(terms)
 
-    def error_order(self, terms: diffrax.ODETerm) -> Scalar | None:
+    def error_order(self, terms: diffrax.ODETerm) -> Single | None:
         """Order of the wrapped method's error estimate."""
         return self.method.error_order(terms)
 

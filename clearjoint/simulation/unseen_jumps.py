@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reaches
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
 from .decisions import may_jump_by_motion
@@ -46,7 +46,7 @@ def may_jump_unseen(scene: Scene) -> bool:
 
 def jumped_unseen(
     method: Method, system: System, step: Step, trial: Trial, after: Reaches
-) -> Scalar:
+) -> Condition:
     """Whether any rate of the motion jumps within a trial step that ends with the contacts `after`.
 
     Breakpoints are not passed in it, nor are contacts' begins; where one ends whose force jumps

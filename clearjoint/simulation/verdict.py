@@ -8,8 +8,10 @@ import jax.numpy as jnp
 from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import Reaches, too_deep
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..fields.types import Single
+from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
+from .aliases import Flag
 from .step_length import length_after_breakpoints, lengths_after_contacts, magnitudes
 from .step_state import Method, Proposal, Step, choose
 from .trial_step import Trial, error_order, may_jump
@@ -26,7 +28,7 @@ by a thousandth of this at usual tolerances."""
 class Verdict(eqx.Module):
     """Whether to keep a trial, which step to try next, and the result of the run so far."""
 
-    keep: Scalar
+    keep: Condition
     proposal: Proposal
     result: RESULTS
 
@@ -34,9 +36,9 @@ class Verdict(eqx.Module):
 class _Judgement(eqx.Module):
     """What the step-size controller says of a trial: its own outputs, by diffrax's names."""
 
-    keep: Scalar
-    t_next: Scalar
-    made_jump: Scalar
+    keep: Flag
+    t_next: Single
+    made_jump: Flag
     controller_state: object
     result: diffrax.RESULTS
 
@@ -59,7 +61,7 @@ def judge(
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
         lands = keep & passes
         controller_state = choose(lands, last.controller_state, controller_state)
-        keep = keep & ~passes
+        keep = keep & jnp.logical_not(passes)
         full_length, begins_contact, entry_length = lengths_after_contacts(
             step, after, t1, keep, lands, full_length
         )
@@ -109,7 +111,7 @@ def _result(
     system: System,
     step: Step,
     trial: Trial,
-    keep: Scalar,
+    keep: Condition,
     t_next: Scalar,
     controller_result: diffrax.RESULTS,
     after: Reaches,

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from ..compilation import Compiled
 from ..fields.checks import require
+from ..fields.types import Single
 from ..math.interpolation import Parabola
 from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
@@ -79,7 +80,7 @@ def _contact(
     clearance: float | None,
     longest_step: Scalar,
 ) -> diffrax.Solution:
-    def rates(t: Scalar, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
+    def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])

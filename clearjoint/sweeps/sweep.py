@@ -18,7 +18,7 @@ from ..math.vectors import structured
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..results import result_numbers
-from ..runtime import busy_devices, program_kind
+from ..runtime import Device, busy_devices, program_kind
 from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Task
 from ..simulation.batch.lane import Plan, impact_log
@@ -40,7 +40,7 @@ from .store.notes import describe, number_notes, structure_note, versions
 from .store.program import RUN, programs
 from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
-from .work import Chunks, Device, Work, joined
+from .work import Chunks, Work, joined
 
 CHUNK = 256
 

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from ..results import RESULTS, result_number
-from ..runtime import busy_devices
+from ..runtime import Device, busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
 from ..simulation.batch.scheduler import Batch, Ended
 from .layout import RESULT, LaneArrays, Variable
@@ -22,15 +21,6 @@ FINAL = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-
-
-class Device(Protocol):
-    """A device of JAX, as `jax.devices()` lists them."""
-
-    @property
-    def platform(self) -> str:
-        """The kind of device: "cpu", "gpu" or "tpu"."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -85,16 +75,16 @@ class Work:
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
-            "time_reached": outcome.time,
-            "attempts": outcome.attempts,
-            "accepted": outcome.accepted,
+            "time_reached": np.asarray(outcome.time),
+            "attempts": np.asarray(outcome.attempts),
+            "accepted": np.asarray(outcome.accepted),
         }
         bodies = [outcome.final.bodies[name] for name in self.bodies]
         for part in FINAL:
             results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
         for name, values in outcome.results.items():
             for key, value in values.items():
-                results[variable_name(name, key)] = value
+                results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
         return {

@@ -27,10 +27,10 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
+from ..quantities.base import Quantity
 from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Seat, advance, begin
 from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
-from ..simulation.batch.reductions import Quantity
 from ..simulation.batch.scheduler import Batch
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme

@@ -82,11 +82,11 @@ class Plane(AbstractFreedom):
         """The speeds."""
         return state.speeds
 
-    def moved(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
+    def after_displacement(self, position: Any, changes: tuple[Scalar, ...]) -> Any:
         """Slid and turned."""
         return tuple(a + b for a, b in zip(position, changes, strict=True))
 
-    def settled(self, position: Any) -> Any:
+    def without_drift(self, position: Any) -> Any:
         """The angle within two turns."""
         return (*position[:2], within_two_turns(position[2]))
 

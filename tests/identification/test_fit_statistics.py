@@ -155,7 +155,7 @@ def test_the_least_seen_direction():
 def test_covariance_is_the_inverse_of_the_information():
     jacobian = np.random.default_rng(0).standard_normal((30, 4)) * [1e-3, 1.0, 1e4, 3.0]
     expected = np.linalg.inv(jacobian.T @ jacobian)
-    found = statistics.covariance(jacobian)
+    found = statistics.parameter_covariance(jacobian)
     deviations = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
         found / np.outer(deviations, deviations), information.correlation(expected), atol=1e-9

@@ -11,7 +11,7 @@ from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
 from clearjoint.simulation.host_run import _Waiting
 from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import Saved
+from clearjoint.simulation.segments import SavedStates
 from clearjoint.simulation.step_state import Variables
 from clearjoint.simulation.stepping import attempt, start
 from studies.endurance import runs as endurance
@@ -94,8 +94,8 @@ def test_saved_states_keep_no_rows_that_were_not_reached():
     waiting = _Waiting(np.arange(600.0), 600.0)
     reached = np.arange(512) < 3
     for _ in range(2):
-        waiting.take(Saved({"x": jnp.zeros(512)}, reached))
-    waiting.take(Saved({"x": jnp.zeros(512)}, np.zeros(512, bool)))
+        waiting.take(SavedStates({"x": jnp.zeros(512)}, reached))
+    waiting.take(SavedStates({"x": jnp.zeros(512)}, np.zeros(512, bool)))
     assert waiting.count == 6
     assert [piece["x"].nbytes for piece in waiting._pieces] == [24, 24]
     assert all(piece["x"].base is None for piece in waiting._pieces)

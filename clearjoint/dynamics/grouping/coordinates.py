@@ -66,10 +66,10 @@ class GroupedCoordinates(AbstractCoordinates):
         """The equations of motion of both parts."""
         return GroupedMechanics(self.rest, scene, variables)
 
-    def settled(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
+    def without_drift(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
         """The variables of both parts, in numbers that don't drift."""
-        groups = AbsoluteCoordinates().settled(_groups(scene), variables[1])
-        return self.rest.settled(_rest(scene), variables[0]), groups
+        groups = AbsoluteCoordinates().without_drift(_groups(scene), variables[1])
+        return self.rest.without_drift(_rest(scene), variables[0]), groups
 
     def with_speeds(
         self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
@@ -133,13 +133,13 @@ class GroupedMechanics(AbstractMechanics):
         rest, groups = self._parted(rates)
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
-    def moved(self, changes: Speeds) -> GroupedVariables:
+    def after_displacement(self, changes: Speeds) -> GroupedVariables:
         """The rest with its positions changed: no constraint concerns a group."""
-        return self._rest.moved(self._parted(changes)[0]), self._variables[1]
+        return self._rest.after_displacement(self._parted(changes)[0]), self._variables[1]
 
-    def kicked(self, changes: Speeds) -> GroupedVariables:
+    def after_speed_change(self, changes: Speeds) -> GroupedVariables:
         """The rest with its speeds changed: no constraint concerns a group."""
-        return self._rest.kicked(self._parted(changes)[0]), self._variables[1]
+        return self._rest.after_speed_change(self._parted(changes)[0]), self._variables[1]
 
 
 class Views(dict[str, Motion]):

@@ -49,15 +49,19 @@ class AbstractBranch(abc.ABC):
         components into global ones."""
 
     @abc.abstractmethod
-    def moved(self, state: MotionVariables, changes: Speeds, axes: Matrix) -> MotionVariables:
+    def after_displacement(
+        self, state: MotionVariables, changes: Speeds, axes: Matrix
+    ) -> MotionVariables:
         """The variables after a small motion along the speeds."""
 
     @abc.abstractmethod
-    def kicked(self, state: MotionVariables, changes: Speeds, axes: Matrix) -> MotionVariables:
+    def after_speed_change(
+        self, state: MotionVariables, changes: Speeds, axes: Matrix
+    ) -> MotionVariables:
         """The variables after changes of the speeds."""
 
     @abc.abstractmethod
-    def settled(self, state: MotionVariables) -> MotionVariables:
+    def without_drift(self, state: MotionVariables) -> MotionVariables:
         """The same variables in numbers that don't drift in many steps."""
 
     @abc.abstractmethod
@@ -116,20 +120,20 @@ class FreeBranch(AbstractBranch):
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
 
-    def moved(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+    def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """The position shifted, and the orientation turned."""
         turn = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), turn)
         orientation = turned(state.orientation, turn)
         return BodyState(state.position + shift, orientation, state.velocity, state.spin)
 
-    def kicked(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+    def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Velocity and spin changed."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
 
-    def settled(self, state: BodyState) -> BodyState:
+    def without_drift(self, state: BodyState) -> BodyState:
         """Euler parameters of unit norm."""
         return settled_body(state)
 
@@ -186,18 +190,20 @@ class JointedBranch(AbstractBranch):
         """The position's rates, and the speeds'."""
         return JointState(self.freedom.rates(state), tuple(speeds))
 
-    def moved(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+    def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """The position moved along the directions that the joint leaves free."""
-        return JointState(self.freedom.moved(state.position, tuple(changes)), state.speeds)
+        return JointState(
+            self.freedom.after_displacement(state.position, tuple(changes)), state.speeds
+        )
 
-    def kicked(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+    def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """The position, and the speeds plus their changes."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
-    def settled(self, state: JointState) -> JointState:
+    def without_drift(self, state: JointState) -> JointState:
         """The position as the joint's freedom keeps it in range."""
-        return JointState(self.freedom.settled(state.position), state.speeds)
+        return JointState(self.freedom.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
         """The speeds of the other."""

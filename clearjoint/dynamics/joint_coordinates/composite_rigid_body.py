@@ -172,17 +172,17 @@ class TreeMechanics:
             for branch, state, own in self._shared_out(rates)
         }
 
-    def moved(self, changes: Speeds) -> dict[str, MotionVariables]:
+    def after_displacement(self, changes: Speeds) -> dict[str, MotionVariables]:
         """The variables after a small motion along the speeds."""
         return {
-            branch.body: branch.moved(state, own, self._axes)
+            branch.body: branch.after_displacement(state, own, self._axes)
             for branch, state, own in self._shared_out(changes)
         }
 
-    def kicked(self, changes: Speeds) -> dict[str, MotionVariables]:
+    def after_speed_change(self, changes: Speeds) -> dict[str, MotionVariables]:
         """The variables after changes of the speeds."""
         return {
-            branch.body: branch.kicked(state, own, self._axes)
+            branch.body: branch.after_speed_change(state, own, self._axes)
             for branch, state, own in self._shared_out(changes)
         }
 

@@ -86,9 +86,11 @@ class JointCoordinates(AbstractCoordinates):
         """The equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
-    def settled(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
+    def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         """The variables of each body, in numbers that don't drift."""
-        return {branch.body: branch.settled(variables[branch.body]) for branch in _branches(scene)}
+        return {
+            branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
+        }
 
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
@@ -146,12 +148,12 @@ class JointMechanics(AbstractMechanics):
         parts = [tree.variable_rates(part) for tree, part in self._shared_out(rates)]
         return {name: body for part in parts for name, body in part.items()}
 
-    def moved(self, changes: Speeds) -> TreeVariables:
-        """The variables of all trees moved."""
-        parts = [tree.moved(part) for tree, part in self._shared_out(changes)]
+    def after_displacement(self, changes: Speeds) -> TreeVariables:
+        """The variables of all trees after a small motion along their speeds."""
+        parts = [tree.after_displacement(part) for tree, part in self._shared_out(changes)]
         return {name: body for part in parts for name, body in part.items()}
 
-    def kicked(self, changes: Speeds) -> TreeVariables:
-        """The variables of all trees kicked."""
-        parts = [tree.kicked(part) for tree, part in self._shared_out(changes)]
+    def after_speed_change(self, changes: Speeds) -> TreeVariables:
+        """The variables of all trees after changes of their speeds."""
+        parts = [tree.after_speed_change(part) for tree, part in self._shared_out(changes)]
         return {name: body for part in parts for name, body in part.items()}

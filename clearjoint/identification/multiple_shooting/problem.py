@@ -14,10 +14,10 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter, check_parameters
 from ...parametrisation.parametrised_scene import AbstractFamily, parametrised
+from ...quantities.base import Quantity
 from ...quantities.joints import Penetration
 from ...results import RESULTS
 from ...simulation import presets
-from ...simulation.batch.reductions import Quantity
 from ...simulation.derivative_runs import derivative_scheme
 from ...simulation.method import Scheme
 from ...simulation.settings import Settings, settings_or

@@ -15,7 +15,7 @@ from ...math.vectors import EulerParameters, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parametrised_scene import AbstractFamily, Coordinates, ParametrisedScene
-from ...simulation.batch.reductions import Quantity
+from ...quantities.base import Quantity
 from ...simulation.method import Scheme
 from ...simulation.sensitivities import Sampled, followed
 from ...simulation.step_state import Step
@@ -49,9 +49,13 @@ class FreeStart(AbstractFamily):
         factors = rest[len(rest) - len(entries) :]
         memory = [entry * jnp.exp(factor) for entry, factor in zip(entries, factors, strict=True)]
         speeds = (len(rest) - len(entries)) // 2
-        moved = self.coordinates.mechanics(scene, self.nominal).moved(rest[:speeds])
-        kicked = self.coordinates.mechanics(scene, moved).kicked(rest[speeds : 2 * speeds])
-        bodies = self.coordinates.decode(scene, kicked)
+        displaced = self.coordinates.mechanics(scene, self.nominal).after_displacement(
+            rest[:speeds]
+        )
+        variables = self.coordinates.mechanics(scene, displaced).after_speed_change(
+            rest[speeds : 2 * speeds]
+        )
+        bodies = self.coordinates.decode(scene, variables)
         return State(bodies, jax.tree.unflatten(structure, memory))
 
 

@@ -66,8 +66,8 @@ class SideBySide:
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
-            found = np.asarray(_cumulated(self.data, filled, smoothing))
-            curves[lanes, 1:] = found[: len(lanes), :count]
+            columns = np.asarray(_cumulated(self.data, filled, smoothing))
+            curves[lanes, 1:] = columns[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
             rows, reached = ended.logs[LOG]

@@ -34,19 +34,19 @@ class Passes:
         """The searches from what each pass left, and the passes; the last is the first after which
         chi squared is not too large for the noise."""
         lanes, freedom = SideBySide(self.runs, data), data.count - len(self.names)
-        found: list[Search] = []
+        searches: list[Search] = []
         screened: list[Screened] = []
         for number in range(self.screening.passes):
             screened.append(
                 screen(self.screening, lanes, self.centre, self.names, number, self.progress)
             )
-            found += map(searched, screened[-1].starts)
-            chi_squared = lowest(found).best.chi_squared
+            searches += map(searched, screened[-1].starts)
+            chi_squared = lowest(searches).best.chi_squared
             if not statistics.chi_squared_p(chi_squared, freedom) < statistics.UNLIKELY:
                 break
-        return tuple(found), tuple(screened)
+        return tuple(searches), tuple(screened)
 
 
-def lowest(found: Sequence[Search]) -> Search:
+def lowest(searches: Sequence[Search]) -> Search:
     """The search that led to the smallest chi squared."""
-    return min(found, key=lambda search: search.best.chi_squared)
+    return min(searches, key=lambda search: search.best.chi_squared)

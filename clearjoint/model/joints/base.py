@@ -257,7 +257,7 @@ class AbstractContactJoint(AbstractElement):
         del motions
         return None
 
-    def centred(self) -> AbstractConstraint | None:
+    def centred_joint(self) -> AbstractConstraint | None:
         """The ideal joint that holds the second body midway between its contacts.
 
         `assemble` puts a body there that starts outside. ``None``, the default, where there is no
@@ -265,9 +265,9 @@ class AbstractContactJoint(AbstractElement):
         """
         return None
 
-    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The ideal joint that holds the second body where a load lets it rest; ``None``, the
-        default, where it can't rest. In packed form, as `centred`.
+        default, where it can't rest. In packed form, as `centred_joint`.
 
         **Arguments:** `load`: (3,) N, of the second body on the first, in the first one's axes.
         """

@@ -255,11 +255,11 @@ class ClearanceJoint(AbstractContactJoint):
         """Whether nothing holds the journal along the axis."""
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
-    def centred(self) -> AbstractConstraint:
+    def centred_joint(self) -> AbstractConstraint:
         """A revolute joint, or a cylindrical one if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
-    def seated(self, load: np.ndarray) -> AbstractConstraint | None:
+    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The same with the journal along the wall, in the direction of the load across the axis;
         ``None`` if there is no such load."""
         axis = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)

@@ -102,10 +102,10 @@ class AbstractFreedom(eqx.Module):
         """Time derivative of the position."""
 
     @abc.abstractmethod
-    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
+    def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """The position after a small motion along the columns."""
 
-    def settled(self, position: PyTree) -> PyTree:
+    def without_drift(self, position: PyTree) -> PyTree:
         """The same position, without what numbers gather in many steps: whole turns of an angle, a
         norm that drifts. Called at the end of each step; by default the position as it is."""
         return position
@@ -157,7 +157,7 @@ class Weld(AbstractFreedom):
         """The rate of a position without numbers."""
         return state.position
 
-    def moved(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
+    def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """The position without numbers."""
         del changes
         return position
@@ -211,11 +211,11 @@ class Hinge(AbstractFreedom):
         """Rate of the angle, rad/s."""
         return state.speeds[0]
 
-    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
+    def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
         """The angle plus the change, rad."""
         return add(position, changes[0])
 
-    def settled(self, position: Scalar) -> Scalar:
+    def without_drift(self, position: Scalar) -> Scalar:
         """The angle within two turns, as `encode` gives it."""
         return within_two_turns(position)
 
@@ -244,11 +244,13 @@ class Ball(AbstractFreedom):
         """Rates of the Euler parameters, 1/s."""
         return euler_parameter_rates(state.position, Vector(*state.speeds))
 
-    def moved(self, position: EulerParameters, changes: tuple[Scalar, ...]) -> EulerParameters:
+    def after_displacement(
+        self, position: EulerParameters, changes: tuple[Scalar, ...]
+    ) -> EulerParameters:
         """The Euler parameters after a small turn (rad, child's axes)."""
         return turned(position, Vector(*changes))
 
-    def settled(self, position: EulerParameters) -> EulerParameters:
+    def without_drift(self, position: EulerParameters) -> EulerParameters:
         """The Euler parameters, brought back to unit norm."""
         return kept_unit(position)
 
@@ -287,7 +289,7 @@ class Slider(AbstractFreedom):
         """Rate of the distance, m/s."""
         return state.speeds[0]
 
-    def moved(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
+    def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
         """The distance plus the change, m."""
         return add(position, changes[0])
 

@@ -14,22 +14,30 @@ beside it (`clearjoint.runtime`).
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import PyTree
 
 from ...compilation import Compiled
+from ...fields.types import Single
 from ...math.vectors import Scalar, Structured, pack, unpack
+from ...model.bodies import State
+from ...model.scene import Scene
 from ...quantities.base import Quantity
-from ..dense_output import Row
+from ..aliases import Numbers
+from ..dense_output import Snapshot
 from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
 from .recording import Ring
 
+T = TypeVar("T")
+Columns = dict[str, Scalar]
+"""What is reported of a row, or of each of many, by name."""
 ACROSS = PartitionSpec("lanes")
 UNKNOWN_WORK = 500.0
 """Attempts, and share of the run, from which on a lane's progress tells what it has left."""
@@ -56,11 +64,11 @@ class Task(eqx.Module):
     `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
     """
 
-    varied: Any
-    state: Any
-    end_time: Any
-    first_step: Any
-    save_at: Any | None
+    varied: PyTree
+    state: State
+    end_time: Numbers
+    first_step: Numbers
+    save_at: jax.Array | np.ndarray | None
 
 
 class Seat(eqx.Module):
@@ -68,7 +76,7 @@ class Seat(eqx.Module):
 
     task: Task
     lane: Lane
-    recorded: dict[str, Any]
+    recorded: dict[str, jax.Array]
 
 
 class Common(eqx.Module):
@@ -85,7 +93,7 @@ class Common(eqx.Module):
 
     plan: Plan
     form: Structured
-    start_time: Any
+    start_time: Single
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
     saved: str = eqx.field(default="", static=True)
@@ -97,7 +105,7 @@ class Common(eqx.Module):
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.rings()
 
-    def scene(self, task: Task) -> Any:
+    def scene(self, task: Task) -> Scene:
         """The scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.form.tree)
         return unpack(Structured(tree, self.form.patterns))
@@ -110,17 +118,17 @@ class Status(eqx.Module):
     and on each device the turns given to each place.
     """
 
-    left: Any
-    time: Any
-    turns: Any
+    left: jax.Array
+    time: jax.Array
+    turns: jax.Array
 
 
 class Page(eqx.Module):
     """Rows recorded in one slice, as (places, slots, columns); how many; and by which seats."""
 
-    rows: dict[str, Any]
-    counts: dict[str, Any]
-    seats: Any
+    rows: dict[str, jax.Array]
+    counts: dict[str, jax.Array]
+    seats: jax.Array
 
 
 @Compiled
@@ -136,7 +144,7 @@ def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
 
 
 @Compiled
-def replaced(fresh: Any, begun: Seat, seats: Seat) -> Seat:
+def replaced(fresh: jax.Array, begun: Seat, seats: Seat) -> Seat:
     """The pool with lanes that have just begun in the seats that `fresh` names."""
     return _choose(fresh, begun, seats)
 
@@ -147,10 +155,10 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
     common, extent, mesh = constants
 
     def on_device(common: Common, seats: Seat) -> tuple[Seat, Status, Page]:
-        def goes(now: tuple[Seat, Page, Any]) -> Any:
+        def goes(now: tuple[Seat, Page, jax.Array]) -> jax.Array:
             return (now[2] < extent.slices) & (_work_left(common, now[0]) > 0.0).any()
 
-        def go(now: tuple[Seat, Page, Any]) -> tuple[Seat, Page, Any]:
+        def go(now: tuple[Seat, Page, jax.Array]) -> tuple[Seat, Page, jax.Array]:
             seats, pages, number = now
             seats, page = _slice(common, extent, seats)
             pages = jax.tree.map(
@@ -164,18 +172,21 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
         pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
         seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
         left = _work_left(common, seats)
-        return seats, Status(left, seats.lane.step.t, slices[None] * extent.turns), pages
+        time = jnp.asarray(seats.lane.step.t)
+        return seats, Status(left, time, slices[None] * extent.turns), pages
 
     return _on_devices(mesh, on_device, common, seats)
 
 
 @Compiled
 def harvest(
-    common: Common, mesh: Mesh, seats: Seat, logs: dict[str, Any]
-) -> tuple[Outcome, dict[str, Any]]:
+    common: Common, mesh: Mesh, seats: Seat, logs: dict[str, jax.Array]
+) -> tuple[Outcome, dict[str, Columns]]:
     """Outcome of every lane of the pool, and the channels of its logs' rows."""
 
-    def one(common: Common, seat: Seat, logs: dict[str, Any]) -> tuple[Outcome, dict[str, Any]]:
+    def one(
+        common: Common, seat: Seat, logs: dict[str, jax.Array]
+    ) -> tuple[Outcome, dict[str, Columns]]:
         scene = common.scene(seat.task)
         read = {
             name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
@@ -185,26 +196,26 @@ def harvest(
     return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
 
 
-def _channels(common: Common, scene: Any, name: str, lane: Lane, rows: Any) -> dict[str, Any]:
+def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Columns:
     """What is reported of the rows of a log."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
-    def at(row: Any) -> dict[str, Any]:
+    def at(row: jax.Array) -> Columns:
         parts = zip(jnp.split(row, ends), example, strict=True)
         columns = [part.reshape(leaf.shape) for part, leaf in parts]
-        here: Row | ImpactRow = jax.tree.unflatten(structure, columns)
+        here: Snapshot | ImpactRow = jax.tree.unflatten(structure, columns)
         return here.columns(system, common.channels.get(name, {}))
 
     return jax.vmap(at)(rows)
 
 
-def _on_devices(mesh: Mesh, function: Callable[..., Any], shared: Any, *trees: Any) -> Any:
+def _on_devices(mesh: Mesh, function: Callable[..., T], shared: PyTree, *trees: PyTree) -> T:
     """The function of what is shared and of the lanes, applied on each device to its lanes."""
     arrays, rest = eqx.partition(shared, eqx.is_array)
 
-    def on_device(arrays: Any, *trees: Any) -> Any:
+    def on_device(arrays: PyTree, *trees: PyTree) -> T:
         return function(eqx.combine(arrays, rest), *trees)
 
     specs = (PartitionSpec(), *(ACROSS for _ in trees))
@@ -222,10 +233,11 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     def one(lane: Lane, task: Task, orders: Orders) -> Lane:
         return turn(common.plan, common.scene(task), lane, orders)
 
-    def goes(now: tuple[Any, Lane]) -> Any:
-        return (now[0] < extent.turns) & jax.vmap(partial(moves, common.plan))(now[1], orders).any()
+    def goes(now: tuple[jax.Array, Lane]) -> jax.Array:
+        able = jax.vmap(partial(moves, common.plan))(now[1], orders)
+        return (now[0] < extent.turns) & jnp.any(able)
 
-    def all_turn(now: tuple[Any, Lane]) -> tuple[Any, Lane]:
+    def all_turn(now: tuple[jax.Array, Lane]) -> tuple[jax.Array, Lane]:
         return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
 
     _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
@@ -237,11 +249,11 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     recorded = {name: chosen.recorded[name] + count for name, count in counts.items()}
     chosen = Seat(chosen.task, emptied(lanes), recorded)
     back = jnp.minimum(rank, extent.places - 1)
-    moved = jax.tree.map(lambda leaf: leaf[back], chosen)
-    return _choose(rank < extent.places, moved, seats), page
+    advanced = jax.tree.map(lambda leaf: leaf[back], chosen)
+    return _choose(rank < extent.places, advanced, seats), page
 
 
-def _table(ring: Ring) -> Any:
+def _table(ring: Ring) -> jax.Array:
     """The slots of many lanes' rings: (lanes, slots, columns)."""
     lanes = len(ring.count)
     rows = [
@@ -251,7 +263,7 @@ def _table(ring: Ring) -> Any:
     return jnp.stack(rows, axis=1)
 
 
-def _choose(condition: Any, first: Any, second: Any) -> Any:
+def _choose(condition: jax.Array, first: T, second: T) -> T:
     """Lane by lane one of two trees."""
     return jax.tree.map(
         lambda a, b: jnp.where(condition.reshape(-1, *(1,) * (a.ndim - 1)), a, b), first, second
@@ -270,7 +282,7 @@ def _orders(common: Common, seat: Seat) -> Orders:
     return Orders(seat.task.end_time, seat.task.first_step, window, wanted)
 
 
-def _work_left(common: Common, seats: Seat) -> Any:
+def _work_left(common: Common, seats: Seat) -> jax.Array:
     """Attempts that each lane may still need; zero if it has ended."""
     step, end = seats.lane.step, seats.task.end_time
     whole = end - common.start_time

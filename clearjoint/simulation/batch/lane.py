@@ -4,6 +4,7 @@ Everything here is scalar arithmetic without loops; `vmap` adds the lanes, and `
 native loop round the turns.
 """
 
+from collections.abc import Mapping
 from functools import reduce
 
 import equinox as eqx
@@ -17,12 +18,13 @@ from ...dynamics.equations_of_motion import flattened
 from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
-from ...math.vectors import EulerParameters, Scalar, unpack
+from ...math.vectors import Condition, EulerParameters, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
 from ..advance import Recorder, Stride, advance, latest_bracket
-from ..dense_output import Bracket, Row, on_constraints
+from ..aliases import Integers
+from ..dense_output import Bracket, Snapshot, on_constraints
 from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
@@ -48,7 +50,7 @@ class Plan(eqx.Module):
     reductions: dict[str, AbstractReduction]
     sections: dict[str, Crossing]
     saves: bool = eqx.field(static=True)
-    max_steps: Scalar
+    max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     @property
@@ -67,7 +69,7 @@ class Orders(eqx.Module):
     end_time: Scalar
     first_step: Scalar
     window: tuple[Scalar, ...]
-    wanted: dict[str, Scalar]
+    wanted: Mapping[str, Scalar]
 
 
 class Lane(eqx.Module):
@@ -79,19 +81,19 @@ class Lane(eqx.Module):
     crossings: dict[str, CrossingRecord]
     impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
     bracket: Bracket | None
-    saved: Ring[Row] | None
+    saved: Ring[Snapshot] | None
 
-    def runs(self, plan: Plan, end_time: Scalar) -> Scalar:
+    def runs(self, plan: Plan, end_time: Scalar) -> Condition:
         """Whether another step is to be tried."""
         return running(self.step, end_time, plan.max_steps)
 
     def rings(self) -> dict[str, Ring]:
         """What is recorded beside saved states, by log."""
-        rings: dict[str, Ring] = {name: found.rows for name, found in self.crossings.items()}
+        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
-                for contact, found in family.items():
-                    rings[impact_log(name, joint, contact)] = found.rows
+                for contact, one in family.items():
+                    rings[impact_log(name, joint, contact)] = one.rows
         return rings
 
 
@@ -124,7 +126,7 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
-    row = Row(step.t, step.y, step.memory)
+    row = Snapshot(step.t, step.y, step.memory)
     now = row.instant(system)
     hits = Ring.like(ImpactRow.none())
     lane = Lane(
@@ -207,7 +209,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """What is known of a lane now; final if it has ended."""
     system = plan.scheme.system(scene)
     step = lane.step
-    now = Row(step.t, step.y, step.memory).instant(system)
+    now = Snapshot(step.t, step.y, step.memory).instant(system)
     return Outcome(
         step.t,
         final_result(step, end_time),
@@ -230,21 +232,22 @@ def emptied(lane: Lane) -> Lane:
     )
 
 
-def moves(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
+def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
     """Whether a turn would do anything: the lane neither ended nor waits for the host."""
     goes = _goes(plan, lane, orders)
     if lane.saved is None:
         return goes
-    return goes | (_save_is_due(lane, orders) & ~lane.saved.full())
+    return goes | (_save_is_due(lane, orders) & jnp.logical_not(lane.saved.full()))
 
 
-def _goes(plan: Plan, lane: Lane, orders: Orders) -> Scalar:
+def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
     goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:
         more = orders.window[SLOTS] < jnp.inf
-        goes = goes & ~_save_is_due(lane, orders) & ~(lane.saved.full() & more)
+        goes = goes & jnp.logical_not(_save_is_due(lane, orders))
+        goes = goes & jnp.logical_not(lane.saved.full() & more)
     for log, ring in lane.rings().items():
-        goes = goes & ~ring.waits(orders.wanted[log])
+        goes = goes & jnp.logical_not(ring.waits(orders.wanted[log]))
     return goes
 
 
@@ -257,7 +260,7 @@ def _next_save(lane: Lane, orders: Orders) -> Scalar:
     return time
 
 
-def _save_is_due(lane: Lane, orders: Orders) -> Scalar:
+def _save_is_due(lane: Lane, orders: Orders) -> Condition:
     """Whether the run has come past a time that is not saved at yet."""
     if lane.saved is None:
         return jnp.asarray(False)
@@ -268,27 +271,27 @@ def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
     if lane.saved is None:
         return lane
     assert lane.bracket is not None
-    due = _save_is_due(lane, orders) & ~lane.saved.full()
+    due = _save_is_due(lane, orders) & jnp.logical_not(lane.saved.full())
     row = lane.bracket.at(plan.method, _next_save(lane, orders))
-    row = Row(row.t, on_constraints(system, row.y, row.t), row.memory)
+    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
 def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:
     """A bracket of length zero at the start."""
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
-    row = Row(step.t, step.y, step.memory)
+    row = Snapshot(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
     return Bracket(
         row, row, stages, step.proposal.begins_contact if shapes.graded is not None else None
     )
 
 
-def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Scalar:
+def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
     """Whether position and velocity satisfy all ideal joints, and the coordinates can hold them."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
-    fits: Scalar = jnp.asarray(True)
+    fits: Condition = jnp.asarray(True)
     for row in flattened(absolute.rows(motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)

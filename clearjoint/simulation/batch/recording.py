@@ -13,11 +13,11 @@ import jax
 import jax.numpy as jnp
 
 from ...math.interpolation import secant_root
-from ...math.vectors import Scalar
+from ...math.vectors import Condition, Scalar
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..advance import Stride
-from ..dense_output import Bracket, Row, on_constraints
+from ..dense_output import Bracket, Snapshot, on_constraints
 from ..step_state import Method
 
 SLOTS = 8
@@ -28,18 +28,18 @@ class Ring(eqx.Module, Generic[R]):
     """A few rows, and how many of them are filled."""
 
     slots: tuple[R, ...]
-    count: Scalar
+    count: jax.Array
 
     @staticmethod
     def like(row: R) -> "Ring[R]":
         """An empty ring."""
         return Ring((row,) * SLOTS, jnp.zeros((), int))
 
-    def full(self) -> Scalar:
+    def full(self) -> Condition:
         """Whether another row must wait."""
         return self.count >= SLOTS
 
-    def waits(self, wanted: Scalar) -> Scalar:
+    def waits(self, wanted: Scalar) -> Condition:
         """Whether a lane waits for the host, of which so many more rows are wanted."""
         return self.full() & (wanted > self.count)
 
@@ -47,7 +47,7 @@ class Ring(eqx.Module, Generic[R]):
         """The ring after the host has taken its rows."""
         return Ring(self.slots, jnp.zeros_like(self.count))
 
-    def with_row(self, row: R, wanted: Scalar) -> "Ring[R]":
+    def with_row(self, row: R, wanted: Condition) -> "Ring[R]":
         """The row added, if it is wanted."""
         slots = tuple(
             jax.tree.map(
@@ -77,7 +77,7 @@ class CrossingRecord(eqx.Module):
     """The level of a section where a lane is, and its crossings."""
 
     level: Scalar
-    rows: Ring[Row]
+    rows: Ring[Snapshot]
 
 
 class CrossingRecorder(eqx.Module):
@@ -91,11 +91,11 @@ class CrossingRecorder(eqx.Module):
         system, kept = stride.system, stride.kept
         before, after = record.level, self.section.level(stride.now)
 
-        def level(row: Row) -> Scalar:
+        def level(row: Snapshot) -> Scalar:
             return self.section.level(row.instant(system))
 
         row = crossing_row(stride.method, stride.bracket, before, after, level)
-        row = Row(row.t, on_constraints(system, row.y, row.t), row.memory)
+        row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
         rises = kept & (before < 0.0) & (after >= 0.0)
         wanted = rises & (row.t >= self.section.after) & (self.wanted > record.rows.count)
         return CrossingRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
@@ -106,8 +106,8 @@ def crossing_row(
     bracket: Bracket,
     before: Scalar,
     after: Scalar,
-    value: Callable[[Row], Scalar],
-) -> Row:
+    value: Callable[[Snapshot], Scalar],
+) -> Snapshot:
     """The row where a function of rows, of given values at both ends of the step, rises through
     zero, by the dense output."""
     start, end = bracket.start.t, bracket.end.t

@@ -6,15 +6,16 @@ memory does not grow with the steps.
 
 import abc
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest
-from ...math.vectors import Scalar
+from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
 from ...quantities.instant import Instant
@@ -62,15 +63,15 @@ class AbstractReduction(AbstractConverting):
             check_quantity(name, value, scene)
 
     @abc.abstractmethod
-    def start(self, now: Instant) -> Any:
+    def start(self, now: Instant) -> PyTree:
         """The tally at the start."""
 
     @abc.abstractmethod
-    def update(self, tally: Any, now: Instant) -> Any:
+    def update(self, tally: PyTree, now: Instant) -> PyTree:
         """The tally after an accepted step that ends now."""
 
     @abc.abstractmethod
-    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+    def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
         """What is reported at the end, by name; the name "" stands for the reduction's own."""
 
     @abc.abstractmethod
@@ -108,11 +109,11 @@ class Peak(AbstractReduction):
         """The highest value of the step, if it is higher than those before."""
         start, end = Point(0.0, tally.last), Point(1.0, self._value(now))
         middle = Point(0.5, self._value(now.middle))
-        found = highest(lambda x: self._value(now.inside(x)), start, middle, end)
-        time = tally.now + found.place * (now.time - tally.now)
-        rises = found.value > tally.highest
+        peak = highest(lambda x: self._value(now.inside(x)), start, middle, end)
+        time = tally.now + peak.place * (now.time - tally.now)
+        rises = peak.value > tally.highest
         return PeakTally(
-            jnp.where(rises, found.value, tally.highest),
+            jnp.where(rises, peak.value, tally.highest),
             jnp.where(rises, time, tally.time),
             end.value,
             now.time,
@@ -133,6 +134,12 @@ class Peak(AbstractReduction):
 
 _GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
 _GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
+
+
+Triplet = tuple[Scalar, Scalar, Scalar]
+StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
+"""The latest instant, s, and the value there; the duration inside the window, s, and the integrals
+of the value and its square; the smallest and the largest value."""
 
 
 class Statistics(AbstractReduction):
@@ -158,7 +165,7 @@ class Statistics(AbstractReduction):
             "give the window in s",
         )
 
-    def start(self, now: Instant) -> Any:
+    def start(self, now: Instant) -> StatisticsTally:
         """The last instant and value, duration, integrals, smallest and largest."""
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
@@ -166,7 +173,7 @@ class Statistics(AbstractReduction):
         extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
         return (now.time, value), (zero, zero, zero), extremes
 
-    def update(self, tally: Any, now: Instant) -> Any:
+    def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
         """The part of the step inside the window added."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
@@ -188,7 +195,7 @@ class Statistics(AbstractReduction):
         largest = jnp.where(inside, jnp.maximum(largest, high), largest)
         return (t1, v), sums, (smallest, largest)
 
-    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+    def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
         """The four statistics; NaN if the run ended before the window."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
@@ -206,6 +213,10 @@ class Statistics(AbstractReduction):
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
 
 
+CountTally = tuple[Scalar, dict[str, Condition]]
+"""How many contacts have begun, and which touch."""
+
+
 class ImpactCount(AbstractReduction):
     """Number of contacts that began, of all contacts of a joint.
 
@@ -218,14 +229,14 @@ class ImpactCount(AbstractReduction):
         """The joint must be there, and have contacts."""
         require_known("joint", self.joint, scene.contact_joints())
 
-    def _touching(self, now: Instant) -> dict[str, Scalar]:
+    def _touching(self, now: Instant) -> dict[str, Condition]:
         return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
 
-    def start(self, now: Instant) -> Any:
+    def start(self, now: Instant) -> CountTally:
         """Count, and which contacts touch."""
         return jnp.zeros(()), self._touching(now)
 
-    def update(self, tally: Any, now: Instant) -> Any:
+    def update(self, tally: CountTally, now: Instant) -> CountTally:
         """One more for each contact that did not touch before."""
         count, before = tally
         after = self._touching(now)
@@ -233,7 +244,7 @@ class ImpactCount(AbstractReduction):
             count = count + jnp.where(touches & ~before[label], 1.0, 0.0)
         return count, after
 
-    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+    def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
         """The count."""
         del now
         return {"": tally[0]}
@@ -248,17 +259,17 @@ class DissipatedEnergy(AbstractReduction):
 
     needs_ledger = True
 
-    def start(self, now: Instant) -> Any:
+    def start(self, now: Instant) -> tuple[()]:
         """Nothing: the ledger is integrated with the state."""
         del now
         return ()
 
-    def update(self, tally: Any, now: Instant) -> Any:
+    def update(self, tally: tuple[()], now: Instant) -> tuple[()]:
         """Nothing."""
         del now
         return tally
 
-    def results(self, tally: Any, now: Instant) -> dict[str, Scalar]:
+    def results(self, tally: tuple[()], now: Instant) -> dict[str, Scalar]:
         """The sum of both."""
         del tally
         return {"": now.work.get("normal damping", 0.0) + now.work.get("friction", 0.0)}

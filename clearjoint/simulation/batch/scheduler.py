@@ -8,18 +8,18 @@ in the same program: one with fewer places, which is compiled anew, rounds other
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from ...runtime import SlowRunNotice, mesh_devices
+from ...runtime import Device, SlowRunNotice, mesh_devices
 from .device_pool import (
     ACROSS,
     Common,
     Extent,
+    Page,
     Seat,
     Status,
     Task,
@@ -28,6 +28,7 @@ from .device_pool import (
     harvest,
     replaced,
 )
+from .lane import Outcome
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Ended:
     number (host arrays)."""
 
     lane: int
-    outcome: Any
+    outcome: Outcome
     logs: dict[str, tuple[dict[str, np.ndarray], int]]
 
 
@@ -47,7 +48,7 @@ class Batch:
     arrays); `devices`; `extent`: how lanes share a device.
     """
 
-    def __init__(self, common: Common, tasks: Task, devices: Sequence[Any], extent: Extent):
+    def __init__(self, common: Common, tasks: Task, devices: Sequence[Device], extent: Extent):
         self._tasks, self._extent = tasks, extent
         self._busy = len(devices)
         self._mesh = Mesh(np.array(mesh_devices(devices)), ("lanes",))
@@ -116,18 +117,17 @@ class Batch:
         """
         taken, notice = sitting >= 0, SlowRunNotice()
         constants = self._common, self._extent, self._mesh
-        report: Any
-        seats, *report = advance(constants, seats)
+        seats, status, page = advance(constants, seats)
         few = False
         while not few:
-            seats, *next_report = advance(constants, seats)
-            left = self._read(report, sitting).reshape(self._mesh.size, -1)[: self._busy]
-            on_progress(self._progress(report[0], sitting))
+            seats, next_status, next_page = advance(constants, seats)
+            left = self._read(status, page, sitting).reshape(self._mesh.size, -1)[: self._busy]
+            on_progress(self._progress(status, sitting))
             notice.check()
-            report = next_report
+            status, page = next_status, next_page
             lanes = (left > 0.0).sum(axis=1)
             few = lanes.max() == 0 or (waiting and lanes.min() < self._extent.places)
-        return seats, taken & (self._read(report, sitting) <= 0.0)
+        return seats, taken & (self._read(status, page, sitting) <= 0.0)
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
         """Lanes' worth of simulated time in the pool."""
@@ -136,10 +136,9 @@ class Batch:
         share = np.where(np.asarray(status.left) > 0.0, share, 1.0)
         return float(share[sitting >= 0].sum())
 
-    def _read(self, report: Any, sitting: np.ndarray) -> np.ndarray:
+    def _read(self, status: Status, pages: Page, sitting: np.ndarray) -> np.ndarray:
         """Add what was recorded to the logs, and count the turns; the attempts each lane may still
         need."""
-        status, pages = report
         self.turns += int(np.asarray(status.turns).sum()) * self._extent.places
         for name, counts in pages.counts.items():
             counts = np.asarray(counts)
@@ -162,16 +161,18 @@ class Batch:
     ) -> None:
         tables, counts = self._tables(seats, sitting)
         tables = jax.device_put(tables, self._across)
-        found, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
+        outcomes, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
         for k in np.flatnonzero(finished):
-            lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (found, channels))
+            lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (outcomes, channels))
             logs = {name: (values, int(counts[name][k])) for name, values in read.items()}
             on_ended(Ended(int(sitting[k]), lane, logs))
             for name in self._lengths:
                 self._logs.pop((name, int(sitting[k])), None)
             sitting[k] = -1
 
-    def _tables(self, seats: Seat, sitting: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _tables(
+        self, seats: Seat, sitting: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """The logs of the pool's lanes, (seats, rows, columns), and how many rows are filled."""
         tables, counts = {}, {}
         for name, ring in self._common.logs(seats.lane).items():

@@ -16,14 +16,14 @@ import jax.numpy as jnp
 
 from ...dynamics.multipliers import as_array
 from ...math.linear_solvers import LARGEST_UNROLLED, Exact, Rows, inner, product
-from ...math.vectors import Scalar, add
+from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
 """Of the residual."""
 RELATIVE_SHIFT = 1e-11
 """Of the diagonal, which makes rows that depend on each other solvable."""
-Impulses = list[Scalar]
+Impulses = Sequence[Scalar]
 
 
 class BoxProblem:
@@ -49,7 +49,7 @@ class BoxProblem:
         q of a row that is not held."""
         scale = self._scale(start)
 
-        def goes(now: tuple[Impulses, Scalar, Scalar]) -> Scalar:
+        def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
             _, residual, count = now
             return (residual > TOLERANCE) & (count < ITERATIONS)
 
@@ -58,7 +58,8 @@ class BoxProblem:
             return x, self._residual(x, start) / scale, now[2] + 1
 
         nothing = [jnp.clip(0.0, *bounds) for bounds in zip(self._lower, self._upper, strict=True)]
-        begin = nothing, self._residual(nothing, start) / scale, jnp.zeros((), int)
+        residual = self._residual(nothing, start) / scale
+        begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)
         x, residual, _ = jax.lax.while_loop(goes, go, begin)
         return x, residual
 
@@ -78,10 +79,10 @@ class BoxProblem:
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
         """One sweep of projected Gauss-Seidel."""
-        x = list(x)
-        for i in range(len(x)):
-            x[i] = self._clipped(i, x[i], add(inner(self._row(i), x), start[i]))
-        return x
+        swept = list(x)
+        for i in range(len(swept)):
+            swept[i] = self._clipped(i, swept[i], add(inner(self._row(i), swept), start[i]))
+        return swept
 
     def _newton(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
         """The least energy over the rows that no bound holds, as far as the bounds let it: clipped,

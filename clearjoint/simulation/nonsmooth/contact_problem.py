@@ -20,7 +20,7 @@ from ...dynamics.system import System
 from ...math.linear_solvers import inner
 from ...math.rotations import transverse_axes
 from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar, Vector, add, multiply
+from ...math.vectors import Condition, Scalar, Vector, add, multiply
 from ...model.joints.base import AbstractContactJoint, Contact, Row
 from ...model.scene import Scene
 from .bounded_lcp import BoxProblem, Impulses, largest
@@ -156,7 +156,7 @@ class ContactProblem:
         return self._matrix[max(i, j)][min(i, j)]
 
     def normal_impulses(
-        self, closed: Sequence[Scalar], aims: Sequence[Scalar]
+        self, closed: Sequence[Condition], aims: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
         """Impulses of the closed contacts, N s, that make the velocities `aims` (those without
         impulses, less the least ones allowed) non-negative; and the relative residual."""
@@ -165,7 +165,7 @@ class ContactProblem:
         return BoxProblem(normal, [0.0] * self._count, upper).solve(aims)
 
     def impulses(
-        self, closed: Sequence[Scalar], aims: Sequence[Scalar], slips: Sequence[Scalar]
+        self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
         """Normal and tangential impulses, N s, of the closed contacts; and the relative residual:
         the largest violation over the largest velocity of a closed contact.
@@ -198,15 +198,15 @@ class ContactProblem:
             residual = largest([normal_residual, slip_residual, change])
             return normal, following, residual, turns + 1
 
-        def goes(now: Turn) -> Scalar:
+        def goes(now: Turn) -> Condition:
             return (now[2] > TOLERANCE) & (now[3] < ALTERNATIONS)
 
         zero = jnp.zeros(())
-        start = [zero] * count, [zero] * (size - count), zero, jnp.zeros((), int)
+        start: Turn = [zero] * count, [zero] * (size - count), zero, jnp.zeros((), int)
         normal, tangential, residual, _ = jax.lax.while_loop(goes, go, go(start))
         return [*normal, *tangential], residual
 
 
-def _largest_of(live: Sequence[Scalar], numbers: Sequence[Scalar]) -> Scalar:
+def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
     """The largest magnitude of the numbers that are live."""
     return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])

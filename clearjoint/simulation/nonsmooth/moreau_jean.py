@@ -16,16 +16,18 @@ end of the next step, the positions are projected out of the wall, in the metric
 (V. Acary, Projected event-capturing time-stepping schemes, 2013).
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...dynamics.breakpoints import seen
+from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...math.rotations import normalised
-from ...math.vectors import EulerParameters, Scalar, add, multiply
-from ..aliases import MotionVariables
+from ...math.vectors import Condition, EulerParameters, Scalar, add, multiply
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -59,8 +61,8 @@ class StepEnd(eqx.Module):
     variables: MotionVariables
     contacts: dict[str, dict[str, ContactStep]]
     residual: Scalar
-    solved: Scalar
-    shallow: Scalar
+    solved: Condition
+    shallow: Condition
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
@@ -89,10 +91,10 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
     after = problem.velocities_after(unloaded, impulses)
-    last = mechanics.kicked(problem.kick(impulses))
+    last = mechanics.after_speed_change(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
     push, projection_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).kicked(push)
+    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).after_speed_change(push)
     residual = jnp.maximum(residual, projection_residual)
     return StepEnd(
         variables=_arrived(rigid, variables, mean, last, middle_time, h),
@@ -130,7 +132,7 @@ def _arrived(
     )
 
 
-def _is_shallow(contacts: list[Touch]) -> Scalar:
+def _is_shallow(contacts: list[Touch]) -> Condition:
     """Whether no bearing is penetrated deeper than its clearance."""
     shallow = jnp.asarray(True)
     for touch in contacts:
@@ -141,9 +143,9 @@ def _is_shallow(contacts: list[Touch]) -> Scalar:
 
 def _projection(
     problem: ContactProblem,
-    closed: list[Scalar],
-    after: list[Scalar],
-    sinks: list[Scalar],
+    closed: Sequence[Condition],
+    after: Sequence[Scalar],
+    sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
     """Speeds that take contacts out of the wall by the end of the step, and the residual; gaps are
@@ -160,7 +162,10 @@ def _projection(
 
 
 def _contact_steps(
-    contacts: list[Touch], impulses: list[Scalar], before: list[Scalar], after: list[Scalar]
+    contacts: list[Touch],
+    impulses: Sequence[Scalar],
+    before: Sequence[Scalar],
+    after: Sequence[Scalar],
 ) -> dict[str, dict[str, ContactStep]]:
     """By joint and label. The positions move with the mean velocity, so the work of an impulse is
     its product with that."""

@@ -10,18 +10,18 @@ from jaxtyping import Float, Int
 
 from ...compilation import Compiled
 from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
-from ...dynamics.coordinates import AbstractCoordinates
+from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
 from ...dynamics.system import System
 from ...fields.checks import concrete, require, require_positive, require_range
 from ...fields.readable import AbstractReadable
-from ...math.vectors import Scalar, Structured, pack, structured, unpack
+from ...math.vectors import Condition, Scalar, Structured, pack, structured, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
 from ...results import RESULTS
-from ..aliases import Integers, MotionVariables, Numbers
+from ..aliases import Integers, Numbers
 from ..run_checks import check_precision, check_start
 from ..saving import Saving, saving_or_nothing
 from ..solution import Trajectory, raise_failure
@@ -319,7 +319,7 @@ def _is_contact(tree: object) -> bool:
     return isinstance(tree, ContactTotals | ContactStep)
 
 
-def _total(totals: ContactTotals, step: ContactStep, touched: Scalar) -> ContactTotals:
+def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
     """The totals with those of a step; `touched` tells whether the one before had an impulse."""
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)

@@ -17,7 +17,7 @@ from ...model.scene import Scene
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
-from ...simulation.dense_output import Row
+from ...simulation.dense_output import Snapshot
 from ...simulation.impact_recorder import IMPACT_UNITS
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
@@ -46,7 +46,7 @@ def programs(
     start = fingerprints(traced.begun, numbers, state, time, 1.0)
     lane: Lane = start.shapes[RUN]
     step = fingerprints(traced.taken, numbers, lane, 1.0)
-    row = Row(lane.step.t, lane.step.y, lane.step.memory)
+    row = Snapshot(lane.step.t, lane.step.y, lane.step.memory)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
     contacts = jax.eval_shape(traced.begun_contacts, numbers, state, time, 1.0)
@@ -104,7 +104,7 @@ class _Traced:
             for key in (*IMPACT_UNITS, "count")
         }
 
-    def tallies(self, numbers: PyTree, row: Row) -> dict[str, PyTree]:
+    def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
         """The reductions' tallies at the start."""
         now = self._instant(numbers, row, row)
         return {
@@ -113,7 +113,7 @@ class _Traced:
         }
 
     def read(
-        self, numbers: PyTree, row: Row, inside: Row, tallies: dict[str, PyTree]
+        self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
         """By variable, all that an output computes for it at the end of a step."""
         now, programs = self._instant(numbers, row, inside), {}
@@ -135,7 +135,7 @@ class _Traced:
             }
         return programs
 
-    def _instant(self, numbers: PyTree, row: Row, inside: Row) -> Instant:
+    def _instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
         """The instant of a row. What is asked of places in its step has the numbers of another row
         times the place, so that the program tells the places."""
         system = self.plan.scheme.system(self._scene(numbers))
