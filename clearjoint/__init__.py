@@ -125,6 +125,8 @@ from .simulation.observe import MotionMode as MotionMode
 from .simulation.observe import Observation as Observation
 from .simulation.observe import observe as observe
 from .simulation.saving import Saving as Saving
+from .simulation.sections import Crossings as Crossings
+from .simulation.sections import Section as Section
 from .simulation.sensitivities import Sensitivities as Sensitivities
 from .simulation.sensitivities import sensitivities as sensitivities
 from .simulation.settings import Settings as Settings
@@ -140,6 +142,5 @@ from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable
 from .sweeps.outputs import Saved as Saved
-from .sweeps.outputs import Section as Section
 from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep

@@ -1,5 +1,6 @@
 """What a run returns."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -9,6 +10,7 @@ from ..fields.readable import AbstractReadable
 from ..model.bodies import State
 from ..results import RESULTS
 from .impact_table import Impacts
+from .sections import Crossings
 
 
 class Trajectory(AbstractReadable):
@@ -32,6 +34,7 @@ class Solution(AbstractReadable):
     - `attempts`, `accepted`: steps tried and accepted.
     - `steps`: every accepted step, the start included, if asked for.
     - `impacts`: the table of finished contacts, if asked for.
+    - `sections[name]`: the `Crossings` of each section asked for.
     - `formulation`: how the equations were set up.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
       reactions are those of least norm and not unique.
@@ -48,6 +51,7 @@ class Solution(AbstractReadable):
     impacts: Impacts | None = eqx.field(static=True)
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+    sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
 
     @property
     def times(self) -> Any:

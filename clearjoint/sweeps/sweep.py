@@ -13,7 +13,7 @@ import xarray as xr
 
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
-from ..fields.checks import require
+from ..fields.checks import require, require_array_names
 from ..math.vectors import structured
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
@@ -27,12 +27,13 @@ from ..simulation.dense_output import require_dense
 from ..simulation.impact_recorder import ImpactRecorder
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_numbers, check_precision
+from ..simulation.sections import Section
 from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import checked_times
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .executors import AbstractSubmitter, run_chunks
-from .layout import RESULT, Coordinate, LaneArrays, Layout, check_array_names
-from .outputs import ImpactTable, Output, Saved, Section, check_outputs
+from .layout import RESULT, Coordinate, LaneArrays, Layout
+from .outputs import ImpactTable, Output, Saved, check_outputs
 from .progress import lane_progress
 from .starts import checked_starts
 from .store.identity import Identity, row_digests, run_digests
@@ -201,7 +202,7 @@ def _common(
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:
     remedy = 'pass for example {"clearance": cj.Axis(place, values)}'
-    check_array_names("axes", axes, remedy)
+    require_array_names("axes", axes, remedy)
     for name, axis in axes.items():
         kind = type(axis).__name__
         require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)

@@ -10,8 +10,9 @@ from ..results import result_numbers
 from ..simulation.batch.lane import contact_label
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.impact_recorder import IMPACT_UNITS
+from ..simulation.sections import Section
 from .layout import RESULT, Coordinate, Variable
-from .outputs import ImpactTable, Output, Saved, Section
+from .outputs import ImpactTable, Output, Saved
 from .work import CONTACT, FINAL, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
