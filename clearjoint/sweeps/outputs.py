@@ -1,12 +1,13 @@
 """Outputs of a sweep beside reductions: quantities at chosen times, Poincaré sections, impacts."""
 
+import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..fields.checks import as_number, require, require_array_names, require_count
+from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
 from ..quantities.base import require_known
 from ..simulation.batch.reductions import AbstractReduction
@@ -14,8 +15,22 @@ from ..simulation.channels import Channels, check_channels, check_quantities
 from ..simulation.sections import Section
 
 
+class AbstractSaved(abc.ABC):
+    """Something at chosen times: `channels` there, quantity and unit by name."""
+
+    channels: Channels
+
+    @abc.abstractmethod
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the channels name."""
+
+    @abc.abstractmethod
+    def at(self, scene: Scene) -> np.ndarray:
+        """The times of a lane, (K,) s."""
+
+
 @dataclass(frozen=True)
-class Saved:
+class Saved(AbstractSaved):
     """Quantities at chosen times, by the solver's dense output.
 
     **Arguments:**
@@ -83,7 +98,7 @@ class ImpactTable:
         return [(name, label) for name in names for label in laws[name]]
 
 
-Output = AbstractReduction | Saved | Section | ImpactTable
+Output = AbstractReduction | AbstractSaved | Section | ImpactTable
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
@@ -91,7 +106,6 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
 
     **Raises:** `ValueError` that names the output.
     """
-    require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     for name, output in outputs.items():
         require(
             isinstance(output, Output),
@@ -112,5 +126,5 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             output.check(scene)
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
-    saves = [name for name, output in outputs.items() if isinstance(output, Saved)]
+    saves = [name for name, output in outputs.items() if isinstance(output, AbstractSaved)]
     require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
