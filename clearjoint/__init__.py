@@ -11,6 +11,7 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
+from . import presets as presets
 from . import quantities as quantities
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
@@ -111,7 +112,6 @@ from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
-from .simulation import presets as presets
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount
