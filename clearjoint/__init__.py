@@ -11,6 +11,7 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
+from . import presets as presets
 from . import quantities as quantities
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
@@ -111,7 +112,6 @@ from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
-from .simulation import presets as presets
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount
@@ -125,6 +125,8 @@ from .simulation.observe import MotionMode as MotionMode
 from .simulation.observe import Observation as Observation
 from .simulation.observe import observe as observe
 from .simulation.saving import Saving as Saving
+from .simulation.sections import Crossings as Crossings
+from .simulation.sections import Section as Section
 from .simulation.sensitivities import Sensitivities as Sensitivities
 from .simulation.sensitivities import sensitivities as sensitivities
 from .simulation.settings import Settings as Settings
@@ -140,6 +142,5 @@ from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable
 from .sweeps.outputs import Saved as Saved
-from .sweeps.outputs import Section as Section
 from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep

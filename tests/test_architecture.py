@@ -1,6 +1,7 @@
 """The rooms of the package: who may import whom, and what an import may do."""
 
 import ast
+import importlib
 import json
 import os
 import re
@@ -10,6 +11,8 @@ from collections import Counter
 
 import pytest
 
+import clearjoint
+from clearjoint.simulation import presets as inner
 from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
 
 HIGHEST_FLOOR = 9
@@ -165,7 +168,7 @@ def test_import_starts_no_backend_and_changes_no_setting():
 
 
 ROOT = PACKAGE.parent
-PUBLIC = {f"clearjoint.{name}" for name in ("extend", "plot", "quantities", "testing")}
+PUBLIC = {f"clearjoint.{name}" for name in ("extend", "plot", "presets", "quantities", "testing")}
 """What may be imported from beside `clearjoint` itself."""
 
 
@@ -197,6 +200,14 @@ def test_studies_and_notebooks_import_public_names_only():
     public = {"clearjoint", "clearjoint.plot.style", *PUBLIC}
     wrong = {path: imported_from_outside(text) - public for path, text in outside_sources().items()}
     assert {path: names for path, names in wrong.items() if names} == {}
+
+
+def test_presets_are_a_module_too():
+    found = importlib.import_module("clearjoint.presets")
+    assert found is clearjoint.presets
+    names = {name for name, value in vars(inner).items() if isinstance(value, clearjoint.Settings)}
+    assert names == {name for name in vars(found) if not name.startswith("_")}
+    assert all(getattr(found, name) is getattr(inner, name) for name in names)
 
 
 def test_an_import_from_inside_is_seen():

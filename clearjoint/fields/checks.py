@@ -94,6 +94,15 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
         require(fine, argument, name, "named by non-empty strings", "name every element")
 
 
+def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
+    """Check for a dictionary whose names can be those of arrays in a store's folder."""
+    require_names(argument, given, remedy)
+    for name in given:
+        fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
+        expected = 'named without a slash, and with neither "." nor "__" in front'
+        require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
+
+
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """A dictionary of one's own, of any mapping whose keys `require_names` accepts.
 

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import equinox as eqx
 import numpy as np
 
+from ..dynamics.formulation import Formulation
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..dynamics.system import System
 from ..math.vectors import Scalar, pack, structured, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -38,10 +40,9 @@ class _Push:
         for name, radius in self.radii:
             twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
             bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
-        scalars, coordinates = unpack(structured(scene)), JointCoordinates()
-        variables = coordinates.encode(scalars, unpack(bodies))
-        compatible = pack(coordinates.decode(scalars, variables))
-        return scene, eqx.tree_at(lambda s: s.bodies, state, compatible)
+        system = System(unpack(structured(scene)), Formulation(JointCoordinates()))
+        compatible = system.decode(system.encode(unpack(bodies)))
+        return scene, eqx.tree_at(lambda s: s.bodies, state, pack(compatible))
 
 
 def disturbance(scene: Scene) -> Parameter:

@@ -14,6 +14,7 @@ from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.system import System
 from ..math.groups import by_name
 from ..math.vectors import Scalar
+from ..model.bodies import BodyState
 from ..model.scene import Scene
 
 
@@ -68,6 +69,11 @@ class Instant:
     def motions(self) -> Motions:
         """Pose and twist of each body."""
         return by_name(self._motions)
+
+    @cached_property
+    def bodies(self) -> dict[str, BodyState]:
+        """Position, orientation, velocity and spin of each body, as a state holds them."""
+        return by_name(self._system.decode(self._variables))
 
     @cached_property
     def _motions(self) -> Motions:

@@ -69,8 +69,8 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method where sweeps look inside steps (saved states, sections, "
-        "peaks, statistics, impacts), or a run has derivatives",
+        "an explicit Runge-Kutta method for sections, for what sweeps see inside steps (saved "
+        "states, peaks, statistics, impacts), and for derivatives",
         "take one such as diffrax.Tsit5(), or leave these outputs out",
     )
 

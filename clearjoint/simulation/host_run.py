@@ -1,5 +1,6 @@
 """Carrying out a run: segment after segment, or in one piece under a transformation."""
 
+from dataclasses import replace
 from typing import TypeVar
 
 import jax
@@ -16,6 +17,7 @@ from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
 from .run_ends import final_result, final_state, named
+from .sections import crossings_of
 from .segments import Progress, SavedStates, TimedState, rewound, segment
 from .solution import Solution, Trajectory
 from .step_state import Step
@@ -118,9 +120,10 @@ class HostLoop(AbstractRun):
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
-        return self._solution(
+        solution = self._solution(
             jax.device_get(now.step), waiting.trajectory(), waiting.count, steps, impacts
         )
+        return replace(solution, sections=crossings_of(now.sections))
 
     def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
         if now.step.result != RESULTS.successful or int(now.step.attempts) >= max_steps:

@@ -29,6 +29,7 @@ from .contact_step import (
 )
 from .impact_table import Impacts
 from .step_state import Step, choose
+from .tables import Table
 
 IMPACT_UNITS = {
     "onset": "s",
@@ -118,28 +119,6 @@ class Sink(Protocol):
 
 
 S = TypeVar("S", bound=Sink)
-
-
-class Table(eqx.Module):
-    """A table of so many rows at most; `count` goes on where it is full."""
-
-    rows: ImpactRow
-    count: jax.Array
-
-    @staticmethod
-    def like(row: ImpactRow, capacity: int) -> "Table":
-        """An empty table. The row behind the last is there to be written to in vain."""
-        rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
-        return Table(rows, jnp.zeros((), int))
-
-    def with_row(self, row: ImpactRow, wanted: Condition) -> "Table":
-        """The row written behind the last one, and counted if it is wanted."""
-        rows = jax.tree.map(
-            lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
-            self.rows,
-            row,
-        )
-        return Table(rows, self.count + wanted)
 
 
 class ContactRecord(eqx.Module, Generic[S]):

@@ -1,12 +1,15 @@
 """What a run keeps beside the state that it ends in."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..fields.checks import concrete, require
+from ..fields.checks import concrete, require, require_array_names
 from ..math.vectors import Scalar
+from ..model.scene import Scene
+from .sections import Section, SectionRecorder
 from .spans import check_rising, checked_times
 
 
@@ -22,6 +25,7 @@ class Saving:
       change the steps.
     - `steps`: keep every accepted step.
     - `impacts`: table all finished contacts.
+    - `sections`: Poincaré sections by name, the crossings of which are kept; see `Section`.
 
     **Raises:** `ValueError` for times that don't rise.
     """
@@ -29,6 +33,7 @@ class Saving:
     times: ArrayLike | None = None
     steps: bool = field(default=False, kw_only=True)
     impacts: bool = field(default=False, kw_only=True)
+    sections: Mapping[str, Section] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("steps", "impacts"):
@@ -36,6 +41,26 @@ class Saving:
             require(isinstance(value, bool), name, value, "True or False", "say whether")
         if self.times is not None and concrete(self.times) is not None:
             check_rising(self.times, "times")
+        remedy = 'pass for example {"top": cj.Section(crossing, channels, count)}'
+        require_array_names("sections", self.sections, remedy)
+        for name, section in self.sections.items():
+            fine, argument = isinstance(section, Section), f"sections[{name!r}]"
+            require(fine, argument, type(section).__name__, "a Section", remedy)
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the sections name.
+
+        **Raises:** `ValueError` that names the section.
+        """
+        for name, section in self.sections.items():
+            try:
+                section.check(scene)
+            except ValueError as error:
+                raise ValueError(f"Section {name!r}: {error}") from error
+
+    def section_recorders(self) -> dict[str, SectionRecorder]:
+        """What tables the crossings of each section."""
+        return {name: section.recorder for name, section in self.sections.items()}
 
     @property
     def records(self) -> bool:
@@ -59,6 +84,7 @@ class Saving:
         """Check that nothing is recorded, for runs that keep states at times alone."""
         self.require_no_steps(where, remedy)
         require(not self.impacts, "impacts", True, f"False {where}", remedy)
+        require(not self.sections, "sections", sorted(self.sections), f"none {where}", remedy)
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:

@@ -18,6 +18,7 @@ from .aliases import Numbers
 from .dense_output import look_inside
 from .method import Scheme
 from .run_ends import begin_run, named, state_of
+from .sections import SectionRecord, SectionRecorder, after_sections
 from .step_state import Attempt, Method, Step
 from .stepping import blank_attempt, running
 
@@ -81,12 +82,13 @@ class Progress(eqx.Module):
     """A run between two segments.
 
     `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
-    steps, if they are asked for. Both are ``None`` otherwise.
+    steps, if they are asked for. Both are ``None`` otherwise. `sections` holds crossings by name.
     """
 
     step: Step
     last: Attempt | None
     record: GrowingTable | None
+    sections: dict[str, SectionRecord]
 
 
 class SavedStates(eqx.Module):
@@ -105,6 +107,7 @@ def begin(
     first_step: Scalar,
     saves: bool,
     record_rows: int | None,
+    sections: dict[str, SectionRecorder] | None = None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
     method, system = scheme.method, scheme.unpacked(form)
@@ -115,9 +118,11 @@ def begin(
     if record_rows is not None:
         row = _row(system, step)
         record = GrowingTable.like(row, record_rows).with_row(row, 1)
+    crossings = {name: of.start(system, step) for name, of in (sections or {}).items()}
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
-        lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), Progress(step, last, record)
+        lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
+        Progress(step, last, record, crossings),
     )
 
 
@@ -174,7 +179,7 @@ def _run_and_record(
         record = jax.lax.cond(
             now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
         )
-        return Progress(now.step, now.last, record)
+        return Progress(now.step, now.last, record, now.sections)
 
     return jax.lax.while_loop(goes, go, progress)
 
@@ -199,12 +204,12 @@ def _run(
         return more if now.record is None else more & jnp.logical_not(now.record.block_is_full())
 
     def go(now: Progress) -> Progress:
-        records = {"last": now.last, "record": now.record}
+        records = {"last": now.last, "record": now.record, "sections": now.sections}
         records = {name: record for name, record in records.items() if record is not None}
         step, records = advance(
             method, system, now.step, t_end, records, RECORDERS, attempt=loops.attempt
         )
-        return Progress(step, records.get("last"), records.get("record"))
+        return Progress(step, records.get("last"), records.get("record"), records["sections"])
 
     return loops.repeat(goes, go, progress)
 
@@ -214,7 +219,11 @@ def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
     return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
 
 
-RECORDERS: dict[str, Recorder] = {"last": latest_attempt, "record": _with_step}
+RECORDERS: dict[str, Recorder] = {
+    "last": latest_attempt,
+    "record": _with_step,
+    "sections": after_sections,
+}
 
 
 def _row(system: System, step: Step) -> TimedState:

@@ -8,7 +8,7 @@ measured by `studies.benchmark`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax
@@ -38,7 +38,6 @@ from .impact_recorder import (
     ImpactRecord,
     ImpactRecorder,
     ImpactRow,
-    Table,
     impacts_of,
     most,
 )
@@ -46,15 +45,17 @@ from .impact_table import Impacts
 from .method import Scheme
 from .run_ends import final_result, named, state_of
 from .saving import Saving, saving_or_nothing
+from .sections import Crossings, SectionRecord, SectionRecorder, after_sections, crossings_of
 from .settings import Settings, settings_or
 from .solution import Trajectory, raise_failure
 from .spans import check_span, checked_times
 from .step_state import Attempt, Method, Step, Variables
 from .stepping import blank_attempt, running
 from .systems import SystemFamily
+from .tables import Table
 from .variational import look_at_tangents, start_with_tangents
 
-LATEST, IMPACTS = "latest", "impacts"
+LATEST, IMPACTS, SECTIONS = "latest", "impacts", "sections"
 """Names of what is recorded on the way."""
 Run = tuple[Step, dict[str, PyTree]]
 """The latest step, and what is recorded, by name."""
@@ -67,11 +68,12 @@ class Kept(eqx.Module):
     """What is kept of a run beside quantities.
 
     `states`: whether the states at the times are; `impacts`: room for so many of each contact, or
-    ``None`` to table none.
+    ``None`` to table none; `sections`: whose crossings are tabled.
     """
 
     states: bool = eqx.field(default=False, static=True)
     impacts: int | None = eqx.field(default=None, static=True)
+    sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
 
 
 NOTHING_ELSE = Kept()
@@ -85,7 +87,7 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
     - `reached`: (N,) whether the run came so far.
     - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
-    - `states`, in scalar form with N in front, and `impacts`, if they are kept.
+    - `states`, in scalar form with N in front, `impacts` and `sections`, if they are kept.
     """
 
     values: dict[str, Numbers]
@@ -97,6 +99,7 @@ class Sampled(eqx.Module):
     accepted: Scalar
     states: State | None = None
     impacts: ImpactRecord[Table] | None = None
+    sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
 
 
 def followed(
@@ -121,6 +124,8 @@ def followed(
         now, table = Snapshot(first.t, first.y, first.memory).instant(system), ImpactRow.none()
         records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
         recorders[IMPACTS] = ImpactRecorder().after
+    records[SECTIONS] = {name: of.start(system, first) for name, of in kept.sections.items()}
+    recorders[SECTIONS] = after_sections
 
     def go(now: Run) -> Run:
         step, records = now
@@ -158,6 +163,7 @@ def followed(
         step.accepted,
         states,
         records.get(IMPACTS),
+        records[SECTIONS],
     )
     return sampled, first, step
 
@@ -207,6 +213,7 @@ class Sensitivities:
     - `attempts`, `accepted`: steps tried and accepted.
     - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
       ``None`` unless asked for.
+    - `sections[name]`: the `Crossings` of each section asked for.
     """
 
     parameters: tuple[str, ...]
@@ -219,6 +226,7 @@ class Sensitivities:
     accepted: int
     saved: Trajectory | None = None
     impacts: Impacts | None = None
+    sections: Mapping[str, Crossings] = field(default_factory=dict)
 
 
 def sensitivities(
@@ -249,7 +257,7 @@ def sensitivities(
     - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
     - `times`: (N,) s, rising, at which they are evaluated.
     - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
-    - `save`: states at times of their own, and impacts, to keep beside.
+    - `save`: states at times of their own, impacts and sections, to keep beside.
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
@@ -265,6 +273,7 @@ def sensitivities(
     asked = checked_times(start_time, end_time, times, "times")
     save = saving_or_nothing(save)
     save.require_no_steps("of a run with derivatives", "take simulate() for them")
+    save.check(scene)
     saved = save.times_between(start_time, end_time)
     looked_at = asked if saved is None else np.union1d(asked, saved)
     coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
@@ -281,7 +290,7 @@ def sensitivities(
         *span,
         jnp.asarray(settings.max_steps, int),
     )
-    sampled = _recorded(arguments, saved is not None, save.impacts)
+    sampled = _recorded(arguments, saved is not None, save.impacts, save.section_recorders())
     rows = _rows_reached(sampled, looked_at, asked)
     result = Sensitivities(
         tuple(parameters),
@@ -294,17 +303,24 @@ def sensitivities(
         int(sampled.accepted),
         None if saved is None else _trajectory(sampled, looked_at, saved),
         None if sampled.impacts is None else impacts_of(sampled.impacts),
+        crossings_of(sampled.sections),
     )
     if throw:
         raise_failure(result)
     return result
 
 
-def _recorded(arguments: tuple[PyTree, ...], states: bool, impacts: bool) -> Sampled:
+def _recorded(
+    arguments: tuple[PyTree, ...],
+    states: bool,
+    impacts: bool,
+    sections: dict[str, SectionRecorder],
+) -> Sampled:
     """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
-        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, Kept(states, room)))
+        kept = Kept(states, room, sections)
+        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, kept))
         if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
             return sampled
         room *= GROWTH

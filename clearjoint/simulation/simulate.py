@@ -15,6 +15,7 @@ from ..model.scene import Scene
 from . import presets
 from .adjoint import loops_for
 from .aliases import Numbers
+from .dense_output import require_dense
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
 from .method import Scheme
@@ -59,7 +60,9 @@ def simulate(
     - `end_time`, `start_time`: s.
     - `settings`: how to integrate; `clearjoint.presets.default` unless given, beside which there
       are others.
-    - `save`: what to keep beside the final state. Under a transformation: states at times alone.
+    - `save`: what to keep beside the final state: states at times, every step, impacts, and
+      sections, whose crossings are in `solution.sections`. Under a transformation: states at times
+      alone.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
       mode is then shut. The state after some steps is kept, and what lies between computed anew.
       Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
@@ -88,11 +91,15 @@ def simulate(
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates)
+        save.check(scene)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
     start, end, length = (_array(number) for number in (start_time, end_time, first_step))
+    if save.sections:
+        require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
-    now = begin_compiled(scheme, form, state, start, end, length, times is not None, rows)
+    saves, sections = times is not None, save.section_recorders()
+    now = begin_compiled(scheme, form, state, start, end, length, saves, rows, sections)
     if traced:
         run = OnePiece(form, scheme, _array(end_time), redundant)
         save_at = None if times is None else _array(times)

@@ -1,5 +1,6 @@
 """What a run returns."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from ..model.bodies import State
 from ..results import RESULTS
 from .aliases import Numbers
 from .impact_table import Impacts
+from .sections import Crossings
 
 
 class Trajectory(AbstractReadable):
@@ -34,6 +36,7 @@ class Solution(AbstractReadable):
     - `attempts`, `accepted`: steps tried and accepted.
     - `steps`: every accepted step, the start included, if asked for.
     - `impacts`: the table of finished contacts, if asked for.
+    - `sections[name]`: the `Crossings` of each section asked for.
     - `formulation`: how the equations were set up.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
       reactions are those of least norm and not unique.
@@ -50,6 +53,7 @@ class Solution(AbstractReadable):
     impacts: Impacts | None = eqx.field(static=True)
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+    sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
 
     @property
     def times(self) -> Numbers:

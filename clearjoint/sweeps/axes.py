@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..dynamics.assembly import check_names
 from ..fields.cautions import quiet
 from ..fields.checks import as_number, recheck_changes, require, require_finite
-from ..math.vectors import Vector, unpack
+from ..math.vectors import unpack
 from ..model.bodies import State
 from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
@@ -103,16 +103,15 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """The joints with contacts, in scalar form; numbers that vary are arrays (lanes,)."""
-
-        def scalar(base: PyTree, in_lanes: np.ndarray | None) -> PyTree:
-            if in_lanes is None:
-                return None if base is None else unpack(np.asarray(base))
-            return Vector(*in_lanes.T) if in_lanes.shape[1:] == (3,) else in_lanes
-
-        names = self.scene.contact_joints()
-        scenes = {name: self.scenes.joints[name] for name in names}
-        return jax.tree.map(scalar, names, scenes, is_leaf=lambda node: node is None)
+        """The joints with contacts, in scalar form; their numbers are arrays (lanes,)."""
+        joints = self.scene.contact_joints()
+        own = {name: self.scenes.joints[name] for name in joints}
+        axes = jax.tree.map(lambda _, in_lanes: None if in_lanes is None else 0, joints, own)
+        rows = jax.tree.map(
+            lambda base, in_lanes: base if in_lanes is None else in_lanes, joints, own
+        )
+        count = len(jax.tree.leaves(self.states)[0])
+        return jax.vmap(unpack, in_axes=(axes,), axis_size=count)(rows)
 
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ..fields.checks import require, require_count, require_finite, require_names
+from ..fields.checks import require, require_array_names, require_count, require_finite
 
 LANE = "lane"
 RESULT = "result"
@@ -113,7 +113,7 @@ class Layout:
         further -= {c.name for c in self.coordinates}
         names = [LANE, *(c.name for c in labelled), *self.variables, *further]
         twice = sorted({name for name in names if names.count(name) > 1})
-        check_array_names("variables", self.variables, "name every result")
+        require_array_names("variables", self.variables, "name every result")
         require(not twice, "axes", twice, "names that occur once", "rename the axis")
         require_count("chunk", self.chunk, "pass 1 or more lanes")
         sizes = [c.values.size for c in self.axes]
@@ -212,15 +212,6 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
         for name, variable in layout.variables.items()
     }
     return xr.Dataset(data, coordinates, {**layout.settings, **layout.notes})
-
-
-def check_array_names(argument: str, by_name: Mapping[str, object], remedy: str) -> None:
-    """Check for a dictionary whose names can be those of arrays in a store's folder."""
-    require_names(argument, by_name, remedy)
-    for name in by_name:
-        fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
-        expected = 'named without a slash, and with neither "." nor "__" in front'
-        require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:

@@ -1,25 +1,36 @@
 """Outputs of a sweep beside reductions: quantities at chosen times, Poincaré sections, impacts."""
 
+import abc
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
-from ..quantities.base import Quantity, check_quantity, require_known
-from ..simulation.batch.recording import Crossing
+from ..quantities.base import require_known
 from ..simulation.batch.reductions import AbstractReduction
-from .layout import check_array_names
+from ..simulation.channels import Channels, check_channels, check_quantities
+from ..simulation.sections import Section
 
-Channels = Mapping[str, tuple[Quantity, str]]
-"""Quantities with their units, by name."""
-PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
+
+class AbstractSaved(abc.ABC):
+    """Something at chosen times: `channels` there, quantity and unit by name."""
+
+    channels: Channels
+
+    @abc.abstractmethod
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the channels name."""
+
+    @abc.abstractmethod
+    def at(self, scene: Scene) -> np.ndarray:
+        """The times of a lane, (K,) s."""
 
 
 @dataclass(frozen=True)
-class Saved:
+class Saved(AbstractSaved):
     """Quantities at chosen times, by the solver's dense output.
 
     **Arguments:**
@@ -33,11 +44,11 @@ class Saved:
     channels: Channels
 
     def __post_init__(self) -> None:
-        _check_channels(self.channels)
+        check_channels(self.channels)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has what the channels name."""
-        _check_quantities(self.channels, scene)
+        check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
         """The times of a lane, (K,) s."""
@@ -55,37 +66,8 @@ class Saved:
 
 
 @dataclass(frozen=True)
-class Section:
-    """A Poincaré section: quantities where another one passes zero, rising.
-
-    **Arguments:**
-
-    - `crossing`: the quantity that passes zero.
-    - `channels`: quantity and unit by name, taken there.
-    - `count`: how many crossings are kept, the first ones.
-    - `after`: s; earlier crossings, of the transient, are left out.
-    """
-
-    crossing: Quantity
-    channels: Channels
-    count: int
-    after: float = 0.0
-    condition: Crossing = field(init=False)
-
-    def __post_init__(self) -> None:
-        _check_channels(self.channels)
-        require_count("count", self.count, "pass a number of crossings")
-        object.__setattr__(self, "condition", Crossing(self.crossing, self.after))
-
-    def check(self, scene: Scene) -> None:
-        """Check that a scene has what the crossing and the channels name."""
-        check_quantity("crossing", self.crossing, scene)
-        _check_quantities(self.channels, scene)
-
-
-@dataclass(frozen=True)
 class ImpactTable:
-    """The finished contacts of a lane, as `simulate(..., record_impacts=True)` tables them.
+    """The finished contacts of a lane, as `simulate` tables them.
 
     For each contact, by the label "joint contact", its first `count` impacts with their onset,
     separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
@@ -116,7 +98,7 @@ class ImpactTable:
         return [(name, label) for name in names for label in laws[name]]
 
 
-Output = AbstractReduction | Saved | Section | ImpactTable
+Output = AbstractReduction | AbstractSaved | Section | ImpactTable
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
@@ -124,7 +106,6 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
 
     **Raises:** `ValueError` that names the output.
     """
-    check_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     for name, output in outputs.items():
         require(
             isinstance(output, Output),
@@ -145,30 +126,5 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             output.check(scene)
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
-    saves = [name for name, output in outputs.items() if isinstance(output, Saved)]
+    saves = [name for name, output in outputs.items() if isinstance(output, AbstractSaved)]
     require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
-
-
-def _check_channels(channels: Channels) -> None:
-    check_array_names("channels", channels, PASS_CHANNELS)
-    fine = bool(channels) and all(
-        isinstance(pair, tuple)
-        and len(pair) == 2
-        and callable(pair[0])
-        and isinstance(pair[1], str)
-        for pair in channels.values()
-    )
-    require(
-        fine,
-        "channels",
-        channels,
-        "a (quantity, unit) pair by name",
-        PASS_CHANNELS,
-    )
-    taken = sorted({"time", "count"} & set(channels))
-    require(not taken, "channels", taken, "of names that the output does not use", "rename them")
-
-
-def _check_quantities(channels: Channels, scene: Scene) -> None:
-    for name, (quantity, _) in channels.items():
-        check_quantity(f"channel {name!r}", quantity, scene)

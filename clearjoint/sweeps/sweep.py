@@ -13,7 +13,7 @@ import xarray as xr
 
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
-from ..fields.checks import require
+from ..fields.checks import require, require_array_names
 from ..math.vectors import structured
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
@@ -27,13 +27,16 @@ from ..simulation.dense_output import require_dense
 from ..simulation.impact_recorder import ImpactRecorder
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_numbers, check_precision
+from ..simulation.saving import Saving, saving_or_nothing
+from ..simulation.sections import Section
 from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import checked_times
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .executors import AbstractSubmitter, run_chunks
-from .layout import RESULT, Coordinate, LaneArrays, Layout, check_array_names
-from .outputs import ImpactTable, Output, Saved, Section, check_outputs
+from .layout import RESULT, Coordinate, LaneArrays, Layout
+from .outputs import AbstractSaved, ImpactTable, Output, check_outputs
 from .progress import lane_progress
+from .saved_states import outputs_beside
 from .starts import checked_starts
 from .store.identity import Identity, row_digests, run_digests
 from .store.notes import describe, number_notes, structure_note, versions
@@ -52,6 +55,7 @@ def sweep(
     axes: Mapping[str, Axis],
     outputs: Mapping[str, Output] | None = None,
     settings: Settings | None = None,
+    save: Saving | None = None,
     *,
     zipped: bool = False,
     path: str | PathLike | None = None,
@@ -79,6 +83,10 @@ def sweep(
       every contact, the peak force of which is ``hits_peak_force``. The final state, result code,
       time reached, and steps are always kept.
     - `settings`: how to integrate; `clearjoint.presets.default` unless given.
+    - `save`: what else to keep of each lane, as in `simulate`: the states at times, as
+      ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
+      ``saved_time``, and sections, which are outputs of the same names. Every step of a lane can't
+      be kept, and impacts only in an `ImpactTable`.
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
       computes only what is missing or damaged, so that values of axes, axes and outputs can be
       added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
@@ -99,7 +107,7 @@ def sweep(
     settings = settings_or(settings, presets.default)
     settings.require_double()
     check_precision(False)
-    outputs = {} if outputs is None else outputs
+    outputs = outputs_beside({} if outputs is None else outputs, saving_or_nothing(save), scene)
     _check_axes(axes)
     check_outputs(outputs, scene, settings.ledger)
     units = {name: axis.unit_in(scene, state) for name, axis in axes.items()}
@@ -171,9 +179,9 @@ def _common(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
     """What the lanes share: how they are run, and which outputs they have."""
-    saved = next((name for name, o in outputs.items() if isinstance(o, Saved)), "")
+    saved = next((name for name, o in outputs.items() if isinstance(o, AbstractSaved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
-    recorded = {name: o for name, o in outputs.items() if isinstance(o, Saved | Section)}
+    recorded = {name: o for name, o in outputs.items() if isinstance(o, AbstractSaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
     if recorded or tables:
         require_dense(scheme.method.solver)
@@ -201,7 +209,7 @@ def _common(
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:
     remedy = 'pass for example {"clearance": cj.Axis(place, values)}'
-    check_array_names("axes", axes, remedy)
+    require_array_names("axes", axes, remedy)
     for name, axis in axes.items():
         kind = type(axis).__name__
         require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
@@ -244,7 +252,7 @@ def _tasks(
     outputs: Mapping[str, Output],
 ) -> Task:
     """What each lane has for itself: scene, state, end, first step and times to save at."""
-    saved = next((output for output in outputs.values() if isinstance(output, Saved)), None)
+    saved = next((output for output in outputs.values() if isinstance(output, AbstractSaved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
@@ -263,7 +271,7 @@ def _tasks(
 
 
 def _save_times(
-    saved: Saved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
+    saved: AbstractSaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
 ) -> np.ndarray | None:
     """Times (lanes, K), s, at which to save; ``None`` if nothing is to be saved."""
     if saved is None:

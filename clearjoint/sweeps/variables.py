@@ -10,9 +10,11 @@ from ..results import result_numbers
 from ..simulation.batch.lane import contact_label
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.impact_recorder import IMPACT_UNITS
+from ..simulation.sections import Section
 from .layout import RESULT, Coordinate, Variable
-from .outputs import ImpactTable, Output, Saved, Section
-from .work import CONTACT, FINAL, variable_name
+from .outputs import AbstractSaved, ImpactTable, Output
+from .saved_states import SavedStates
+from .work import CONTACT, STATE_PARTS, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
 
@@ -33,6 +35,9 @@ def variables_of(
             further = _tabled(scene, name, output)
             labels = [contact_label(*contact) for contact in output.contacts(scene)]
             coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+        elif isinstance(output, SavedStates):
+            further = _states(scene, name, output)
+            coordinates.append(Coordinate(variable_name(name, "time"), output.times, "s"))
         else:
             further = _recorded(scene, name, output)
         twice = sorted(set(variables) & set(further))
@@ -50,10 +55,20 @@ def _always(scene: Scene) -> dict[str, Variable]:
         "attempts": Variable(dtype="int64", description="steps tried"),
         "accepted": Variable(dtype="int64", description="steps accepted"),
     }
-    for part, (dim, unit) in FINAL.items():
+    for part, (dim, unit) in STATE_PARTS.items():
         shape = (len(scene.bodies), len(LABELS[dim]))
         text = f"{part} of the bodies at the end"
         variables[f"final_{part}"] = Variable(("body", dim), shape, unit=unit, description=text)
+    return variables
+
+
+def _states(scene: Scene, name: str, output: SavedStates) -> dict[str, Variable]:
+    variables = {}
+    for part, (dim, unit) in STATE_PARTS.items():
+        dims = variable_name(name, "time"), "body", dim
+        shape = len(output.times), len(scene.bodies), len(LABELS[dim])
+        text = f"{part} of the bodies"
+        variables[variable_name(name, part)] = Variable(dims, shape, unit=unit, description=text)
     return variables
 
 
@@ -76,7 +91,7 @@ def _tabled(scene: Scene, name: str, output: ImpactTable) -> dict[str, Variable]
     return {variable_name(name, "count"): counted, **columns}
 
 
-def _recorded(scene: Scene, name: str, output: Saved | Section) -> dict[str, Variable]:
+def _recorded(scene: Scene, name: str, output: AbstractSaved | Section) -> dict[str, Variable]:
     dim, variables = f"{name}_number", {}
     if isinstance(output, Section):
         length = output.count

@@ -15,12 +15,13 @@ ON_CPU = Extent(pool=256, places=64)
 ON_ACCELERATOR = Extent(pool=8192, places=8192)
 CONTACT = "contact"
 """Of a table of impacts: what its dimension of contacts is called behind its name."""
-FINAL = {
+STATE_PARTS = {
     "position": ("component", "m"),
     "orientation": ("parameter", "1"),
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
+"""Dimension and unit of what a body's state consists of."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Work:
             "accepted": np.asarray(outcome.accepted),
         }
         bodies = [outcome.final.bodies[name] for name in self.bodies]
-        for part in FINAL:
+        for part in STATE_PARTS:
             results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
         for name, values in outcome.results.items():
             for key, value in values.items():
@@ -105,10 +106,9 @@ class Work:
 
 def _filled(columns: LaneArrays, count: int) -> LaneArrays:
     """The columns of a log, what is not filled NaN, and their count."""
-    filled = {
-        key: np.where(np.arange(len(values)) < count, values, np.nan)
-        for key, values in columns.items()
-    }
+    filled = {key: np.array(values, dtype=float) for key, values in columns.items()}
+    for values in filled.values():
+        values[count:] = np.nan
     return {**filled, "count": np.asarray(count)}
 
 

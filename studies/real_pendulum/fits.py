@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import clearjoint as cj
-from studies.real_pendulum.pendulum import (
-    GRAVITY,
+from studies.real_pendulum.pendulum import GRAVITY
+from studies.real_pendulum.swing_files import Swing, read_swings
+from studies.real_pendulum.swing_fits import (
     SwingFit,
     fit_frictions,
     fit_start,
@@ -16,7 +17,6 @@ from studies.real_pendulum.pendulum import (
     period,
     roughly,
 )
-from studies.real_pendulum.swing_files import Swing, read_swings
 
 ALL = "all three"
 MODELS = {

@@ -1,4 +1,4 @@
-"""A pendulum with friction at its hinge, and its fit to measured swings by sensitivities.
+"""A pendulum with friction at its hinge, and its motion with sensitivities.
 
 A free swing tells ratios alone. The scene therefore has a weight whose greatest moment is 1 N m:
 friction comes out relative to it, and inertia as the length of the mathematical pendulum that
@@ -11,11 +11,9 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import least_squares
 
 import clearjoint as cj
 from clearjoint.extend import Scalar, quantity, require_positive
-from studies.real_pendulum.swing_files import Swing
 
 GRAVITY = 9.81
 ARM, HINGE, FRICTION = "arm", "hinge", "friction"
@@ -24,8 +22,6 @@ DISTANCE = 0.01
 MASS = 1.0 / (GRAVITY * DISTANCE)
 """kg, so that the weight's greatest moment is 1 N m."""
 RTOL, MAX_STEPS = 1e-8, 200_000
-TOLERANCE = 1e-2
-"""Standard deviations; the errors of runs at `RTOL` hide what is smaller."""
 
 
 class HingeFriction(cj.AbstractDriveTorque):
@@ -166,189 +162,3 @@ def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[s
     columns = zip(found.parameters, found.derivatives["angle"].T, strict=True)
     scaled = {name: column * slopes.get(name, 1.0 / SMALL.unit) for name, column in columns}
     return found.values["angle"], scaled
-
-
-@dataclass(frozen=True)
-class SwingFit:
-    """A pendulum fitted to a swing.
-
-    - `pendulum`: the estimates; `names`: of what was estimated.
-    - `errors`: standard errors by name, by a sandwich of Newey and West, which allows for residuals
-      that are correlated over `LAGS` periods; `naive`: as if they were independent.
-    - `residuals`: (N,) rad, measured less fitted.
-    - `evaluations`: runs with derivatives.
-    """
-
-    pendulum: Pendulum
-    names: tuple[str, ...]
-    errors: dict[str, float]
-    naive: dict[str, float]
-    residuals: np.ndarray
-    evaluations: int
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals, rad."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
-
-    @property
-    def correlation(self) -> float:
-        """Of residuals that follow each other."""
-        return float(np.corrcoef(self.residuals[:-1], self.residuals[1:])[0, 1])
-
-
-LAGS = 2.0
-FRICTIONS = ("viscous", "coulomb", "quadratic")
-SIZES = dict.fromkeys((*FRICTIONS, "length", "vertical"), 1e-3) | {"angle": 0.1, "speed": 1.0}
-"""Steps to try first."""
-
-
-def fit(swing: Swing, start: Pendulum, names: tuple[str, ...]) -> SwingFit:
-    """Estimate named fields of a pendulum by least squares, with frictions that are not negative.
-
-    A friction that ends at zero is taken as known to be zero: it has no error.
-    """
-    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def pendulum(values: np.ndarray) -> Pendulum:
-        return replace(start, **dict(zip(names, map(float, values), strict=True)))
-
-    def looked_at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = values.tobytes()
-        if key not in seen:
-            angles, slopes = predicted(pendulum(values), swing.times)
-            seen[key] = angles, np.stack([slopes[name] for name in names], axis=1)
-        return seen[key]
-
-    found = least_squares(
-        lambda values: looked_at(values)[0] - swing.angles,
-        [getattr(start, name) for name in names],
-        jac=lambda values: looked_at(values)[1],  # pyright: ignore[reportArgumentType]
-        bounds=([0.0 if name in FRICTIONS else -np.inf for name in names], np.inf),
-        x_scale=[SIZES[name] for name in names],
-        xtol=1e-9,
-        ftol=1e-9,
-    )
-    values = np.where(found.active_mask == 0, found.x, 0.0)
-    free = tuple(name for name, fixed in zip(names, found.active_mask, strict=True) if not fixed)
-    residuals, slopes = -found.fun, np.asarray(found.jac)[:, found.active_mask == 0]
-    lags = round(LAGS * period(swing) / float(np.median(np.diff(swing.times))))
-    errors, naive = standard_errors(slopes, residuals, lags)
-    return SwingFit(
-        pendulum(values),
-        names,
-        dict(zip(free, errors, strict=True)),
-        dict(zip(free, naive, strict=True)),
-        residuals,
-        len(seen),
-    )
-
-
-def standard_errors(
-    slopes: np.ndarray, residuals: np.ndarray, lags: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) of least squares with slopes (N, p): those that allow for correlation of
-    residuals up to a number of lags (W. Newey, K. West 1987), and the naive ones."""
-    inverse = np.linalg.inv(slopes.T @ slopes)
-    scores = slopes * residuals[:, None]
-    middle = scores.T @ scores
-    for lag in range(1, lags + 1):
-        product = scores[lag:].T @ scores[:-lag]
-        middle += (1.0 - lag / (lags + 1)) * (product + product.T)
-    freedom = len(residuals) - slopes.shape[1]
-    naive = inverse * float(residuals @ residuals) / freedom
-    return np.sqrt(np.diag(inverse @ middle @ inverse)), np.sqrt(np.diag(naive))
-
-
-def crossings(swing: Swing) -> np.ndarray:
-    """Times of passages through the middle, s."""
-    away = swing.angles - 0.5 * (swing.angles.max() + swing.angles.min())
-    k = np.flatnonzero((away[1:] < 0.0) != (away[:-1] < 0.0))
-    share = away[k] / (away[k] - away[k + 1])
-    return swing.times[k] + share * np.diff(swing.times)[k]
-
-
-def period(swing: Swing) -> float:
-    """Twice the median time between passages through the middle, s."""
-    return 2.0 * float(np.median(np.diff(crossings(swing))))
-
-
-def guess(swing: Swing) -> Pendulum:
-    """Length by the first period and amplitude, little friction.
-
-    **Raises:** `ValueError` for less than a period.
-    """
-    first = crossings(swing)[:3]
-    if len(first) < 3:
-        raise ValueError(
-            f"{swing.name} passes its middle {len(first)} times: a period, three passages, is the "
-            "least that can be fitted."
-        )
-    amplitude = float(np.abs(swing.angles[swing.times <= first[-1]]).max())
-    small = (first[-1] - first[0]) / (1.0 + amplitude**2 / 16 + 11 * amplitude**4 / 3072)
-    k = min(5, len(swing.times) - 1)
-    speed = (swing.angles[k] - swing.angles[0]) / (swing.times[k] - swing.times[0])
-    length = GRAVITY * (small / (2.0 * np.pi)) ** 2
-    return Pendulum(length, 1e-3, 0.0, 0.0, 0.0, float(swing.angles[0]), float(speed))
-
-
-WITHOUT_FRICTION = ("length", "vertical", "angle", "speed")
-START = ("vertical", "angle", "speed")
-"""What is of each swing its own."""
-
-GROW = (2.0, 6.0, 20.0)
-"""Periods of the parts that are fitted before the whole swing: with a length that is a little wrong
-a run would else be half a swing behind at the end, and a fit would stay there."""
-
-
-def roughly(swing: Swing) -> Pendulum:
-    """A pendulum with viscous friction alone, by fits to growing parts of a swing."""
-    pendulum, names = guess(swing), ("viscous", *WITHOUT_FRICTION)
-    since = swing.times - swing.times[0]
-    for periods in GROW:
-        inside = since <= periods * period(swing)
-        part = replace(swing, times=swing.times[inside], angles=swing.angles[inside])
-        pendulum = fit(part, pendulum, names).pendulum
-    return pendulum
-
-
-def fit_frictions(swing: Swing, rough: Pendulum, frictions: tuple[str, ...]) -> SwingFit:
-    """Fit all of a swing with some of the frictions, which begin with like shares of the loss."""
-    return fit(swing, shared(rough, frictions), (*frictions, *WITHOUT_FRICTION))
-
-
-def shared(rough: Pendulum, frictions: tuple[str, ...]) -> Pendulum:
-    """The pendulum with its viscous friction shared out between some frictions."""
-    mean_speed = 0.5 * abs(rough.speed)
-    share = rough.viscous / len(frictions)
-    alike = {"viscous": share, "coulomb": share * mean_speed, "quadratic": share / mean_speed}
-    return replace(rough, **{"viscous": 0.0} | {name: alike[name] for name in frictions})
-
-
-def fit_start(swing: Swing, known: Pendulum) -> SwingFit:
-    """Fit the start of a swing of a pendulum that is known."""
-    own = guess(swing)
-    return fit(swing, replace(known, vertical=0.0, angle=own.angle, speed=own.speed), START)
-
-
-def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.Fit:
-    """What `cj.identify` makes of the same swing, with the noise that the residuals show.
-
-    It estimates what in `found` did not end at zero, from a rough pendulum on: the same minimum by
-    another way.
-    """
-    names = tuple(found.errors)
-    begin = shared(rough, tuple(name for name in names if name in FRICTIONS))
-    known = parameters(begin)
-    channel = cj.quantities.JointAngle(HINGE)
-    series = cj.Series(channel, swing.times, swing.angles, found.rms, "rad", swing.name)
-    return cj.identify(
-        begin.scene(),
-        begin.state(),
-        cj.Measurements({"angle": series}),
-        {"inertia" if name == "length" else name: known[name] for name in names},
-        start_time=float(swing.times[0]),
-        settings=replace(cj.presets.derivatives, rtol=RTOL, max_steps=MAX_STEPS),
-        tolerance=TOLERANCE,
-        progress=False,
-    )

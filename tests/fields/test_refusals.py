@@ -9,9 +9,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
+from clearjoint.simulation.sections import Section
 from clearjoint.simulation.spans import checked_times
 from clearjoint.sweeps.layout import Layout, Variable
-from clearjoint.sweeps.outputs import Saved, Section
+from clearjoint.sweeps.outputs import Saved
 
 SCENE, STATE = cj.double_pendulum()
 PLACE = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [4e-4, 5e-4])

@@ -14,12 +14,19 @@ from clearjoint.simulation.impact_recorder import (
     ContactRecord,
     ImpactRow,
     OpenContact,
-    Table,
     impacts_of,
     most,
 )
+from clearjoint.simulation.tables import Table
 
 END, TIMES = 0.03, np.linspace(0.0, 0.03, 7)
+
+
+HEIGHT = cj.quantities.Position("rod", "y")
+DEEPEST = cj.Section(
+    lambda now: -now.reaches["pin"]["V"].rate, {"height": (HEIGHT, "m")}, 2, after=0.01
+)
+"""Where the journal is deepest in the wall, without the first time."""
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +51,7 @@ def dropped():
 def test_states_and_impacts_beside_derivatives_are_those_of_a_run(dropped):
     parameters = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
     outputs = {"height": cj.quantities.Position("rod", "y")}
-    save, seldom = cj.Saving(TIMES, impacts=True), TIMES[::3]
+    save, seldom = cj.Saving(TIMES, impacts=True, sections={"deepest": DEEPEST}), TIMES[::3]
     found = cj.sensitivities(*dropped, END, parameters, outputs, seldom, save=save)
     run = cj.simulate(*dropped, END, cj.presets.derivatives, save=save)
     assert found.saved is not None and found.impacts is not None and run.saved is not None
@@ -64,6 +71,10 @@ def test_states_and_impacts_beside_derivatives_are_those_of_a_run(dropped):
             assert (here == there).all()
         else:
             np.testing.assert_allclose(here, there, rtol=1e-6, err_msg=field.name)
+    here, there = found.sections["deepest"], run.sections["deepest"]
+    assert len(here) == len(there) >= 1
+    np.testing.assert_allclose(here.times, there.times, rtol=1e-6)
+    np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-6)
 
 
 def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
@@ -93,7 +104,7 @@ def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch)
 
     monkeypatch.setattr(module, "sampled_compiled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
-    found = module._recorded((), False, True)
+    found = module._recorded((), False, True, {})
     assert rooms == [2, 16, 128]
     assert found.impacts is not None and most(found.impacts) == 20
 

@@ -7,16 +7,15 @@ from scipy.io import savemat
 
 from studies.real_pendulum.__main__ import main
 from studies.real_pendulum.fits import prepared
-from studies.real_pendulum.pendulum import (
-    Pendulum,
+from studies.real_pendulum.pendulum import Pendulum, predicted
+from studies.real_pendulum.swing_files import Swing, read_swings
+from studies.real_pendulum.swing_fits import (
     fit_frictions,
     guess,
     identified,
-    predicted,
     roughly,
     standard_errors,
 )
-from studies.real_pendulum.swing_files import Swing, read_swings
 
 TRUTH = Pendulum(0.15, 1e-3, 3e-3, 5e-5, 2e-3, 0.3, 10.0)
 NOISE = 2e-4

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "clearjoint"
-DOORS = ("__init__", "__main__", "extend")
+DOORS = ("__init__", "__main__", "extend", "presets")
 """Modules through which users come in: they import from everywhere, and nobody imports them."""
 
 

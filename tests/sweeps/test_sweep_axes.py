@@ -1,5 +1,8 @@
 """What the axes of a sweep vary: places in the scene, components, starts, and whole scenes."""
 
+from typing import Any
+
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -77,3 +80,23 @@ def test_change_moves_points_inertia_and_start_together():
         assert int(here.attempts) == int(run.attempts) > 30
         np.testing.assert_allclose(here.final_position[0], there.position, rtol=1e-12, atol=1e-18)
         np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)
+
+
+class Tabled(cj.Hertz):
+    """Hertz's law with a table of three depths, m, which are no vector."""
+
+    depths: Any = eqx.field(
+        converter=np.asarray, default=(0.0, 1e-6, 2e-6), metadata={"table": True}
+    )
+
+
+def test_tables_in_the_joints_of_all_lanes_stay_tables():
+    pin = cj.ClearanceJoint(
+        "ground", "rod", bearing_radius=0.01, clearance=1e-4, journal_length=0.02, law=Tabled(1e9)
+    )
+    scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": pin})
+    state, values = cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))}), np.array([1e-4, 2e-4])
+    axes = {"clearance": cj.Axis(lambda s: s.joints["pin"].clearance, values)}
+    joint = lanes_of(scene, state, axes, {"clearance": values}).contact_joints()["pin"]
+    np.testing.assert_array_equal(joint.clearance, values)
+    np.testing.assert_array_equal(joint.law.depths, [Tabled(1e9).depths] * 2)

@@ -228,19 +228,13 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
 class AbstractDampedLaw(AbstractHertzianLaw):
     """A law of the family with a requested restitution and a floor on the entry speed.
 
-    At low entry speed the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
+    Its fields are those of all such laws; a subclass says the `damping_factor`. At low entry speed
+    the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
 
     ```python
     import clearjoint as cj
-    import equinox as eqx
 
     class Gonthier(cj.AbstractDampedLaw):
-        restitution: float
-        stiffness: cj.AbstractStiffness
-        exponent: float = eqx.field(default=1.5, static=True)
-        entry_speed_floor: float = 1e-6
-        smoothing: float | None = None
-
         def damping_factor(self):
             return (1.0 - self.restitution**2) / self.restitution
 
@@ -248,8 +242,11 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     ```
     """
 
-    restitution: eqx.AbstractVar[Single]
-    entry_speed_floor: eqx.AbstractVar[Single]
+    restitution: Single = quantity("1")
+    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
+    exponent: float = eqx.field(default=1.5, static=True)
+    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    smoothing: Single | None = optional_quantity("m")
     has_memory = True
     force_jumps = False
 
@@ -268,12 +265,6 @@ class AbstractDampedLaw(AbstractHertzianLaw):
 class HuntCrossley(AbstractDampedLaw):
     """chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975)."""
 
-    restitution: Single = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
-    exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Single = quantity("m/s", default=1e-6)
-    smoothing: Single | None = optional_quantity("m")
-
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/2."""
         return 1.5 * (1.0 - self.restitution)
@@ -282,12 +273,6 @@ class HuntCrossley(AbstractDampedLaw):
 class LankaraniNikravesh(AbstractDampedLaw):
     """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990)."""
 
-    restitution: Single = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
-    exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Single = quantity("m/s", default=1e-6)
-    smoothing: Single | None = optional_quantity("m")
-
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c^2)/4."""
         return 0.75 * (1.0 - self.restitution**2)
@@ -295,12 +280,6 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
 class Flores2011(AbstractDampedLaw):
     """chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011)."""
-
-    restitution: Single = quantity("1")
-    stiffness: AbstractStiffness = eqx.field(converter=as_stiffness)
-    exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Single = quantity("m/s", default=1e-6)
-    smoothing: Single | None = optional_quantity("m")
 
     def __check_init__(self):
         restitution = concrete(self.restitution)

@@ -33,14 +33,13 @@ from ..contact.laws import AbstractContactLaw
 from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
 from .constraint_rows import point_in_plane, turning_about_axes
-from .ideal import CylindricalJoint, RevoluteJoint, require_distinct
+from .ideal import require_distinct
+from .seating import ideal_in_place, seat
 
 BASES = ("V", "W")
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """At the ends of the bearing: against its axis, and along it."""
 SIDES = (-1.0, 1.0)
-LEAST_SHARE = 1e-6
-"""Of a load, across the axis: less is rounding's and seats no journal."""
 WIDEST_CLEARANCE = 0.1
 """Clearance over the bearing's radius beyond which one is warned."""
 LARGEST_BEARING = 2.0
@@ -262,17 +261,13 @@ class ClearanceJoint(AbstractContactJoint):
     def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The same with the journal along the wall, in the direction of the load across the axis;
         ``None`` if there is no such load."""
-        axis = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
-        across = load - (load @ axis) * axis
-        size = np.linalg.norm(across)
-        if not size > LEAST_SHARE * np.linalg.norm(load):
-            return None
-        return self._ideal(self.bearing_point + self.clearance / size * across)
+        offset = seat(self.bearing_axis, self.clearance, load)
+        return None if offset is None else self._ideal(self.bearing_point + offset)
 
-    def _ideal(self, centre: TripleLike) -> AbstractConstraint:
+    def _ideal(self, centre: Triple) -> AbstractConstraint:
         """An ideal joint about a centre in the bearing's body, m."""
-        kind = CylindricalJoint if self._is_free() else RevoluteJoint
-        return kind(*self.pair(), centre, self.journal_point, self.bearing_axis, self.journal_axis)
+        points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
+        return ideal_in_place(self.pair(), points, axes, self._is_free())
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""

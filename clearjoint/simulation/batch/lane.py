@@ -28,9 +28,10 @@ from ..dense_output import Bracket, Snapshot, on_constraints
 from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
+from ..sections import Crossing
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
-from .recording import SLOTS, Crossing, CrossingRecord, CrossingRecorder, Ring
+from .recording import SLOTS, CrossingRecord, CrossingRecorder, Ring
 from .reductions import AbstractReduction
 
 WINDOW = SLOTS + 1
