@@ -104,8 +104,8 @@ class OpenContact(eqx.Module):
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
         )
         seen = touches & (begins | self.seen)
-        over = self.seen & jnp.logical_not(touches)
-        return OpenContact(end, seen, choose(begins, fresh, row)), over, row
+        contact = OpenContact(end, seen, choose(begins, fresh, row))
+        return contact, self.seen & jnp.logical_not(touches), row
 
 
 class Sink(Protocol):

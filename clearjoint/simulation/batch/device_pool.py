@@ -234,8 +234,8 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
         return turn(common.plan, common.scene(task), lane, orders)
 
     def goes(now: tuple[jax.Array, Lane]) -> jax.Array:
-        able = jax.vmap(partial(moves, common.plan))(now[1], orders)
-        return (now[0] < extent.turns) & jnp.any(able)
+        more = now[0] < extent.turns
+        return more & jnp.any(jax.vmap(partial(moves, common.plan))(now[1], orders))
 
     def all_turn(now: tuple[jax.Array, Lane]) -> tuple[jax.Array, Lane]:
         return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
