@@ -5,8 +5,8 @@ bottom, by the curvature times the step's square, and the misfit rises a thousan
 steps come back to the bottom much farther on. A search whose misfit must fall with each step creeps
 there. So here it may rise for some steps, if it then falls below the best: the watchdog of R. M.
 Chamberlain, M. J. D. Powell et al., *Mathematical Programming Study* 16 (1982). If it does not, the
-search goes back to the best point and starts with a quarter of the step. No search of optimistix
-returns to an earlier point.
+search goes back to the best point and starts with a quarter of the step. No search of SciPy returns
+to an earlier point.
 """
 
 from collections.abc import Callable

@@ -49,7 +49,7 @@ def identify(
     horizon: Horizon | None = None,
     progress: bool | OnIteration = True,
 ) -> Fit:
-    """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
+    """Estimate parameters by least squares in a trust region, from one run at a time.
 
     **Arguments:**
 

@@ -15,7 +15,6 @@ from typing import Generic
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from .iterations import NEARLY, Ending, Iteration
 from .place import E, Place
@@ -25,7 +24,7 @@ PATIENCE = 15
 SHORT = 1e-3
 """Length of a step over the tolerance, in scaled coordinates, below which the search ends."""
 ROUNDING = 1e-15
-"""SciPy's tolerance of the gradient: one of its tolerances has to be above rounding."""
+"""SciPy's own tolerances, so small that the search never ends by them before ours."""
 
 
 def search_in_trust_region(
@@ -40,15 +39,17 @@ def search_in_trust_region(
 
     **Returns:** the best evaluation, all iterations, and how it ended.
     """
+    from scipy.optimize import least_squares  # a tenth of every import, for this alone
+
     search = _Search(Place(evaluate(start)), strides, tolerance, max_iterations, on_iteration)
     with suppress(_Ended):
         search.add(search.best, 1.0)
         least_squares(
             lambda unknowns: search.residuals(unknowns, evaluate),
             search.first_unknowns,
-            lambda _: search.best.model.jacobian / search.scales,
-            ftol=None,
-            xtol=None,
+            jac=lambda _: search.best.model.jacobian / search.scales,  # pyright: ignore
+            ftol=ROUNDING,
+            xtol=ROUNDING,
             gtol=ROUNDING,
             max_nfev=max_iterations + PATIENCE,
         )
