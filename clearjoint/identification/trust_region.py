@@ -47,7 +47,8 @@ def search_in_trust_region(
         least_squares(
             lambda unknowns: search.residuals(unknowns, evaluate),
             search.first_unknowns,
-            jac=lambda _: search.best.model.jacobian / search.scales,  # pyright: ignore
+            jac=lambda _: search.best.model.jacobian,  # pyright: ignore
+            x_scale=1.0 / search.scales,
             ftol=ROUNDING,
             xtol=ROUNDING,
             gtol=ROUNDING,
@@ -61,8 +62,8 @@ class _Ended(Exception):  # noqa: N818 (no error)
 
 
 class _Search(Generic[E]):
-    """The runs so far. SciPy's unknowns are the coordinates, scaled, less those of `origin`; the
-    Jacobian that it asks for is always that of the best run."""
+    """The runs so far. SciPy's unknowns are the coordinates less those of `origin`; the Jacobian
+    that it asks for is always that of the best run."""
 
     def __init__(
         self,
@@ -79,7 +80,7 @@ class _Search(Generic[E]):
         self.rejected = 0
         self.scales = first.scales
         step = np.clip(first.step, -strides, strides)
-        self.origin, self.first_unknowns = first.model.coordinates - step, step * self.scales
+        self.origin, self.first_unknowns = first.model.coordinates - step, step
 
     def residuals(self, unknowns: np.ndarray, evaluate: Callable[[np.ndarray], E]) -> np.ndarray:
         """Residuals (M,) of the run at SciPy's unknowns (p,): infinite, which SciPy turns back
@@ -89,7 +90,7 @@ class _Search(Generic[E]):
         """
         if np.array_equal(unknowns, self.first_unknowns):
             return self.best.model.residuals
-        coordinates = self.origin + unknowns / self.scales
+        coordinates = self.origin + unknowns
         step = (coordinates - self.best.model.coordinates) * self.scales
         if np.abs(step).max() < SHORT * self.tolerance:
             raise _Ended
