@@ -1,9 +1,10 @@
 """Least squares in a trust region, by SciPy, with the derivatives of the runs.
 
 The trust region of `scipy.optimize.least_squares` is an ellipsoid in the coordinates, scaled by the
-columns of the first Jacobian. Its first radius is the length of SciPy's unknowns at the start, so
-these count from a first step behind it: that of Gauss and Newton, each coordinate clipped to the
-stride of its scale, since a parameter that the data hardly see would else go far at once.
+columns of the first Jacobian. Along a coordinate that the data hardly see it would be wide, so that
+it is no wider there, at first, than about the stride of the coordinate's scale. SciPy takes the
+first radius from its unknowns at the start, so these count from one step before it: that of Gauss
+and Newton, each coordinate clipped to its stride.
 
 The search ends when the Gauss-Newton step is a small part of the standard deviation of what is
 estimated; SciPy's own tolerances, of the misfit and of the unknowns, know no such scale.
@@ -78,8 +79,8 @@ class _Search(Generic[E]):
         self.on_iteration = on_iteration
         self.iterations: list[Iteration] = []
         self.rejected = 0
-        self.scales = first.scales
         step = np.clip(first.step, -strides, strides)
+        self.scales = np.maximum(first.scales, np.linalg.norm(step * first.scales) / strides)
         self.origin, self.first_unknowns = first.model.coordinates - step, step
 
     def residuals(self, unknowns: np.ndarray, evaluate: Callable[[np.ndarray], E]) -> np.ndarray:

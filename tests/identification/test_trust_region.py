@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint.identification.place import Place, scales_of
+from clearjoint.identification.place import Place
 from clearjoint.identification.residuals import UNREACHED
 from clearjoint.identification.trust_region import search_in_trust_region
 
@@ -103,14 +103,20 @@ def test_what_is_not_finite_is_turned_back_from(far):
     np.testing.assert_array_equal(best.coordinates, start)
 
 
-def test_strides_bound_the_length_of_the_first_step():
+@pytest.mark.parametrize("effect", [1.0, 1e-3])
+def test_strides_bound_the_first_step_also_along_what_is_hardly_seen(effect):
     data, start, stride = noisy(), np.log([0.01, 20.0]), 0.05
-    scales = scales_of(decay(start, data).jacobian)
-    _, held, _ = run(lambda at: decay(at, data), start, np.full(2, stride))
-    _, free, _ = run(lambda at: decay(at, data), start)
-    lengths = [np.linalg.norm(scales * (one[1].coordinates - start)) for one in (held, free)]
-    assert lengths[0] == pytest.approx(np.linalg.norm(scales * stride), rel=0.01)
-    assert lengths[1] > 10.0 * lengths[0]
+    units = np.array([1.0, 1.0 / effect])
+
+    def misfit(at):
+        found = decay(at / units, data)
+        return LinearisedMisfit(at, found.residuals, found.jacobian / units)
+
+    _, held, _ = run(misfit, start * units, np.full(2, stride))
+    _, free, _ = run(misfit, start * units)
+    steps = [np.abs(one[1].coordinates - start * units) for one in (held, free)]
+    assert stride < 1.01 * steps[0].max() and steps[0].max() < 1.5 * stride
+    assert np.all(steps[1] > 1.0)
     assert held[1].trust < 0.1 and free[1].trust == pytest.approx(1.0)
 
 
