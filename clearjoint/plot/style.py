@@ -47,10 +47,12 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 
 
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Let axes over time end at the window; which of the (N,) rising times to draw, those next to
-    it included, so that curves reach its edges. All of them without one.
+    """Let axes over time end at the window; all stays in view without one.
 
-    **Arguments:** `window` and `times` in the unit of the axes.
+    **Arguments:** `window` and rising `times` (N,), in the unit of the axes.
+
+    **Returns:** (N,) which times to draw: those in the window, and the one before and behind it, so
+    that curves reach its edges.
     """
     if window is None:
         return np.full(np.shape(times), True)

@@ -176,7 +176,8 @@ def folded(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
 
 
 def _placed(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wrench]:
-    """The single body or whole group that a wrench acts on, and how."""
+    """Where the wrench on a name is summed up, a single body or the group that holds it, and the
+    wrench in the form of that."""
     if name in bodies:
         return name, wrench
     if isinstance(name, Several) and name.members[0] in bodies:
