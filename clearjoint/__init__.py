@@ -27,8 +27,8 @@ from .fields.declarations import quantity as quantity
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
-from .identification.iterations import Ending as Ending
-from .identification.iterations import Iteration as Iteration
+from .identification.levenberg_marquardt import Ending as Ending
+from .identification.levenberg_marquardt import Iteration as Iteration
 from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
 from .identification.multiple_shooting.identify import ShootingFit as ShootingFit

@@ -36,7 +36,7 @@ THIRD_PARTY = {
     "tqdm": {"simulation", "sweeps", "identification"},
     "matplotlib": {"plot"},
     "optax": {"identification"},
-    "optimistix": {"model", "simulation"},
+    "optimistix": {"identification", "model", "simulation"},
     "scipy": {"identification"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"information", "measurements"},

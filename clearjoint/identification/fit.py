@@ -16,7 +16,7 @@ from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import rivals
-from .iterations import Ending
+from .levenberg_marquardt import Ending
 from .report import correlation_table, estimates_table, searches_table, series_table
 from .residuals import RunMisfit
 from .screening.screening import Screened

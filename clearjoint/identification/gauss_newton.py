@@ -5,21 +5,42 @@ bottom, by the curvature times the step's square, and the misfit rises a thousan
 steps come back to the bottom much farther on. A search whose misfit must fall with each step creeps
 there. So here it may rise for some steps, if it then falls below the best: the watchdog of R. M.
 Chamberlain, M. J. D. Powell et al., *Mathematical Programming Study* 16 (1982). If it does not, the
-search goes back to the best point and starts with a quarter of the step. No search of SciPy returns
-to an earlier point.
+search goes back to the best point and starts with a quarter of the step. No search of optimistix
+returns to an earlier point.
 """
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from .iterations import NEARLY, Ending, Iteration
-from .place import E, Place
+from .levenberg_marquardt import NEARLY, Ending, Iteration, LinearisedMisfit, scales_of
 
 PATIENCE = 6
 """Steps in a row after which the misfit must have fallen below the best."""
 SHORTEST = 4.0**-4
 """Part of a step below which the search gives up."""
+SINGULAR = 1e-13
+"""Singular value over the largest below which the data don't see a direction."""
+E = TypeVar("E", bound=LinearisedMisfit)
+
+
+class _Place(Generic[E]):
+    """A point of the search.
+
+    - `model`: residuals and Jacobian there.
+    - `misfit`: sum of the squared residuals.
+    - `step`: (P,) the Gauss-Newton step from there; `length`: of the step, in standard deviations
+      of the estimates.
+    """
+
+    def __init__(self, model: E):
+        self.model = model
+        self.misfit = float(model.residuals @ model.residuals)
+        scales = scales_of(model.jacobian)
+        step, *_ = np.linalg.lstsq(model.jacobian / scales, -model.residuals, rcond=SINGULAR)
+        self.step = step / scales
+        self.length = float(np.linalg.norm(model.jacobian @ self.step))
 
 
 def search_in_whole_steps(
@@ -33,7 +54,7 @@ def search_in_whole_steps(
 
     **Returns:** the best evaluation, all iterations, and how it ended.
     """
-    best = now = Place(evaluate(start))
+    best = now = _Place(evaluate(start))
     iterations: list[Iteration] = []
     part, since = 1.0, 0
     while True:
@@ -48,6 +69,6 @@ def search_in_whole_steps(
             ending = Ending.STALLED if part < SHORTEST else Ending.EXHAUSTED
             return best.model, tuple(iterations), ending
         step = part * now.step if since == 0 else now.step
-        now, since = Place(evaluate(now.model.coordinates + step)), since + 1
+        now, since = _Place(evaluate(now.model.coordinates + step)), since + 1
         if now.misfit < best.misfit:
             best, part, since = now, min(1.0, 4.0 * part), 0

@@ -75,7 +75,7 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
     R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
-    from scipy.stats import normaltest  # half a second of every import, for this alone
+    from scipy.stats import normaltest  # a second of every import, for this alone
 
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
         return math.nan

@@ -18,13 +18,12 @@ from ..results import RESULTS
 from ..simulation import presets
 from ..simulation.settings import Settings, settings_or
 from .fit import Fit
-from .iterations import Ending, Iteration
+from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
 from .screening.passes import LOOSER, Passes, lowest
 from .screening.screening import Screened, Screening
 from .searches import Search, WindowSearch
 from .starts import Guess, Starts, start_coordinates
-from .trust_region import search_in_trust_region
 
 OnIteration = Callable[[Iteration], None]
 OnFitIteration = Callable[[int, Iteration], None]
@@ -49,7 +48,7 @@ def identify(
     horizon: Horizon | None = None,
     progress: bool | OnIteration = True,
 ) -> Fit:
-    """Estimate parameters by least squares in a trust region, from one run at a time.
+    """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
 
     **Arguments:**
 
@@ -174,7 +173,7 @@ class _Windows:
         for end in self.ends:
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
-            best, iterations, ending = search_in_trust_region(
+            best, iterations, ending = search_with_damping(
                 misfit if last else partial(_with_prior, misfit, at, self.strides),
                 at,
                 self.strides,

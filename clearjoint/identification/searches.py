@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from .iterations import Ending, Iteration
+from .levenberg_marquardt import Ending, Iteration
 from .residuals import RunMisfit
 
 

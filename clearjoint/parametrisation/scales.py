@@ -17,9 +17,8 @@ from ..math.vectors import Scalar
 class AbstractScale(abc.ABC):
     """A map from all real numbers, the coordinates, to the values that a parameter may have.
 
-    `stride`: about the farthest that the first step of a fit changes the coordinate, and how near
-    its start a growing window holds it (standard deviation). The numbers of a scale, unlike a
-    scene's, are constants of the compiled program: other numbers compile anew.
+    `stride`: the farthest that one step of a fit changes the coordinate. The numbers of a scale,
+    unlike a scene's, are constants of the compiled program: other numbers compile anew.
 
     ```python
     from dataclasses import dataclass

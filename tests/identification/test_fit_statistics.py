@@ -10,7 +10,7 @@ from scipy import stats
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
-from clearjoint.identification.iterations import Iteration
+from clearjoint.identification.levenberg_marquardt import Iteration
 from clearjoint.identification.residuals import RunMisfit
 from clearjoint.identification.searches import Search, WindowSearch
 from clearjoint.information import fisher_information as information

@@ -21,8 +21,7 @@ from ...simulation import presets
 from ...simulation.derivative_runs import derivative_scheme
 from ...simulation.method import Scheme
 from ...simulation.settings import Settings, settings_or
-from ..iterations import Iteration
-from ..place import SINGULAR
+from ..levenberg_marquardt import SINGULAR, Iteration
 from ..residuals import RunMisfit
 from .record import DividedRecord, Piece
 from .window import FreeStart, WindowRun, run_window
