@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy import special
-from scipy.stats import qmc
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
@@ -109,6 +108,8 @@ def screen(
     progress: bool,
 ) -> Screened:
     """Screen the box around a guess (p,); `number` is that of the pass."""
+    from scipy.stats import qmc  # half a second of every import, for this alone
+
     spread = half_widths(screening.spread, names)
     excess = float(special.chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
