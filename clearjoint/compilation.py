@@ -8,10 +8,12 @@ leaves Python alone for the rest of its time anyway.
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import update_wrapper
+from functools import partial, update_wrapper
 from typing import Generic, Literal, ParamSpec, TypeVar
 
 import equinox as eqx
+import jax
+from jaxtyping import PyTree
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -41,6 +43,29 @@ class Compiled(Generic[Arguments, Result]):
     def programs(self) -> int:
         """How many programs have been compiled."""
         return self._compiled._cached._cache_size()
+
+
+def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
+    """The function of PyTrees, traced at its first call and not again for arguments alike.
+
+    What was traced goes with what is returned here, unlike that of `equinox.filter_jit`, which is
+    kept for the next run too, when a global that the function reads may have changed.
+    """
+
+    @partial(jax.jit, static_argnums=1)
+    def traced(arrays: tuple[PyTree, ...], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
+        leaves, structure = others
+        mixed = [a if other is None else other for a, other in zip(arrays, leaves, strict=True)]
+        arguments = jax.tree.unflatten(structure, mixed)
+        return function(*arguments)
+
+    def call(*arguments: PyTree) -> Result:
+        leaves, structure = jax.tree.flatten(arguments)
+        arrays = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
+        others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+        return traced(arrays, (others, structure))
+
+    return call
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ..compilation import traced_once
 from ..dynamics.breakpoints import breakpoints, seen
 from ..dynamics.contact_events import closed, has_memory
 from ..dynamics.contact_forces import Closed, Memory
@@ -32,14 +33,14 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     are traced once for all stages of a step; and anew for another term, since what they read
     outside of their arguments may have changed.
     """
-    traced_once = eqx.filter_jit(_rates)
+    rates_of = traced_once(_rates)
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.reaches) if step is not None and lands else None
 
     def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
         t = seen(system.scene, t if step is None else step.t, t)
-        return traced_once(system, y, memory, t, closed_contacts)
+        return rates_of(system, y, memory, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
 

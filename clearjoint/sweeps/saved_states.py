@@ -31,7 +31,7 @@ class PartOfStates(eqx.Module):
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
-class SavedStates(AbstractSaved):
+class StatesOfLanes(AbstractSaved):
     """The states of all bodies at times (K,) s, the same in all lanes."""
 
     def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
@@ -59,7 +59,7 @@ def outputs_beside(outputs: Mapping[str, Output], save: Saving, scene: Scene) ->
     require(not save.impacts, "impacts", True, "False in a sweep", PASS_TABLE)
     further: dict[str, Output] = dict(save.sections)
     if save.times is not None:
-        further[SAVED] = SavedStates(np.asarray(save.times, dtype=float), scene)
+        further[SAVED] = StatesOfLanes(np.asarray(save.times, dtype=float), scene)
     twice = sorted(set(outputs) & set(further))
     require(not twice, "outputs", twice, "of names that `save` does not use", "rename the output")
     return {**outputs, **further}

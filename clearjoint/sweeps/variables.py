@@ -13,7 +13,7 @@ from ..simulation.impact_recorder import IMPACT_UNITS
 from ..simulation.sections import Section
 from .layout import RESULT, Coordinate, Variable
 from .outputs import AbstractSaved, ImpactTable, Output
-from .saved_states import SavedStates
+from .saved_states import StatesOfLanes
 from .work import CONTACT, STATE_PARTS, variable_name
 
 LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
@@ -35,7 +35,7 @@ def variables_of(
             further = _tabled(scene, name, output)
             labels = [contact_label(*contact) for contact in output.contacts(scene)]
             coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
-        elif isinstance(output, SavedStates):
+        elif isinstance(output, StatesOfLanes):
             further = _states(scene, name, output)
             coordinates.append(Coordinate(variable_name(name, "time"), output.times, "s"))
         else:
@@ -62,7 +62,7 @@ def _always(scene: Scene) -> dict[str, Variable]:
     return variables
 
 
-def _states(scene: Scene, name: str, output: SavedStates) -> dict[str, Variable]:
+def _states(scene: Scene, name: str, output: StatesOfLanes) -> dict[str, Variable]:
     variables = {}
     for part, (dim, unit) in STATE_PARTS.items():
         dims = variable_name(name, "time"), "body", dim

@@ -319,7 +319,7 @@ def test_steps_end_where_a_force_changes():
     )
     state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
     times = np.array([0.0, 0.2, 0.3, 0.5, 0.9])
-    solution = cj.simulate_nonsmooth(scene, state, 1.0, step=0.4, save_at=times)
+    solution = cj.simulate_nonsmooth(scene, state, 1.0, cj.Saving(times), step=0.4)
     assert solution.saved is not None and solution.saved_count == len(times)
     ball, time_on = solution.saved.states.bodies["ball"], np.clip(times, start, end) - start
     speed = force / mass * time_on
@@ -354,7 +354,7 @@ def test_velocities_jump_with_a_driver_at_its_kink():
         },
     )
     state = cj.State({"shaft": cj.body_state(origin)})
-    solution = cj.simulate_nonsmooth(scene, state, 0.5, step=0.1, save_at=[0.1, 0.123, 0.3])
+    solution = cj.simulate_nonsmooth(scene, state, 0.5, cj.Saving([0.1, 0.123, 0.3]), step=0.1)
     assert solution.saved is not None
     spins = solution.saved.states.bodies["shaft"].spin[:, 2]
     np.testing.assert_allclose(spins, [0.0, 10.0, 10.0], atol=1e-12)
