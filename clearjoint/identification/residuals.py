@@ -33,7 +33,8 @@ from ..results import RESULTS
 from ..simulation import presets
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
-from ..simulation.sensitivities import Sampled, check_outputs, padded, sampled_compiled
+from ..simulation.sampling import Sampled, padded, sampled_compiled
+from ..simulation.sensitivities import check_outputs
 from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import check_span, checked_times
 

@@ -36,7 +36,7 @@ from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_precision, check_start
 from ..simulation.run_ends import begin_run
-from ..simulation.sensitivities import Sampled, sampled_compiled
+from ..simulation.sampling import Sampled, sampled_compiled
 from ..simulation.settings import Settings, settings_or
 from ..simulation.step_state import Method, Step, Variables
 from ..simulation.stepping import attempt

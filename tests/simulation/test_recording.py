@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation import sensitivities as module
+from clearjoint.simulation import sampling as module
 from clearjoint.simulation.contact_step import ContactInstant, end_in_step, peak_in_step
 from clearjoint.simulation.impact_recorder import (
     ContactRecord,
@@ -104,7 +104,7 @@ def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch)
 
     monkeypatch.setattr(module, "sampled_compiled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
-    found = module._recorded((), False, True, {})
+    found = module.recorded_run((), False, True, {})
     assert rooms == [2, 16, 128]
     assert found.impacts is not None and most(found.impacts) == 20
 

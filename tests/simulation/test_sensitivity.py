@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation.derivative_runs import derivative_scheme
-from clearjoint.simulation.sensitivities import followed
+from clearjoint.simulation.sampling import followed
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fields.checks import require
 from ...measurements.series import Measurements
-from ...simulation.sensitivities import few
+from ...simulation.sampling import few
 from ..residuals import Samples, check_start, samples
 
 

@@ -17,7 +17,7 @@ from ...model.scene import Scene
 from ...parametrisation.parametrised_scene import AbstractFamily, Coordinates, ParametrisedScene
 from ...quantities.base import Quantity
 from ...simulation.method import Scheme
-from ...simulation.sensitivities import Sampled, followed
+from ...simulation.sampling import Sampled, followed
 from ...simulation.step_state import Step
 
 
