@@ -198,14 +198,14 @@ def _recheck(tree: PyTree) -> None:
         _recheck(child)
 
 
-def recheck_changes(tree: PyTree, base: PyTree) -> None:
-    """`recheck`, of those modules only that hold other numbers than in a tree of like structure.
+def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
+    """`recheck`, of those modules only that hold a leaf that has changed.
 
     What holds such a module is checked too, but not across a dictionary: its entries are
     independent.
+
+    **Arguments:** `structure`: of the tree, as JAX flattens it; `changed`: for each leaf.
     """
-    leaves, structure = jax.tree.flatten(tree)
-    changed = tuple(a is not b for a, b in zip(leaves, jax.tree.leaves(base), strict=True))
     with quiet():
         for path in _paths_to_changed(structure, changed):
             _check_here(reduce(_child, path, tree))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -104,8 +105,12 @@ def check_declared(module: eqx.Module) -> None:
 
     **Raises:** `ValueError` that names the field, its value, what it must be, and a remedy.
     """
-    for field in fields(module):
-        declared = field.metadata.get("declared")
-        value = getattr(module, field.name)
-        if declared is not None and value is not None:
-            declared.check_value(field.name, value)
+    for name, declared in _declarations(type(module)):
+        if (value := getattr(module, name)) is not None:
+            declared.check_value(name, value)
+
+
+@cache
+def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
+    """What the fields of a class declare, by their names, of those that declare anything."""
+    return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]

@@ -133,6 +133,7 @@ def lanes_of(
     bad: dict[int, str] = {}
     rows: list[list[PyTree]] = []
     base, structure = jax.tree.flatten((scene, state))
+    checked: State | None = None
     for lane in range(count):
         here = scene, state
         try:
@@ -141,8 +142,11 @@ def lanes_of(
                     here = change(*here, values[name][lane])
             leaves, own = jax.tree.flatten(here)
             _require_like(own == structure, leaves, base)
-            recheck_changes(here, (scene, state))
-            check_names(*here)
+            changed = tuple(a is not b for a, b in zip(leaves, base, strict=True))
+            recheck_changes(here, structure, changed)
+            if here[1] is not checked:
+                check_names(*here)
+                checked = here[1]
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)

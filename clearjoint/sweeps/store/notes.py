@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
 
 import jax
@@ -50,6 +50,7 @@ def structure_note(scene: Scene) -> str:
     return describe(jax.tree.map(lambda _: 0, scene))
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of what computes."""
     return {f"version of {name}": version(name) for name in _VERSIONED}
