@@ -119,9 +119,9 @@ from .simulation.batch.reductions import ImpactCount as ImpactCount
 from .simulation.batch.reductions import Peak as Peak
 from .simulation.batch.reductions import Statistics as Statistics
 from .simulation.impact_table import Impacts as Impacts
-from .simulation.nonsmooth.simulate import ContactTotals as ContactTotals
-from .simulation.nonsmooth.simulate import NonsmoothSolution as NonsmoothSolution
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
+from .simulation.nonsmooth.solution import ContactTotals as ContactTotals
+from .simulation.nonsmooth.solution import NonsmoothSolution as NonsmoothSolution
 from .simulation.observe import MotionMode as MotionMode
 from .simulation.observe import Observation as Observation
 from .simulation.observe import observe as observe

@@ -24,7 +24,7 @@ from ..model.joints.clearance import ClearanceJoint
 from ..model.joints.journal_bases import BASES
 from ..model.scene import Scene
 from .aliases import Integers, Numbers, Vectors
-from .nonsmooth.simulate import NonsmoothSolution
+from .nonsmooth.solution import NonsmoothSolution
 from .solution import Solution, Trajectory
 
 Parts = TypeVar("Parts")
