@@ -29,8 +29,8 @@ from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .constraint_rows import point_in_plane, turning_about_axes
-from .ideal import require_distinct
 from .journal_bases import BASES, SIDES, JournalBases
+from .pairs import require_distinct
 from .seating import ideal_in_place, seat
 
 WIDEST_CLEARANCE = 0.1
