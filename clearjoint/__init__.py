@@ -5,8 +5,9 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    of its arrays (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
 3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
-4. `model/joints/clearance.py`: `ClearanceJoint.contacts` subtracts the clearance from the journal's
-   eccentricity (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
+4. `model/joints/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
+   `model/joints/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
+   (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
 5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
@@ -118,9 +119,9 @@ from .simulation.batch.reductions import ImpactCount as ImpactCount
 from .simulation.batch.reductions import Peak as Peak
 from .simulation.batch.reductions import Statistics as Statistics
 from .simulation.impact_table import Impacts as Impacts
-from .simulation.nonsmooth.simulate import ContactTotals as ContactTotals
-from .simulation.nonsmooth.simulate import NonsmoothSolution as NonsmoothSolution
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
+from .simulation.nonsmooth.solution import ContactTotals as ContactTotals
+from .simulation.nonsmooth.solution import NonsmoothSolution as NonsmoothSolution
 from .simulation.observe import MotionMode as MotionMode
 from .simulation.observe import Observation as Observation
 from .simulation.observe import observe as observe

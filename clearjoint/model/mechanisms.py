@@ -11,12 +11,13 @@ from .contact.friction import AbstractFriction
 from .contact.laws import AbstractContactLaw, LankaraniNikravesh
 from .contact.stiffness import RavnStiffness
 from .joints.axial import AbstractAxialPolicy
-from .joints.base import AbstractElement, AbstractForce
+from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 from .joints.clearance import ClearanceJoint
 from .joints.drives import PrescribedRotation
 from .joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
 from .scene import Scene
 
+ORIGIN, X_AXIS, Z_AXIS = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
 """Ravn's stiffness for the paper's steel (Table 2)."""
 
@@ -74,6 +75,8 @@ def _steel(restitution: Scalar) -> LankaraniNikravesh:
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 """Of the slider-crank, m."""
+SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
+"""The rod's end at the slider, m in its axes."""
 
 
 def slider_crank(
@@ -82,7 +85,7 @@ def slider_crank(
     *,
     speed: Scalar = 5000.0 * math.pi / 30.0,
     angle: float = 0.0,
-    motor: AbstractElement | None = None,
+    motor: AbstractConstraint | AbstractForce | None = None,
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
@@ -110,39 +113,51 @@ def slider_crank(
     - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
     """
-    bodies = {
-        "crank": Body(0.30, (5e-6, 1e-5, 1e-5)),
-        "rod": Body(0.21, (3.5e-6, 2.5e-4, 2.5e-4)),
-        "slider": Body(0.14, (2.1e-5, 2.1e-5, 2.1e-5)),
-    }
-    origin, along, axis = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    near, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
-    big_end, small_end = (-0.5 * ROD_LENGTH, 0.0, 0.0), (0.5 * ROD_LENGTH, 0.0, 0.0)
     if clearance is None:
-        pin = InlineJoint("slider", "rod", origin, small_end, axis)
+        pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
     else:
         pin = ClearanceJoint(
             "slider",
             "rod",
-            journal_point=small_end,
+            journal_point=SMALL_END,
             bearing_radius=bearing_radius,
             clearance=clearance,
             journal_length=journal_length,
             law=_steel(restitution) if law is None else law,
             friction=friction,
         )
-    joints = {
-        "crank bearing": RevoluteJoint(GROUND, "crank", origin, near, axis, axis),
-        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, axis, axis),
-        "slider pin": pin,
-        "guide": PrismaticJoint(GROUND, "slider", origin, origin, along),
-    }
     if motor is None:
-        motor = PrescribedRotation(GROUND, "crank", axis, speed, angle)
-    forces = {"motor": motor} if isinstance(motor, AbstractForce) else {}
-    if not forces:
+        motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
+    joints = _slider_crank_joints(pin)
+    forces: dict[str, AbstractForce] = {}
+    if isinstance(motor, AbstractForce):
+        forces["motor"] = motor
+    else:
         joints["motor"] = motor
-    return Scene(bodies, joints, forces, gravity), _slider_crank_state(speed, angle)
+    scene = Scene(_slider_crank_bodies(), joints, forces, gravity)
+    return scene, _slider_crank_state(speed, angle)
+
+
+def _slider_crank_bodies() -> dict[str, Body]:
+    return {
+        "crank": Body(0.30, (5e-6, 1e-5, 1e-5)),
+        "rod": Body(0.21, (3.5e-6, 2.5e-4, 2.5e-4)),
+        "slider": Body(0.14, (2.1e-5, 2.1e-5, 2.1e-5)),
+    }
+
+
+def _slider_crank_joints(
+    pin: InlineJoint | ClearanceJoint,
+) -> dict[str, AbstractConstraint | AbstractContactJoint]:
+    """The joints around the slider's pin, but for what drives the crank."""
+    foot, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
+    big_end = (-0.5 * ROD_LENGTH, 0.0, 0.0)
+    return {
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
+        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
+        "slider pin": pin,
+        "guide": PrismaticJoint(GROUND, "slider", ORIGIN, ORIGIN, X_AXIS),
+    }
 
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:

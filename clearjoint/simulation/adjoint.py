@@ -70,7 +70,7 @@ class PlainLoops(AbstractLoops):
     """JAX's loops, which forward differentiation can follow."""
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """`clearjoint.simulation.stepping.attempt` itself."""
+        """Try one step by `clearjoint.simulation.stepping.attempt` itself."""
         return attempt(method, system, step, t_end)
 
     def repeat(
@@ -109,7 +109,7 @@ class CheckpointedLoops(AbstractLoops):
     def repeat(
         self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """equinox's loop with checkpoints."""
+        """equinox's loop, which keeps its state at the checkpoints."""
         return eqxi.while_loop(goes, go, start, kind="checkpointed", checkpoints=self.checkpoints)
 
     def each(
@@ -130,7 +130,7 @@ _attempt = Compiled(attempt)
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> AbstractLoops:
-    """The loops that an adjoint asks for."""
+    """Loops that can be differentiated the way that an `adjoint` of `simulate` asks for."""
     if adjoint is None:
         return PLAIN
     checkpoints = adjoint.checkpoints

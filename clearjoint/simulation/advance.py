@@ -45,7 +45,7 @@ class Stride:
 
     @cached_property
     def now(self) -> Instant:
-        """The instant where the run is."""
+        """The system at the end of the stride, where the run is."""
         here = self.after
 
         def inside(x: Scalar) -> Instant:
@@ -85,10 +85,11 @@ def advance(
 
 
 def latest_attempt(record: Attempt, stride: Stride) -> Attempt:
-    """Keeps the latest accepted attempt."""
+    """The attempt of the stride if it was accepted, else the one on record."""
     return choose(stride.kept, stride.tried, record)
 
 
 def latest_bracket(record: Bracket, stride: Stride) -> Bracket:
-    """Keeps what is needed to look into the latest accepted step of a lane."""
+    """What is needed to look into a lane's latest accepted step: the stride's if that was kept,
+    else the one on record."""
     return choose(stride.kept, stride.bracket, record)

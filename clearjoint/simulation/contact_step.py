@@ -42,7 +42,8 @@ class ContactInstant(eqx.Module):
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Whether there is a force."""
+        """Whether the contact has a force: it has an entry speed on record or, if its law keeps
+        none, a depth within the law's reach."""
         if self.entry_speed is None:
             return self.gap.depth + law.reach() > 0.0
         return self.entry_speed > 0.0

@@ -98,7 +98,7 @@ class Snapshot(eqx.Module):
 
 
 class Bracket(eqx.Module):
-    """The latest accepted step, with its stages."""
+    """The latest accepted step, from `start` to `end`, with its stages to look inside by."""
 
     start: Snapshot
     end: Snapshot
@@ -107,7 +107,7 @@ class Bracket(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "Bracket":
-        """The bracket of an accepted attempt."""
+        """The bracket of the step that an accepted attempt made."""
         step, inside = tried.step, tried.information
         return Bracket(
             Snapshot(tried.t_start, inside["y0"], tried.memory_start),

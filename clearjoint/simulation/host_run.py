@@ -29,7 +29,7 @@ segment_compiled = Compiled(segment)
 
 
 class AbstractRun:
-    """What both ways share: the parts of a solution."""
+    """A run whose parts are put together as a `Solution`, however it is looped."""
 
     def __init__(self, form: Structured, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]):
         self._form, self._scheme, self._end = form, scheme, end

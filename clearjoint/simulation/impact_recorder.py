@@ -56,17 +56,17 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """`reported`."""
+        """What is reported of the row, by name; no channels are taken at an impact."""
         del system, channels
         return self.reported()
 
     def reported(self) -> dict[str, Scalar]:
-        """Its fields and `duration`, s."""
+        """The fields by name, and the `duration` of the contact, s."""
         return {**vars(self), "duration": self.separation - self.onset}
 
     @staticmethod
     def none() -> "ImpactRow":
-        """A row without numbers."""
+        """A row of zeros, in place of one that is not there."""
         return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
@@ -109,7 +109,7 @@ class OpenContact(eqx.Module):
 
 
 class Sink(Protocol):
-    """What takes rows, and counts them."""
+    """A place for rows, such as a table or a ring, that counts them."""
 
     count: jax.Array
 
@@ -179,7 +179,7 @@ class ImpactRecorder(eqx.Module):
 
 
 def most(record: ImpactRecord[Table]) -> int:
-    """The largest number of impacts of a contact."""
+    """The number of impacts of the contact that had most, also of those that found no room."""
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 

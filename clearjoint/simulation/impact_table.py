@@ -64,7 +64,7 @@ class Impacts:
         )
 
     def of(self, joint: str, contact: str) -> "Impacts":
-        """The impacts of one contact."""
+        """The impacts of one contact of a joint, both by name."""
         chosen = (self.joint == joint) & (self.contact == contact)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
@@ -180,7 +180,7 @@ class ImpactCollector:
         self._tails[key] = jax.tree.map(lambda leaf: leaf[last:], history)
 
     def table(self) -> Impacts:
-        """The finished contacts so far."""
+        """All contacts that are finished so far, by their onset."""
         return Impacts.of_rows(self._rows)
 
 

@@ -20,10 +20,11 @@ from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
-from ..model.joints.clearance import BASES, ClearanceJoint
+from ..model.joints.clearance import ClearanceJoint
+from ..model.joints.journal_bases import BASES
 from ..model.scene import Scene
 from .aliases import Integers, Numbers, Vectors
-from .nonsmooth.simulate import NonsmoothSolution
+from .nonsmooth.solution import NonsmoothSolution
 from .solution import Solution, Trajectory
 
 Parts = TypeVar("Parts")

@@ -1,6 +1,8 @@
-"""What is checked of a scene, a state and JAX's precision before a run is compiled."""
+"""What is checked of a scene, a state and JAX before a run is compiled."""
 
 import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..dynamics.assembly import (
     check_names,
@@ -12,7 +14,7 @@ from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
 from ..fields.caching import cached_by_numbers
-from ..fields.checks import recheck
+from ..fields.checks import concrete, recheck
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -25,6 +27,14 @@ def check_precision(allow_float32: bool) -> None:
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
             "clearjoint.configure() before JAX starts, or pass Settings(allow_float32=True)."
         )
+
+
+def is_traced(tree: PyTree) -> bool:
+    """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
+    for what is computed from them to be. Then no value can be checked."""
+    return concrete(jnp.zeros(())) is None or any(
+        concrete(leaf) is None for leaf in jax.tree.leaves(tree)
+    )
 
 
 def check_numbers(scene: Scene, state: State) -> None:

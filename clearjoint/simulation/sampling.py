@@ -192,7 +192,7 @@ def _looked_at(
 
 @Compiled
 def sampled_compiled(*arguments: PyTree) -> Sampled:
-    """What was seen of `followed`."""
+    """Compiled: what `followed` has seen, without its steps."""
     return followed(*arguments)[0]
 
 

@@ -59,12 +59,12 @@ class Saving:
                 raise ValueError(f"Section {name!r}: {error}") from error
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
-        """What tables the crossings of each section."""
+        """A recorder of each section's crossings, by name."""
         return {name: section.recorder for name, section in self.sections.items()}
 
     @property
     def records(self) -> bool:
-        """Whether steps are recorded as they are made."""
+        """Whether each step is recorded as it is made, for a table of steps or of impacts."""
         return self.steps or self.impacts
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> np.ndarray | None:

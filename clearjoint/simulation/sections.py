@@ -43,7 +43,7 @@ class Crossing(eqx.Module):
     after: float = eqx.field(default=0.0, static=True)
 
     def level(self, now: Instant) -> Scalar:
-        """The quantity that passes zero."""
+        """Value of the quantity that passes zero at a crossing, in its unit."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def row(self, stride: Stride, before: Scalar, after: Scalar) -> Snapshot:
@@ -79,13 +79,13 @@ class SectionRecorder(eqx.Module):
     count: int = eqx.field(static=True)
 
     def start(self, system: System, step: Step) -> "SectionRecord":
-        """The record before the first step."""
+        """The record before the first step: the level there, and no crossings."""
         now = Snapshot(step.t, step.y, step.memory).instant(system)
         table = Table.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)
 
     def nothing(self) -> dict[str, Scalar]:
-        """A row without numbers."""
+        """A row of zeros, in place of a crossing that is not there."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels))}
 
 
@@ -97,7 +97,7 @@ class SectionRecord(eqx.Module):
     table: Table[dict[str, Scalar]]
 
     def after(self, stride: Stride) -> "SectionRecord":
-        """The record after a stride."""
+        """The record after a stride, with a crossing more if the stride had one."""
         recorder, kept = self.recorder, stride.kept
         crossing, before = recorder.crossing, self.level
         after = crossing.level(stride.now)
@@ -117,7 +117,7 @@ class SectionRecord(eqx.Module):
 def after_sections(
     records: Mapping[str, SectionRecord], stride: Stride
 ) -> dict[str, SectionRecord]:
-    """The records of sections after a stride."""
+    """The records of several sections after a stride, by name."""
     return {name: record.after(stride) for name, record in records.items()}
 
 
@@ -133,7 +133,7 @@ class Crossings(AbstractReadable):
 
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
-    """What was tabled, in host arrays."""
+    """The crossings that each section recorded, by its name, in host arrays."""
     tables = jax.device_get({name: record.table for name, record in records.items()})
     return {name: _crossings(table) for name, table in tables.items()}
 
@@ -168,7 +168,7 @@ class Section:
 
     @property
     def recorder(self) -> SectionRecorder:
-        """What tables the crossings of a run."""
+        """A recorder of the section's crossings in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
         return SectionRecorder(self.condition, channels, self.count)
 

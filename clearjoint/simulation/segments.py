@@ -215,7 +215,7 @@ def _run(
 
 
 def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
-    """Keeps every accepted step."""
+    """The record with the step of the stride, if that was accepted."""
     return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
 
 

@@ -115,7 +115,8 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """What JAX may trace."""
+        """The settings that are numbers, which JAX may trace: `rtol`, `atol`, `first_step` s, and
+        `landing_tolerance`."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:

@@ -3,12 +3,11 @@
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
-from ..fields.checks import concrete, require
+from ..fields.checks import require
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -19,7 +18,7 @@ from .dense_output import require_dense
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
 from .method import Scheme
-from .run_checks import check_precision, check_start
+from .run_checks import check_precision, check_start, is_traced
 from .saving import Saving, saving_or_nothing
 from .segments import begin
 from .settings import Settings, settings_or
@@ -82,7 +81,7 @@ def simulate(
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
     _check_adjoint(adjoint)
-    traced = _is_traced((scene, state, end_time, start_time, settings.numbers))
+    traced = is_traced((scene, state, end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = save.times
     if traced:
@@ -129,14 +128,6 @@ def _check_adjoint(adjoint: object) -> None:
         adjoint,
         "a diffrax.RecursiveCheckpointAdjoint or None",
         "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp",
-    )
-
-
-def _is_traced(tree: PyTree) -> bool:
-    """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
-    for what is computed from them to be."""
-    return concrete(jnp.zeros(())) is None or any(
-        concrete(leaf) is None for leaf in jax.tree.leaves(tree)
     )
 
 

@@ -62,7 +62,7 @@ class Solution(AbstractReadable):
 
     @property
     def states(self) -> State:
-        """The states at `times`."""
+        """The states at the requested times that were reached, with N in front."""
         return self._requested().states
 
     def _requested(self) -> Trajectory:
@@ -72,16 +72,16 @@ class Solution(AbstractReadable):
 
 
 class FinishedRun(Protocol):
-    """What every run returns, whatever else it does."""
+    """The parts that the outcome of any run has."""
 
     @property
     def time(self) -> Scalar:
-        """Where it ended, s."""
+        """The time at which the run ended, s."""
         ...
 
     @property
     def result(self) -> RESULTS:
-        """How it ended."""
+        """The code that tells how the run ended."""
         ...
 
 

@@ -28,7 +28,7 @@ class SystemFamily(eqx.Module):
         return self.family.values
 
     def system(self) -> System:
-        """The system at these coordinates."""
+        """The system of the scene at the coordinates `values`."""
         return System(self.family.scene(self.values), self.formulation)
 
     def start(self, values: Coordinates) -> State:

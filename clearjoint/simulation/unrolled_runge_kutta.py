@@ -41,7 +41,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     @property
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The method's dense output."""
+        """What makes the dense output of a step, as diffrax asks for it."""
         return self._interpolation
 
     def _interpolation(

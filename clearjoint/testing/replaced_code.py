@@ -13,7 +13,7 @@ from ..dynamics.joint_coordinates import spatial_inertia as inertia
 from ..dynamics.system import System
 from ..math.vectors import Scalar
 from ..model.contact.friction import RegularisedCoulomb
-from ..model.joints import axial, clearance
+from ..model.joints import axial, bearing_surfaces, clearance
 from ..model.joints import motion_subspaces as freedoms
 from ..parametrisation.parametrised_scene import AbstractFamily
 from ..simulation import stepping
@@ -35,7 +35,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (stepping, "updated_memory"),
             (System, "second_rates"),
         ),
-        "friction": ((RegularisedCoulomb, "force"), (clearance, "slip_velocity")),
+        "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),
         "end play": ((axial.EndPlay, "shoulder_gap"),),
         "energy ledger": ((system, "ledger_powers"),),
         "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),

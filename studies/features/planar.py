@@ -5,7 +5,7 @@ slider-crank's equations of motion written out by hand. None is needed to run a 
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -196,6 +196,44 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
     return cj.Scene(bodies, joints, gravity=(0.0, 9.81, 0.0)), cj.State(state)
 
 
+@dataclass(frozen=True)
+class _Linkage:
+    """The slider-crank at an instant, in its plane.
+
+    `crank`: its angle from X, rad; `turn`, `swing`: angular velocities of crank and rod, rad/s, and
+    `bend` their difference; `slide`: the slider's speed, m/s. `along_crank`, `along_rod`: unit
+    vectors. `apart`: the rod's end less the slider's centre, m; `parting`: its rate, m/s.
+    """
+
+    crank: Scalar
+    turn: Scalar
+    bend: Scalar
+    swing: Scalar
+    slide: Scalar
+    along_crank: tuple[Scalar, Scalar]
+    along_rod: tuple[Scalar, Scalar]
+    apart: tuple[Scalar, Scalar]
+    parting: tuple[Scalar, Scalar]
+
+    @staticmethod
+    def at(variables: Any) -> "_Linkage":
+        """That of the variables, of which the rod's angle is relative to the crank's."""
+        crank, rod, slider = (variables[name] for name in ("crank", "rod", "slider"))
+        (turn,), (bend,), (slide,) = crank.speeds, rod.speeds, slider.speeds
+        swing, along = turn + bend, crank.position + rod.position
+        r, length = cj.CRANK_LENGTH, cj.ROD_LENGTH
+        cos_crank, sin_crank = jnp.cos(crank.position), jnp.sin(crank.position)
+        cos_rod, sin_rod = jnp.cos(along), jnp.sin(along)
+        x = r * cos_crank + length * cos_rod - slider.position
+        y = r * sin_crank + length * sin_rod
+        x_rate = -r * sin_crank * turn - length * sin_rod * swing - slide
+        y_rate = r * cos_crank * turn + length * cos_rod * swing
+        directions = (cos_crank, sin_crank), (cos_rod, sin_rod)
+        return _Linkage(
+            crank.position, turn, bend, swing, slide, *directions, (x, y), (x_rate, y_rate)
+        )
+
+
 def slider_crank_rates(
     system: System,
     variables: Any,
@@ -208,19 +246,23 @@ def slider_crank_rates(
     Angles of crank and rod (relative), and the slider's distance; both bases are pressed alike, at
     the force of base V.
     """
-    scene = system.scene
-    crank, rod, slider = (variables[name] for name in ("crank", "rod", "slider"))
-    (turn,), (bend,), (slide,) = crank.speeds, rod.speeds, slider.speeds
-    swing, along = turn + bend, crank.position + rod.position
-    r, length = cj.CRANK_LENGTH, cj.ROD_LENGTH
-    cos_crank, sin_crank = jnp.cos(crank.position), jnp.sin(crank.position)
-    cos_rod, sin_rod = jnp.cos(along), jnp.sin(along)
-    x = r * cos_crank + length * cos_rod - slider.position
-    y = r * sin_crank + length * sin_rod
-    x_rate = -r * sin_crank * turn - length * sin_rod * swing - slide
-    y_rate = r * cos_crank * turn + length * cos_rod * swing
+    scene, at = system.scene, _Linkage.at(variables)
+    force, normal = _pin_force(scene, at, memory, closed)
+    turn_rate, swing_rate = _angular_rates(system, at, force, normal, t)
+    return {
+        "crank": JointState(at.turn, (turn_rate,)),
+        "rod": JointState(at.bend, (swing_rate - turn_rate,)),
+        "slider": JointState(at.slide, (force * normal[0] / scene.bodies["slider"].mass,)),
+    }, {}
+
+
+def _pin_force(
+    scene: cj.Scene, at: _Linkage, memory: Any, closed: Any
+) -> tuple[Scalar, tuple[Scalar, Scalar]]:
+    """The force of both bases on the slider, N, and its direction."""
     joint = scene.joints["slider pin"]
     pin: Any = joint.joint if isinstance(joint, OneBase) else joint
+    (x, y), (x_rate, y_rate) = at.apart, at.parting
     distance = jnp.sqrt(jnp.maximum(x * x + y * y, 1e-300))
     n_x, n_y = x / distance, y / distance
     gap = Gap(
@@ -229,30 +271,40 @@ def slider_crank_rates(
     force = 2.0 * contact_normal_force(pin.law, gap, memory["slider pin"]["V"])
     if closed is not None:
         force = jnp.where(closed["slider pin"]["V"], force, 0.0)
+    return force, (n_x, n_y)
+
+
+def _angular_rates(
+    system: System, at: _Linkage, force: Scalar, normal: tuple[Scalar, Scalar], t: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Angular accelerations of crank and rod, rad/s^2, under a force of the rod on the slider."""
+    scene, (n_x, n_y) = system.scene, normal
+    (cos_crank, sin_crank), (cos_rod, sin_rod) = at.along_crank, at.along_rod
+    r, length = cj.CRANK_LENGTH, cj.ROD_LENGTH
     mass, centre = scene.bodies["rod"].mass, 0.5 * length
     coupling = mass * r * centre
     moment = force * length * (n_x * sin_rod - n_y * cos_rod)
     crank_moment = force * r * (n_x * sin_crank - n_y * cos_crank)
     cos_bend = cos_rod * cos_crank + sin_rod * sin_crank
     sin_bend = sin_rod * cos_crank - cos_rod * sin_crank
-    load = moment - coupling * sin_bend * turn * turn
-    crank_load = crank_moment + coupling * sin_bend * swing * swing
+    load = moment - coupling * sin_bend * at.turn * at.turn
+    crank_load = crank_moment + coupling * sin_bend * at.swing * at.swing
     inertia = scene.bodies["rod"].inertia.z + mass * centre * centre
     if "motor" in scene.joints:
-        motor: Any = scene.joints["motor"]
-        error = crank.position - motor.angle(t)
-        wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
-        turn_rate = system.formulation.stabilisation.target(wrapped, turn - motor.speed)
+        turn_rate = _driven_rate(system, at, t)
     else:
         body, mixed = scene.bodies["crank"], coupling * cos_bend
         own = body.inertia.z + body.mass * (0.5 * r) ** 2 + mass * r * r
         turn_rate = (crank_load * inertia - mixed * load) / (own * inertia - mixed * mixed)
-    swing_rate = (load - coupling * cos_bend * turn_rate) / inertia
-    return {
-        "crank": JointState(turn, (turn_rate,)),
-        "rod": JointState(bend, (swing_rate - turn_rate,)),
-        "slider": JointState(slide, (force * n_x / scene.bodies["slider"].mass,)),
-    }, {}
+    return turn_rate, (load - coupling * cos_bend * turn_rate) / inertia
+
+
+def _driven_rate(system: System, at: _Linkage, t: Scalar) -> Scalar:
+    """The angular acceleration of a crank that a motor turns, rad/s^2."""
+    motor: Any = system.scene.joints["motor"]
+    error = at.crank - motor.angle(t)
+    wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
+    return system.formulation.stabilisation.target(wrapped, at.turn - motor.speed)
 
 
 def planar_programs() -> dict[str, dict[str, Program]]:

@@ -12,6 +12,7 @@ from clearjoint.information import descent_paths as ways
 from clearjoint.information import error_growth as growth
 from clearjoint.information.horizon import PLACES
 from clearjoint.quantities import JournalOffset
+from tests.support.dropped_rod import dropped_rod
 
 LAST = 0.04
 
@@ -20,29 +21,12 @@ def clearance(scene: cj.Scene):
     return scene.joints["pin"].clearance
 
 
-def arm() -> tuple[cj.Scene, cj.State]:
-    """A single arm on a joint with clearance; it strikes twice before 0.04 s."""
-    law = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
-    pin = cj.ClearanceJoint(
-        "ground",
-        "arm",
-        journal_point=(-0.5, 0.0, 0.0),
-        bearing_radius=10e-3,
-        clearance=0.5e-3,
-        journal_length=20e-3,
-        law=law,
-    )
-    body = cj.Body(7.02, (0.1, 0.5855, 0.5855))
-    scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, 9.81, 0.0))
-    return scene, cj.State({"arm": cj.body_state((0.5, 0.0, 0.0))})
-
-
 @pytest.fixture(scope="module")
 def found() -> cj.Horizon:
     times = np.linspace(0.0, LAST, 401)[1:]
     probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
     return cj.horizon(
-        *arm(),
+        *dropped_rod(),
         {"clearance": cj.Parameter(clearance, cj.Log())},
         {"probe": cj.Sensor(probe, times, 5e-6)},
         uncertainty={"clearance": np.log(3.0)},
@@ -55,15 +39,15 @@ RADIUS = float(np.sqrt((0.1 + 2 * 0.5855) / (2 * 7.02)))
 
 def _moved(state: cj.State, speed: float) -> cj.State:
     """All points get a velocity as in the disturbance."""
-    push, arm = speed * np.array(growth.DIRECTION), state.bodies["arm"]
+    push, rod = speed * np.array(growth.DIRECTION), state.bodies["rod"]
     return cj.State(
-        {"arm": cj.BodyState(arm.position, arm.orientation, arm.velocity + push, push / RADIUS)}
+        {"rod": cj.BodyState(rod.position, rod.orientation, rod.velocity + push, push / RADIUS)}
     )
 
 
 def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
-    """(T, N, 3) points (N, 3) of the arm over time."""
-    saved = solution.saved.states.bodies["arm"]
+    """(T, N, 3) points (N, 3) of the rod over time."""
+    saved = solution.saved.states.bodies["rod"]
     s, x, y, z = np.moveaxis(np.asarray(saved.orientation), -1, 0)
     rotation = np.array(
         [
@@ -76,7 +60,7 @@ def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
 
 
 def test_growth_is_that_of_two_neighbouring_runs(found):
-    scene, state = arm()
+    scene, state = dropped_rod()
     speed, how = 1e-8, (cj.Settings(rtol=1e-11), cj.Saving(found.times))
     local = np.concatenate([np.zeros((1, 3)), RADIUS * np.eye(3)])
     ends = [
@@ -101,7 +85,7 @@ def test_growth_in_flight_is_that_of_free_motion(found):
 
 def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     """Against differences of the misfit itself, by runs of `simulate`."""
-    scene, state = arm()
+    scene, state = dropped_rod()
     journal = np.array([[-0.5, 0.0, -0.01]])
 
     def seen(logarithm: float) -> np.ndarray:
@@ -187,9 +171,9 @@ def test_errors(found):
     probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
     parameters = {"clearance": cj.Parameter(clearance, cj.Log())}
     with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
-        cj.horizon(*arm(), parameters, probe, uncertainty={})
+        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={})
     with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):
-        cj.horizon(*arm(), parameters, probe, uncertainty={"clearance": 0.0})
+        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
 
 
 @pytest.mark.slow

@@ -18,42 +18,24 @@ from clearjoint.simulation.impact_recorder import (
     most,
 )
 from clearjoint.simulation.tables import Table
+from tests.support.dropped_rod import dropped_rod
 
 END, TIMES = 0.03, np.linspace(0.0, 0.03, 7)
 
 
 HEIGHT = cj.quantities.Position("rod", "y")
 DEEPEST = cj.Section(
-    lambda now: -now.reaches["pin"]["V"].rate, {"height": (HEIGHT, "m")}, 2, after=0.01
+    lambda now: -now.reaches["pin"]["V"].rate, {"height": (HEIGHT, "m")}, 2, after=0.02
 )
 """Where the journal is deepest in the wall, without the first time."""
 
 
-@pytest.fixture(scope="module")
-def dropped():
-    """A rod on a pin with clearance, let go in the middle: it falls and rebounds once or more."""
-    pin = cj.ClearanceJoint(
-        "ground",
-        "rod",
-        journal_point=(-0.5, 0.0, 0.0),
-        bearing_radius=10e-3,
-        clearance=0.3e-3,
-        journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.9, 1e9),
-        axial=cj.FixedAxially(),
-    )
-    scene = cj.Scene(
-        {"rod": cj.Body(2.0, (0.01, 0.2, 0.2))}, {"pin": pin}, gravity=(0.0, -9.81, 0.0)
-    )
-    return scene, cj.State({"rod": cj.body_state((0.5, 0.0, 0.0))})
-
-
-def test_states_and_impacts_beside_derivatives_are_those_of_a_run(dropped):
+def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
     parameters = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
     outputs = {"height": cj.quantities.Position("rod", "y")}
     save, seldom = cj.Saving(TIMES, impacts=True, sections={"deepest": DEEPEST}), TIMES[::3]
-    found = cj.sensitivities(*dropped, END, parameters, outputs, seldom, save=save)
-    run = cj.simulate(*dropped, END, cj.presets.derivatives, save=save)
+    found = cj.sensitivities(*dropped_rod(), END, parameters, outputs, seldom, save=save)
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=save)
     assert found.saved is not None and found.impacts is not None and run.saved is not None
     np.testing.assert_array_equal(found.saved.times, TIMES)
     np.testing.assert_array_equal(

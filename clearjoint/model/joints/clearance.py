@@ -6,10 +6,7 @@ is small, so that the bases' circles are taken in the bearing's cross-section (a
 contact of an edge along the wall is not modelled.
 """
 
-from dataclasses import dataclass
-
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from ...fields.checks import (
@@ -24,22 +21,18 @@ from ...fields.checks import (
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
-from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar, Vector, add, subtract
+from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, slip_velocity
 from ..contact.laws import AbstractContactLaw
 from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
+from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .constraint_rows import point_in_plane, turning_about_axes
-from .ideal import require_distinct
+from .journal_bases import BASES, SIDES, JournalBases
+from .pairs import require_distinct
 from .seating import ideal_in_place, seat
 
-BASES = ("V", "W")
-SHOULDERS = ("lower shoulder", "upper shoulder")
-"""At the ends of the bearing: against its axis, and along it."""
-SIDES = (-1.0, 1.0)
 WIDEST_CLEARANCE = 0.1
 """Clearance over the bearing's radius beyond which one is warned."""
 LARGEST_BEARING = 2.0
@@ -195,28 +188,23 @@ class ClearanceJoint(AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry at both bases, and at both shoulders if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        axis = bearing.direction(unit(self.bearing_axis))
-        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        points = self.bearing_point, self.journal_point
+        axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre = self._offset(bearing, journal)
-        arm, turning = journal.direction(half), journal.direction(journal.spin.cross(half))
-        middle = journal.velocity_at(self.journal_point)
-
-        def base(sign: Scalar) -> _Base:
-            local, reach = self.journal_point + half * sign, arm * sign
-            offset = centre + reach
-            on_bearing = self.bearing_point + bearing.components(offset)
-            relative = (middle + turning * sign) - bearing.velocity_at(on_bearing)
-            across = _across(centre, axis), _across(reach, axis)
-            return _Base(axis, offset.dot(axis), *across, local, on_bearing, relative)
-
+        bases = JournalBases(bearing, journal, *points, axis, half, centre)
+        wall = BearingWall(
+            self.bearing_point, self.bearing_axis, self.bearing_radius, self.clearance
+        )
         contacts = {
-            label: self._radial(bearing, journal, base(sign))
+            label: wall.contact(bearing, journal, bases.at(sign), self.friction is not None)
             for sign, label in zip(SIDES, BASES, strict=True)
         }
         if self.axial.shoulder_law() is not None:
-            facing = jnp.where(arm.dot(axis) < 0.0, -1.0, 1.0)
+            facing = bases.facing()
             for side, label in zip(SIDES, SHOULDERS, strict=True):
-                contacts[label] = self._axial(side, base(side * facing))
+                contacts[label] = shoulder_contact(
+                    self.axial, self.journal_length, side, bases.at(side * facing)
+                )
         return contacts
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
@@ -229,8 +217,7 @@ class ClearanceJoint(AbstractContactJoint):
         reach = self._offset(bearing, journal)
         if base is not None:
             signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
-            half = unit(self.journal_axis) * (0.5 * self.journal_length)
-            reach = reach + journal.direction(half) * signs[base]
+            reach = reach + journal.direction(self._half()) * signs[base]
         offset = bearing.components(reach)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
@@ -283,41 +270,9 @@ class ClearanceJoint(AbstractContactJoint):
             return -bearing.point_from(self.journal_point, self.bearing_point)
         return journal.point_from(bearing.point(self.bearing_point), self.journal_point)
 
-    def _axial(self, side: float, base: "_Base") -> Contact:
-        """Contact of the base at one end of the bearing with the shoulder there."""
-        outward = base.axis * side
-        offset = side * base.height - 0.5 * self.journal_length
-        gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
-        return Contact(gap, outward, base.on_bearing, base.local, None)
-
-    def _radial(self, bearing: Motion, journal: Motion, base: "_Base") -> Contact:
-        """Contact of one base with the wall, from the eccentricity vector (eqs 10-21)."""
-        eccentricity, normal = norm_and_direction(base.centre + base.reach)
-        depth = self._depth(base, eccentricity)
-        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
-        along = base.axis * base.height
-        # Friction acts on both bodies at one point between the surfaces: at the points of eqs
-        # (15)-(16), a penetration apart, it would leave a moment.
-        shift = 0.0 if self.friction is None else 0.5 * gap.depth
-        to_wall = along + normal * add(self.bearing_radius, shift)
-        on_bearing = self.bearing_point + bearing.components(to_wall)
-        on_journal = base.local + journal.components(normal * subtract(self.journal_radius, shift))
-        slip = None
-        if self.friction is not None:
-            sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
-            slip = slip_velocity(sliding, normal, sliding.dot(normal))
-        on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
-        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
-
-    def _depth(self, base: "_Base", eccentricity: Scalar) -> Scalar:
-        """Eccentricity less clearance, by the difference of their squares.
-
-        Subtracting the two themselves leaves each base a rounding of its own, from which impacts
-        grow a misalignment. Here what rounds most is common to both.
-        """
-        common = base.centre.dot(base.centre) - self.clearance * self.clearance
-        own = base.reach.dot(base.centre * 2.0 + base.reach)
-        return (common + own) / (eccentricity + self.clearance)
+    def _half(self) -> Vector:
+        """From the journal's centre to its base W, m, in the journal's body axes."""
+        return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Friction on the journal at a base, N."""
@@ -337,23 +292,3 @@ class ClearanceJoint(AbstractContactJoint):
             self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
         )
         return {"axial": row}
-
-
-@dataclass(frozen=True)
-class _Base:
-    """Where a base is: `local` in the journal's body axes; along the bearing's `axis` at a `height`
-    from its centre; and across it by the journal's `centre` and by the `reach` from there. There is
-    the point `on_bearing` of the bearing, in its body axes; `velocity` is relative to that."""
-
-    axis: Vector
-    height: Scalar
-    centre: Vector
-    reach: Vector
-    local: Vector
-    on_bearing: Vector
-    velocity: Vector
-
-
-def _across(vector: Vector, axis: Vector) -> Vector:
-    """The part of a vector at a right angle to an axis."""
-    return vector - axis * vector.dot(axis)

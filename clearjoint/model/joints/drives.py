@@ -16,12 +16,12 @@ from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench
-from .base import AbstractConstraint, AbstractElement, AbstractForce, Motions, Row
+from .base import AbstractConstraint, AbstractForce, Motions, Row
 from .constraint_rows import turning_angle
-from .ideal import require_distinct
+from .pairs import AbstractPair
 
 
-class AbstractDrive(AbstractElement):
+class AbstractDrive(AbstractPair):
     """An element on the angle of a second body about an axis of a first.
 
     - `axis`: (3,) in the first body's axes, any length.
@@ -29,19 +29,12 @@ class AbstractDrive(AbstractElement):
       frame into the first's where the angle is zero.
     """
 
-    first: eqx.AbstractVar[str]
-    second: eqx.AbstractVar[str]
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]
 
     def __check_init__(self):
-        require_distinct(self.first, self.second)
         require_axis("axis", self.axis)
         require_euler_parameters("orientation", self.orientation)
-
-    def body_names(self) -> tuple[str, ...]:
-        """Names of the first and the second body."""
-        return self.first, self.second
 
     def turn(self, motions: Motions) -> Row:
         """The angle in rad, within (-pi, pi], as a row."""

@@ -9,12 +9,12 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 from ..bodies import Wrench
 from .base import AbstractForce, Attachment, Motions
-from .ideal import require_distinct
+from .pairs import AbstractPairAtPoints
 
 SI = "give it in SI units"
 
 
-class SpringDamper(AbstractForce):
+class SpringDamper(AbstractPairAtPoints, AbstractForce):
     """A linear spring and damper between a point of each of two bodies.
 
     **Arguments:** names; points (3,) m in body axes; `stiffness` N/m, `damping` N s/m, and
@@ -29,20 +29,6 @@ class SpringDamper(AbstractForce):
     stiffness: Single = quantity("N/m", positive=True, zero=True, remedy=SI)
     damping: Single = quantity("N s/m", default=0.0, positive=True, zero=True, remedy=SI)
     free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
-
-    def __check_init__(self):
-        require_distinct(self.first, self.second)
-
-    def body_names(self) -> tuple[str, ...]:
-        """Names of the first and the second body."""
-        return self.first, self.second
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Its point on each body."""
-        return (
-            ("point_first", self.first, self.point_first),
-            ("point_second", self.second, self.point_second),
-        )
 
     def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
         first, second = motions[self.first], motions[self.second]

@@ -4,39 +4,21 @@ from typing import TypeVar
 
 import equinox as eqx
 
-from ...fields.checks import require, require_axis, require_euler_parameters, require_point
+from ...fields.checks import require_axis, require_euler_parameters, require_point
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
-from .base import AbstractConstraint, Attachment, Motions, Row
+from .base import AbstractConstraint, Motions, Row
 from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
+from .pairs import AbstractPairAtPoints
 
 T = TypeVar("T")
 
 
-class AbstractPairJoint(AbstractConstraint):
+class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     """An ideal joint between two bodies at a point of each."""
-
-    first: eqx.AbstractVar[str]
-    second: eqx.AbstractVar[str]
-    point_first: eqx.AbstractVar[Triple]
-    point_second: eqx.AbstractVar[Triple]
-
-    def __check_init__(self):
-        require_distinct(self.first, self.second)
-
-    def body_names(self) -> tuple[str, ...]:
-        """Names of the first and the second body."""
-        return self.first, self.second
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Its point on each body."""
-        return (
-            ("point_first", self.first, self.point_first),
-            ("point_second", self.second, self.point_second),
-        )
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """What belongs to the first and the second body, the parent's before the child's."""
@@ -92,13 +74,6 @@ class AbstractAxisJoint(AbstractPairJoint):
         names = (self.first, self.second)
         first, second = motions[self.first], motions[self.second]
         return turning_about_axes(names, first, second, self.axis_first, self.axis_second)
-
-
-def require_distinct(first: str, second: str) -> None:
-    """Check that a joint connects two different bodies by name."""
-    for argument, name in (("first", first), ("second", second)):
-        require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
-    require(first != second, "second", second, "another body than `first`", "name two bodies")
 
 
 class SphericalJoint(AbstractPairJoint):

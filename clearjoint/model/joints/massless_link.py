@@ -10,9 +10,9 @@ from ...math.vectors import Scalar, Vector
 from ..bodies import NO_WRENCH, Wrench
 from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, Attachment, Motions, Row
-from .clearance import BASES
 from .constraint_rows import point_in_plane
-from .ideal import require_distinct
+from .journal_bases import BASES
+from .pairs import require_distinct
 
 
 class MasslessLink(AbstractConstraint):

@@ -133,7 +133,7 @@ class Page(eqx.Module):
 
 @Compiled
 def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
-    """Lanes before their first steps."""
+    """The lanes of some tasks before their first steps, in the seats of a pool."""
 
     def one(common: Common, task: Task) -> Seat:
         orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
@@ -197,7 +197,7 @@ def harvest(
 
 
 def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Columns:
-    """What is reported of the rows of a log."""
+    """The columns that are reported of rows of a log, by name."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
@@ -264,7 +264,8 @@ def _table(ring: Ring) -> jax.Array:
 
 
 def _choose(condition: jax.Array, first: T, second: T) -> T:
-    """Lane by lane one of two trees."""
+    """For each lane the leaves of the first tree where the condition (lanes,) holds, else of the
+    second."""
     return jax.tree.map(
         lambda a, b: jnp.where(condition.reshape(-1, *(1,) * (a.ndim - 1)), a, b), first, second
     )

@@ -56,7 +56,7 @@ class Plan(eqx.Module):
 
     @property
     def method(self) -> Method:
-        """How the lanes are integrated."""
+        """Solver, step-size controller and landing of all lanes."""
         return self.scheme.method
 
 
@@ -89,7 +89,7 @@ class Lane(eqx.Module):
         return running(self.step, end_time, plan.max_steps)
 
     def rings(self) -> dict[str, Ring]:
-        """What is recorded beside saved states, by log."""
+        """The rings of crossings and of impacts, by the log that each fills."""
         rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
@@ -104,7 +104,7 @@ def impact_log(name: str, joint: str, contact: str) -> str:
 
 
 def contact_label(joint: str, contact: str) -> str:
-    """What a contact is called in tables."""
+    """Name of a joint's contact in tables: both names, with a space between."""
     return f"{joint} {contact}"
 
 
@@ -225,7 +225,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 
 
 def emptied(lane: Lane) -> Lane:
-    """The lane with its rings read."""
+    """The lane after the host has taken the rows of all its rings."""
     return jax.tree.map(
         lambda node: node.emptied() if isinstance(node, Ring) else node,
         lane,
@@ -253,7 +253,7 @@ def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
 
 
 def _next_save(lane: Lane, orders: Orders) -> Scalar:
-    """The first time not saved at yet."""
+    """The first time, s, at which no state is saved yet; infinite if all are."""
     assert lane.saved is not None
     time: Scalar = orders.window[-1]
     for k in reversed(range(SLOTS)):

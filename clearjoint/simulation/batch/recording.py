@@ -28,11 +28,11 @@ class Ring(eqx.Module, Generic[R]):
 
     @staticmethod
     def like(row: R) -> "Ring[R]":
-        """An empty ring."""
+        """A ring without rows, with slots for rows like the given one."""
         return Ring((row,) * SLOTS, jnp.zeros((), int))
 
     def full(self) -> Condition:
-        """Whether another row must wait."""
+        """Whether all slots are taken, so that another row must wait for the host."""
         return self.count >= SLOTS
 
     def waits(self, wanted: Scalar) -> Condition:
@@ -44,7 +44,7 @@ class Ring(eqx.Module, Generic[R]):
         return Ring(self.slots, jnp.zeros_like(self.count))
 
     def with_row(self, row: R, wanted: Condition) -> "Ring[R]":
-        """The row added, if it is wanted."""
+        """The ring with the row in its next slot, if the row is wanted."""
         slots = tuple(
             jax.tree.map(
                 lambda new, old, k=k: jnp.where(wanted & (self.count == k), new, old), row, slot
@@ -68,7 +68,7 @@ class CrossingRecorder(eqx.Module):
     wanted: Scalar
 
     def __call__(self, record: CrossingRecord, stride: Stride) -> CrossingRecord:
-        """The record after a stride."""
+        """The record after a stride, with a crossing more if the stride had one that is wanted."""
         kept, before, after = stride.kept, record.level, self.section.level(stride.now)
         row = self.section.row(stride, before, after)
         rises = kept & (before < 0.0) & (after >= 0.0)

@@ -64,7 +64,7 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """The tally at the start."""
+        """What is remembered from step to step, at the start of the run."""
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
@@ -76,7 +76,7 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
-        """Unit of each result."""
+        """Unit of each result, by the names that `results` has."""
 
 
 class PeakTally(NamedTuple):
@@ -123,12 +123,12 @@ class Peak(AbstractReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """The peak and its time."""
+        """The largest value and its time, s."""
         del now
         return {"": tally.highest, "time": tally.time}
 
     def units(self) -> dict[str, str]:
-        """The quantity's, and s."""
+        """The quantity's unit for the peak, and s for its time."""
         return {"": self.unit, "time": "s"}
 
 
@@ -166,7 +166,7 @@ class Statistics(AbstractReduction):
         )
 
     def start(self, now: Instant) -> StatisticsTally:
-        """The last instant and value, duration, integrals, smallest and largest."""
+        """The instant and the value there, zero duration and integrals, and the extremes so far."""
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
         inside = (now.time >= self.start_time) & (now.time <= self.end_time)
@@ -174,7 +174,7 @@ class Statistics(AbstractReduction):
         return (now.time, value), (zero, zero, zero), extremes
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """The part of the step inside the window added."""
+        """The tally with the part of the step added that is inside the window."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
         arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
@@ -209,7 +209,7 @@ class Statistics(AbstractReduction):
         }
 
     def units(self) -> dict[str, str]:
-        """The quantity's."""
+        """The quantity's unit for each of the four."""
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
 
 
@@ -226,14 +226,14 @@ class ImpactCount(AbstractReduction):
     joint: str = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
-        """The joint must be there, and have contacts."""
+        """Check that the scene has the joint, and that it has contacts."""
         require_known("joint", self.joint, scene.contact_joints())
 
     def _touching(self, now: Instant) -> dict[str, Condition]:
         return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
 
     def start(self, now: Instant) -> CountTally:
-        """Count, and which contacts touch."""
+        """No contact has begun; and which touch at the start."""
         return jnp.zeros(()), self._touching(now)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
@@ -245,12 +245,12 @@ class ImpactCount(AbstractReduction):
         return count, after
 
     def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
-        """The count."""
+        """The number of contacts that began, up to the end of the run."""
         del now
         return {"": tally[0]}
 
     def units(self) -> dict[str, str]:
-        """A number."""
+        """The count is a number without unit."""
         return {"": "1"}
 
 
@@ -260,20 +260,20 @@ class DissipatedEnergy(AbstractReduction):
     needs_ledger = True
 
     def start(self, now: Instant) -> tuple[()]:
-        """Nothing: the ledger is integrated with the state."""
+        """Nothing is remembered, since the ledger is integrated with the state."""
         del now
         return ()
 
     def update(self, tally: tuple[()], now: Instant) -> tuple[()]:
-        """Nothing."""
+        """Still nothing is remembered."""
         del now
         return tally
 
     def results(self, tally: tuple[()], now: Instant) -> dict[str, Scalar]:
-        """The sum of both."""
+        """What normal damping and friction took since the start, J."""
         del tally
         return {"": now.work.get("normal damping", 0.0) + now.work.get("friction", 0.0)}
 
     def units(self) -> dict[str, str]:
-        """An energy."""
+        """The energy is in J."""
         return {"": "J"}

@@ -130,7 +130,7 @@ class Batch:
         return seats, taken & (self._read(status, page, sitting) <= 0.0)
 
     def _progress(self, status: Status, sitting: np.ndarray) -> float:
-        """Lanes' worth of simulated time in the pool."""
+        """How much of their spans the lanes in the pool have simulated, in whole lanes."""
         end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
         share = (np.asarray(status.time) - start) / (end - start)
         share = np.where(np.asarray(status.left) > 0.0, share, 1.0)

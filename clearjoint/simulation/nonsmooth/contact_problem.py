@@ -51,7 +51,7 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """All contacts of a scene."""
+    """All contacts of a scene's joints at a configuration."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -132,7 +132,7 @@ class ContactProblem:
         return [row_rate(row, motions) for row in self.rows]
 
     def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
-        """The velocities after impulses."""
+        """The velocities along all rows, m/s, after impulses along all of them, N s."""
         rows = range(len(self.rows))
         return self._with_impulses(rows, rows, velocities, impulses)
 

@@ -34,6 +34,11 @@ def describe(value: object) -> str:
     return getattr(value, "__qualname__", type(value).__name__)
 
 
+def described(values: Mapping[str, object]) -> dict[str, str]:
+    """The text of each value, by name."""
+    return {name: describe(value) for name, value in values.items()}
+
+
 def number_notes(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
     """The numbers of a scene or state by name, without those of which a tree of booleans says that
     they vary."""

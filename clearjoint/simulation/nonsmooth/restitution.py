@@ -1,0 +1,35 @@
+"""The restitution of rigid contacts: one for all of them, or what their laws deliver."""
+
+from ...fields.checks import require, require_range
+from ...math.vectors import Scalar
+from ...model.scene import Scene
+
+
+def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
+    """Check that every contact has a restitution: the given one, 0 to 1, or its law's.
+
+    **Raises:** `ValueError` for another number, and for a law that does not report any.
+    """
+    if restitution is not None:
+        require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
+        return
+    for name, family in scene.laws().items():
+        for label, law in family.items():
+            require(
+                hasattr(law, "delivered_restitution"),
+                f"scene.joints[{name!r}]",
+                type(law).__name__,
+                f"of a law with delivered_restitution() at {label!r}",
+                "pass restitution=, or give the law such a method",
+            )
+
+
+def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
+    """Newton's coefficient by joint and contact: the given one, or what each law delivers."""
+    return {
+        name: {
+            label: law.delivered_restitution() if restitution is None else restitution  # pyright: ignore
+            for label, law in family.items()
+        }
+        for name, family in scene.laws().items()
+    }

@@ -1,0 +1,181 @@
+"""A run with rigid contacts: equal steps from stop to stop, and what each contact did meanwhile."""
+
+from dataclasses import replace
+from functools import reduce
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float, Int
+
+from ...compilation import Compiled
+from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
+from ...dynamics.coordinates import MotionVariables
+from ...dynamics.formulation import Formulation
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar, Structured, pack, unpack
+from ...model.bodies import BodyState, State
+from ...model.scene import Scene
+from ...results import RESULTS
+from ..step_state import choose
+from .moreau_jean import ContactStep, Rigid, advance
+from .restitution import restitutions
+from .solution import ContactTotals
+
+
+class RigidRun(eqx.Module):
+    """A run between two steps; `touching` tells of each contact whether it had an impulse."""
+
+    t: Scalar
+    variables: MotionVariables
+    touching: dict[str, dict[str, Scalar]]
+    totals: dict[str, dict[str, ContactTotals]]
+    residual: Scalar
+    result: RESULTS
+    steps: Scalar
+
+
+class RigidStop(eqx.Module):
+    """What is kept of a run at a time at which a step ends; bodies in packed form."""
+
+    bodies: dict[str, BodyState]
+    totals: dict[str, dict[str, ContactTotals]]
+    result: RESULTS
+
+
+class RigidOutcome(eqx.Module):
+    """The end of a run with its bodies in packed form, and all stops but the first."""
+
+    end: RigidRun
+    bodies: dict[str, BodyState]
+    stops: RigidStop
+
+
+def run(
+    form: Structured,
+    formulation: Formulation,
+    state: State,
+    stops: Float[jax.Array, " stops"],
+    longest: Scalar,
+    restitution: Scalar | None,
+) -> RigidOutcome:
+    """Run a scene in structured form through rising stops, s, in steps of `longest` s at most.
+
+    **Arguments:** `restitution`: of every contact, or ``None`` for what its law delivers.
+    """
+    system = System(unpack(form), formulation)
+    rigid = Rigid(system, restitutions(system.scene, restitution))
+    first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    times, places = _with_breakpoints(system.scene, stops)
+
+    def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
+        now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
+        return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
+
+    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    if places is not None:
+        kept = jax.tree.map(lambda leaf: leaf[places], kept)
+    return RigidOutcome(end, pack(system.decode(end.variables)), kept)
+
+
+run_compiled = Compiled(run)
+
+
+def _with_breakpoints(
+    scene: Scene, stops: Float[jax.Array, " stops"]
+) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
+    """The stops and the breakpoints between them, rising; and where behind the first the stops
+    behind the first are, ``None`` if there are no breakpoints."""
+    elements = jax.tree.leaves(breakpoints(scene))
+    if not elements:
+        return stops, None
+    inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
+    times = jnp.sort(jnp.concatenate([stops, *inside]))
+    return times, jnp.searchsorted(times, stops[1:], side="right") - 2
+
+
+def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
+    """The run with the velocities that drivers want from `stop` on, if one changes there."""
+    since = since_breakpoints(system.scene, start, stop)
+    joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
+    if not joints:
+        return now
+    time = seen(system.scene, stop, stop)
+    variables = jax.lax.cond(
+        reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
+        lambda variables: system.project_velocities(variables, time),
+        lambda variables: variables,
+        now.variables,
+    )
+    return replace(now, variables=variables)
+
+
+def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
+    """The run after equal steps from one stop to the next."""
+    count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
+    h = (stop - start) / jnp.maximum(count, 1.0)
+
+    def goes(carry: tuple[RigidRun, Scalar]) -> Scalar:
+        return (carry[1] < count) & (carry[0].result == RESULTS.successful)
+
+    def go(carry: tuple[RigidRun, Scalar]) -> tuple[RigidRun, Scalar]:
+        now, k = carry
+        return _after_step(rigid, now, start + k * h, h), k + 1.0
+
+    return jax.lax.while_loop(goes, go, (now, jnp.zeros(())))[0]
+
+
+def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
+    """The run before its first step."""
+    zero, none = jnp.zeros(()), jnp.zeros((), int)
+    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
+    laws = rigid.system.scene.laws()
+    return RigidRun(
+        t=t,
+        variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
+        touching={name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()},
+        totals={name: dict.fromkeys(family, nothing) for name, family in laws.items()},
+        residual=zero,
+        result=RESULTS.successful,
+        steps=none,
+    )
+
+
+def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
+    """The run a step further, or as it was if the step failed."""
+    end = advance(rigid, now.variables, t, h)
+    sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
+    finite = sum(sums[1:], sums[0]) == 0.0
+    touching = jax.tree.map(lambda one: one.impulse > 0.0, end.contacts, is_leaf=_is_contact)
+    totals = jax.tree.map(_total, now.totals, end.contacts, now.touching, is_leaf=_is_contact)
+    result = RESULTS.where(finite, now.result, RESULTS.non_finite)
+    result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
+    following = RigidRun(
+        t=t + h,
+        variables=end.variables,
+        touching=touching,
+        totals=totals,
+        residual=jnp.maximum(now.residual, end.residual),
+        result=now.result,
+        steps=now.steps + 1,
+    )
+    return replace(choose(finite & end.solved & end.shallow, following, now), result=result)
+
+
+def _is_contact(tree: object) -> bool:
+    return isinstance(tree, ContactTotals | ContactStep)
+
+
+def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
+    """The totals with those of a step; `touched` tells whether the one before had an impulse."""
+    pushes = step.impulse > 0.0
+    approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
+    return ContactTotals(
+        impacts=totals.impacts + (pushes & ~touched),
+        impulse=totals.impulse + step.impulse,
+        dissipated=totals.dissipated + step.dissipated,
+        hardest=jnp.maximum(totals.hardest, step.impulse),
+        fastest=jnp.maximum(totals.fastest, approach),
+        penetration=jnp.maximum(totals.penetration, step.penetration),
+    )
