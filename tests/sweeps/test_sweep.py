@@ -15,7 +15,6 @@ import clearjoint as cj
 from clearjoint import quantities as q
 from tests.support.reference import Case
 
-
 CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
 END = 0.04
 TIMES = np.linspace(0.0, END, 401)
