@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
+import jax
 from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
@@ -18,8 +19,11 @@ from ..model.bodies import BodyState
 from ..model.scene import Scene
 
 
+@jax.tree_util.register_pytree_node_class
 class Instant:
     """A scene at one time of a run, in scalar form. Properties are computed when they are used.
+
+    To JAX it is a PyTree, without the instants `inside` the step that ends there.
 
     - `time`: s. `work[name]`: integrals of the energy ledger, J.
 
@@ -39,6 +43,15 @@ class Instant:
         self.time, self.work = time, work
         self._system, self._memory, self._variables = system, memory, variables
         self._inside = inside
+
+    def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
+        """What JAX sees of it."""
+        return (self._system, self.time, self._variables, self._memory, self.work), None
+
+    @classmethod
+    def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
+        """The instant of such parts."""
+        return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:

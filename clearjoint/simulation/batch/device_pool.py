@@ -168,7 +168,8 @@ def advance(constants: tuple[Common, Extent, Mesh], seats: Seat) -> tuple[Seat, 
             )
             return seats, pages, number + 1
 
-        blank = jax.eval_shape(lambda: _slice(common, extent, seats)[1])
+        first = jnp.arange(extent.places)
+        blank = jax.eval_shape(lambda: _page(common, _of(seats.lane, first), first))
         pages = jax.tree.map(lambda p: jnp.zeros((extent.slices, *p.shape), p.dtype), blank)
         seats, pages, slices = jax.lax.while_loop(goes, go, (seats, pages, jnp.zeros((), int)))
         left = _work_left(common, seats)
@@ -227,7 +228,8 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     """Give the lanes with the most work left their turns; what they recorded, beside."""
     order = jnp.argsort(-_work_left(common, seats))
     rank = jnp.argsort(order)
-    chosen = jax.tree.map(lambda leaf: leaf[order[: extent.places]], seats)
+    seated = order[: extent.places]
+    chosen = _of(seats, seated)
     orders = jax.vmap(partial(_orders, common))(chosen)
 
     def one(lane: Lane, task: Task, orders: Orders) -> Lane:
@@ -241,16 +243,23 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
         return now[0] + 1, jax.vmap(one)(now[1], chosen.task, orders)
 
     _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
+    page = _page(common, lanes, seated)
+    recorded = {name: chosen.recorded[name] + count for name, count in page.counts.items()}
+    chosen = Seat(chosen.task, emptied(lanes), recorded)
+    advanced = _of(chosen, jnp.minimum(rank, extent.places - 1))
+    return _choose(rank < extent.places, advanced, seats), page
+
+
+def _of(lanes: T, numbers: jax.Array) -> T:
+    """Those lanes of a tree that have such numbers."""
+    return jax.tree.map(lambda leaf: leaf[numbers], lanes)
+
+
+def _page(common: Common, lanes: Lane, seated: jax.Array) -> Page:
+    """What lanes have recorded, of the seats that `seated` names."""
     rings = common.logs(lanes)
     counts = {name: ring.count for name, ring in rings.items()}
-    page = Page(
-        {name: _table(ring) for name, ring in rings.items()}, counts, order[: extent.places]
-    )
-    recorded = {name: chosen.recorded[name] + count for name, count in counts.items()}
-    chosen = Seat(chosen.task, emptied(lanes), recorded)
-    back = jnp.minimum(rank, extent.places - 1)
-    advanced = jax.tree.map(lambda leaf: leaf[back], chosen)
-    return _choose(rank < extent.places, advanced, seats), page
+    return Page({name: _table(ring) for name, ring in rings.items()}, counts, seated)
 
 
 def _table(ring: Ring) -> jax.Array:

@@ -12,6 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...compilation import traced_once
 from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest
@@ -108,8 +109,9 @@ class Peak(AbstractReduction):
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
         """The highest value of the step, if it is higher than those before."""
         start, end = Point(0.0, tally.last), Point(1.0, self._value(now))
-        middle = Point(0.5, self._value(now.middle))
-        peak = highest(lambda x: self._value(now.inside(x)), start, middle, end)
+        value_of = traced_once(self._value)
+        middle = Point(0.5, value_of(now.middle))
+        peak = highest(lambda x: value_of(now.inside(x)), start, middle, end)
         time = tally.now + peak.place * (now.time - tally.now)
         rises = peak.value > tally.highest
         return PeakTally(
