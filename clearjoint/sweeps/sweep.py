@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
-import xarray as xr
 
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
@@ -45,6 +45,9 @@ from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
 from .work import Chunks, Work, joined
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 CHUNK = 256
 
 
@@ -64,7 +67,7 @@ def sweep(
     chunk: int = CHUNK,
     start_time: float = 0.0,
     progress: bool = True,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
     Lanes, one for each combination of values, are integrated together, each on its own time and
@@ -322,7 +325,7 @@ def _compute(
             work.run(list(chunk_of), on_ended, devices=devices, on_progress=on_progress)
 
 
-def _report_failures(results: xr.Dataset, lanes: Lanes) -> None:
+def _report_failures(results: "xr.Dataset", lanes: Lanes) -> None:
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]
@@ -336,7 +339,7 @@ def _report_failures(results: xr.Dataset, lanes: Lanes) -> None:
         )
 
 
-def _report_journals_outside(results: xr.Dataset, lanes: Lanes) -> None:
+def _report_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
     """Warn of journals that are outside their bearings at the end of a lane."""
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]

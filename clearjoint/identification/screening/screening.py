@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy import special
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
@@ -108,10 +107,11 @@ def screen(
     progress: bool,
 ) -> Screened:
     """Screen the box around a guess (p,); `number` is that of the pass."""
-    from scipy.stats import qmc  # half a second of every import, for this alone
+    from scipy.special import chdtri
+    from scipy.stats import qmc
 
     spread = half_widths(screening.spread, names)
-    excess = float(special.chdtri(len(centre), 1.0 - LEVEL))
+    excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
