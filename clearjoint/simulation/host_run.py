@@ -16,6 +16,7 @@ from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
+from .progress_bars import telling_of_compiling
 from .run_ends import final_result, final_state, named
 from .sections import crossings_of
 from .segments import Progress, SavedStates, TimedState, rewound, segment
@@ -100,7 +101,7 @@ class HostLoop(AbstractRun):
             leave=False,
             disable=not progress,
         )
-        with bar:
+        with telling_of_compiling(bar):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(

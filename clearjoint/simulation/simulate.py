@@ -68,7 +68,7 @@ def simulate(
       Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
       36 000 steps. Any number serves any run. Nothing changes where nothing is differentiated.
     - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
-    - `progress`: show a bar on runs that take longer than two seconds.
+    - `progress`: show a bar on runs that take longer than two seconds, and while it compiles.
 
     **Returns:** a `Solution`.
 

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
+from ...simulation.progress_bars import telling_of_compiling
 from ..starts import half_widths
 from .level_sets import among, apart, level, reach
 from .misfit_curves import SideBySide
@@ -117,7 +118,8 @@ def screen(
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
     ahead = max(lanes.count // EIGHTH, 1)
     times, runs = [], 0
-    with tqdm(desc="screening", unit=" runs", leave=False, disable=not progress) as bar:
+    bar = tqdm(desc="screening", unit=" runs", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
             count = reach(curves, screening.keep, excess)
