@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
+from ..fields.conversion import on_device
 from ..math.vectors import pack
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -116,19 +116,19 @@ def sensitivities(
     save.check(scene)
     saved = save.times_between(start_time, end_time)
     looked_at = asked if saved is None else np.union1d(asked, saved)
-    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
+    coordinates = on_device(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
     span = (
-        jnp.asarray(t, float)
+        on_device(t)
         for t in (start_time, end_time, settings.length_of_first_step(start_time, end_time))
     )
     arguments = (
         scheme,
         family,
         dict(outputs),
-        jnp.asarray(padded(looked_at, end_time)),
+        on_device(padded(looked_at, end_time)),
         *span,
-        jnp.asarray(settings.max_steps, int),
+        on_device(settings.max_steps, int),
     )
     keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):

@@ -2,13 +2,12 @@
 
 import diffrax
 import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.checks import concrete, require
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -94,17 +93,17 @@ def simulate(
         save.check(scene)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    start, end, length = (_array(number) for number in (start_time, end_time, first_step))
+    start, end, length = (on_device(number) for number in (start_time, end_time, first_step))
     if save.sections:
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
     saves, sections = times is not None, save.section_recorders()
     now = begin_compiled(scheme, form, state, start, end, length, saves, rows, sections)
     if traced:
-        run = OnePiece(form, scheme, _array(end_time), redundant)
-        save_at = None if times is None else _array(times)
+        run = OnePiece(form, scheme, on_device(end_time), redundant)
+        save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
-    host = HostLoop(form, scheme, _array(end_time), redundant)
+    host = HostLoop(form, scheme, on_device(end_time), redundant)
     collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
     solution = host.solution(now, times, settings.max_steps, collector, save.steps, progress)
     _warn(scene, solution)
@@ -135,10 +134,6 @@ def _check_adjoint(adjoint: object) -> None:
 def _is_traced(tree: PyTree) -> bool:
     """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
     for what is computed from them to be."""
-    return concrete(jnp.zeros(())) is None or any(
+    return concrete(jax.device_put(0.0)) is None or any(
         concrete(leaf) is None for leaf in jax.tree.leaves(tree)
     )
-
-
-def _array(value: ArrayLike) -> jax.Array:
-    return jnp.asarray(value, dtype=float)
