@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.fields.conversion import on_device
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -67,6 +68,15 @@ def _saved(scene_and_state, count, settings=None, throw=True):
 
 def _steps(scene_and_state, end):
     return cj.simulate(*scene_and_state, end, save=cj.Saving(steps=True))
+
+
+@pytest.mark.parametrize("value", [0.125, 3, np.float64(2.0), np.zeros(13), np.zeros((2, 7))])
+def test_numbers_of_the_host_come_to_the_device_without_a_program(value, compiled):
+    before = compiled()
+    array = on_device(value)
+    assert compiled() == before
+    assert array.dtype == float and not array.weak_type
+    np.testing.assert_array_equal(array, value)
 
 
 def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
