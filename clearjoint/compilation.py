@@ -3,12 +3,17 @@
 Tracing makes a hundred thousand objects that stay, and Python's collector of garbage walks through
 all of them again and again and finds none: a third of the time. So it rests during a call, which
 leaves Python alone for the rest of its time anyway.
+
+From the first line that is traced until the call returns, a program is being made; its run goes on
+behind, on the device. `seconds_of_compiling` says how long that takes already.
 """
 
 import gc
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial, update_wrapper
+from functools import partial, update_wrapper, wraps
 from typing import Generic, Literal, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -19,6 +24,8 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
 """Arguments whose memory the result may take, as of `equinox.filter_jit`."""
+_begun: dict[int, float] = {}
+"""When the program that a thread makes was begun, s of `time.monotonic`, by thread."""
 
 
 class Compiled(Generic[Arguments, Result]):
@@ -28,21 +35,29 @@ class Compiled(Generic[Arguments, Result]):
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result], donate: Donated = "none"):
-        self._compiled = eqx.filter_jit(function, donate=donate)
+        self._compiled = eqx.filter_jit(_begins_a_program(function), donate=donate)
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
-        with _collector_at_rest():
+        with _collector_at_rest(), _program_is_made_inside():
             return self._compiled(*arguments, **options)
 
     def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
         """The program for such arguments, as XLA has optimised it."""
-        return self._compiled.lower(*arguments, **options).compile().compiled.as_text()
+        with _program_is_made_inside():
+            return self._compiled.lower(*arguments, **options).compile().compiled.as_text()
 
     def programs(self) -> int:
         """How many programs have been compiled."""
         return self._compiled._cached._cache_size()
+
+
+def seconds_of_compiling() -> float:
+    """For how long the program that is being made has been traced and compiled, in any thread; zero
+    if none is."""
+    begun = list(_begun.values())
+    return time.monotonic() - min(begun) if begun else 0.0
 
 
 def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
@@ -66,6 +81,31 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
         return traced(arrays, (others, structure))
 
     return call
+
+
+def _begins_a_program(
+    function: Callable[Arguments, Result],
+) -> Callable[Arguments, Result]:
+    """The function, which is called when it is traced and then only."""
+
+    @wraps(function)
+    def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        _begun.setdefault(threading.get_ident(), time.monotonic())
+        return function(*arguments, **options)
+
+    return traced
+
+
+@contextmanager
+def _program_is_made_inside() -> Iterator[None]:
+    """A call that may make a program, unless it is part of one that is being made."""
+    thread = threading.get_ident()
+    part = thread in _begun
+    try:
+        yield
+    finally:
+        if not part:
+            _begun.pop(thread, None)
 
 
 @contextmanager

@@ -154,17 +154,38 @@ assert not xla_bridge.backends_are_initialized(), "an import started a backend"
 """
 
 
-def test_import_starts_no_backend_and_changes_no_setting():
+LOADED_WHEN_FIRST_USED = {"matplotlib", "optax", "pandas", "pint", "scipy", "xarray", "zarr"}
+"""Packages that a run of one scene has no need of, and that take as long as all else together."""
+IMPORT_PLAINLY = """
+import sys
+import clearjoint
+print(*{name.split(".")[0] for name in sys.modules})
+"""
+
+
+def run_afresh(source: str, *arguments: str) -> str:
+    """What a program prints in a process of its own, without settings in its environment."""
     kept = ("PATH", "HOME", "PYTHONPATH")
     environment = {name: value for name, value in os.environ.items() if name in kept}
     done = subprocess.run(
-        [sys.executable, "-c", IMPORT_EVERYTHING, *PATHS],
+        [sys.executable, "-c", source, *arguments],
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_import_starts_no_backend_and_changes_no_setting():
+    run_afresh(IMPORT_EVERYTHING, *PATHS)
+
+
+def test_a_plain_import_loads_only_what_every_run_needs():
+    loaded = set(run_afresh(IMPORT_PLAINLY).split())
+    assert {"jax", "diffrax"} <= loaded
+    assert loaded & LOADED_WHEN_FIRST_USED == set()
 
 
 ROOT = PACKAGE.parent

@@ -4,12 +4,12 @@ from collections.abc import Callable, Collection
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import Compiled
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import require, require_finite
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
 from ..model.joints.base import AbstractConstraint
@@ -109,7 +109,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     """The nearest state that satisfies the constraints."""
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
-    t = jnp.asarray(t, dtype=float)
+    t = on_device(t)
     for _ in range(ITERATIONS):
         report = constraint_report(scene, State(bodies), t)
         if np.abs(report.values).max(initial=0.0) <= TOLERANCE:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from ..compilation import Compiled
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row
@@ -63,7 +64,7 @@ def constraint_report(
     redundancy among the rows that remain. Otherwise among all, in their order.
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    values = _constraints_compiled(scene, coordinates, state, jnp.asarray(t, dtype=float))
+    values = _constraints_compiled(scene, coordinates, state, on_device(t))
     return _report(values, len(scene.bodies), {})
 
 
@@ -79,7 +80,7 @@ def constraint_reports(
     padded = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1)
     for block in padded.reshape(-1, TOGETHER):
         numbers, starts = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
-        time = jnp.asarray(t, dtype=float)
+        time = on_device(t)
         block_values = jax.device_get(
             _constraints_together(scene, coordinates, numbers, starts, time)
         )

@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import Compiled
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
+from ..fields.conversion import on_device
 from ..math.rotations import rotation_matrix
 from ..math.vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
@@ -64,7 +64,7 @@ def seating_joints(
     satisfies these.
     """
     joints, seating = scene.contact_joints(), {}
-    loads = _loads(with_ideal(scene, held), state.bodies, jnp.asarray(t, dtype=float))
+    loads = _loads(with_ideal(scene, held), state.bodies, on_device(t))
     for name in names:
         first, second = joints[name].pair()
         load = np.asarray(loads[name])

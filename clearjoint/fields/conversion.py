@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from .checks import as_number
 from .readable import AbstractReadable
@@ -62,6 +63,12 @@ def as_numbers(value: PyTree) -> PyTree:
         return type(value)(parts)
     library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
     return library.stack(parts)
+
+
+def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
+    """The value as an array of JAX, for which nothing is compiled: `jax.numpy.asarray` makes a
+    small program for each shape of Python's and numpy's numbers."""
+    return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 
 def _is_no_field(annotation: object) -> bool:

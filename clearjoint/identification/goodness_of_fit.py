@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import special
 
 from ..information import fisher_information as information
 
@@ -52,7 +51,9 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 
 def chi_squared_p(chi_squared: float, freedom: int) -> float:
     """Probability of so large a chi squared if noise and model are right; NaN without freedom."""
-    return float(special.chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
+    from scipy.special import chdtrc
+
+    return float(chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
@@ -60,6 +61,8 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
     G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
     """
+    from scipy.special import chdtrc
+
     count = len(residuals)
     spread = float(residuals @ residuals)
     if count < 2 * LAGS or spread == 0.0:
@@ -67,7 +70,7 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
     lags = np.arange(1, LAGS + 1)
     autocorrelations = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
     statistic = count * (count + 2) * np.sum(autocorrelations**2 / (count - lags))
-    return float(special.chdtrc(LAGS, statistic))
+    return float(chdtrc(LAGS, statistic))
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
@@ -75,7 +78,7 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
     R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
-    from scipy.stats import normaltest  # a second of every import, for this alone
+    from scipy.stats import normaltest
 
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
         return math.nan

@@ -16,6 +16,7 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..results import RESULTS
 from ..simulation import presets
+from ..simulation.progress_bars import telling_of_compiling
 from ..simulation.settings import Settings, settings_or
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
@@ -218,12 +219,13 @@ def iteration_callback(
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
-    with tqdm(
+    bar = tqdm(
         desc="fit" if searches == 1 else f"{searches} fits",
         unit=" runs",
         leave=False,
         disable=not progress,
-    ) as bar:
+    )
+    with telling_of_compiling(bar):
 
         def show(count: int, iteration: Iteration) -> None:
             values = [

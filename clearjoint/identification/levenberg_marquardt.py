@@ -23,6 +23,7 @@ import optimistix as optx
 from jaxtyping import Float, PyTree
 
 from ..compilation import Compiled
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar
 
 PATIENCE = 15
@@ -189,10 +190,10 @@ def search_with_damping(
     """
     best = now = evaluate(start)
     scales = scales_of(now.jacobian)
-    y, arrays, iterations = jnp.asarray(start * scales), None, []
-    limits = jnp.asarray(strides * scales), jnp.asarray(tolerance, float)
+    y, arrays, iterations = on_device(start * scales), None, []
+    limits = on_device(strides * scales), on_device(tolerance)
     while True:
-        model = jnp.asarray(now.coordinates * scales), *_triangular(now, scales)
+        model = on_device(now.coordinates * scales), *_triangular(now, scales)
         y, arrays, done, length = _advance(y, arrays, model, *limits)
         accepted = int(arrays.num_steps_since_acceptance) == 0
         best = now if accepted else best
@@ -228,4 +229,4 @@ def _triangular(now: LinearisedMisfit, scales: np.ndarray) -> tuple[jax.Array, j
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")
     rows[: len(triangle)] = triangle
-    return jnp.asarray(rows[:, -1]), jnp.asarray(rows[:, :-1])
+    return on_device(rows[:, -1]), on_device(rows[:, :-1])

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
@@ -18,6 +18,9 @@ from ..quantities.base import Quantity
 from ..results import RESULTS
 from ..simulation.settings import Settings
 from .residuals import experiment
+
+if TYPE_CHECKING:
+    import optax
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
 """From outputs by name, (N,) each, to the number to minimise."""
@@ -48,7 +51,7 @@ def minimise(
     times: ArrayLike,
     settings: Settings | None = None,
     *,
-    optimiser: optax.GradientTransformation | None = None,
+    optimiser: "optax.GradientTransformation | None" = None,
     iterations: int = 100,
     start_time: float = 0.0,
 ) -> Minimum:
@@ -65,6 +68,8 @@ def minimise(
 
     **Raises:** `ValueError` for arguments that no run can use, and if the first run fails.
     """
+    import optax
+
     require_count("iterations", iterations, "allow one run")
     optimiser = optax.adam(0.05) if optimiser is None else optimiser
     times = np.asarray(times, dtype=float)

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..fields.checks import require
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -70,7 +71,7 @@ class Experiment(eqx.Module):
             self.outputs,
             self.times,
             self.start_time,
-            jnp.asarray(end_time, float),
+            on_device(end_time),
             self.first_step,
             self.max_steps,
         )
@@ -99,10 +100,10 @@ def experiment(
         scheme,
         family,
         dict(outputs),
-        jnp.asarray(padded(rising, end_time)),
-        jnp.asarray(start_time, float),
-        jnp.asarray(settings.length_of_first_step(start_time, end_time), float),
-        jnp.asarray(settings.max_steps, int),
+        on_device(padded(rising, end_time)),
+        on_device(start_time),
+        on_device(settings.length_of_first_step(start_time, end_time)),
+        on_device(settings.max_steps, int),
         tuple(outputs),
     )
 

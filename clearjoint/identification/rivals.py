@@ -7,16 +7,16 @@ its confidence intervals cover all of them.
 
 import math
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Float
-from scipy import special
 
 from . import goodness_of_fit as statistics
 from .residuals import RunMisfit
 
 CONFIDENCE = 0.95
-DEVIATIONS = float(special.ndtri(0.5 + 0.5 * CONFIDENCE))
+DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 
 
 def intervals(
@@ -41,7 +41,9 @@ def intervals(
 def rivals(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Minima whose chi squared noise allows beside the best one's, though they lie outside its own
     interval: each once, the smallest chi squared first."""
-    limit = float(special.chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
+    from scipy.special import chdtri
+
+    limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
     minima = [best]
     for one in sorted(others, key=lambda other: other.chi_squared):
         if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a table whose first row is the head, with aligned columns: the first to the left,
     the others to the right."""
+    import pandas as pd
+
     (corner, *head), *body = rows
     labels = [label for label, *_ in body]
     columns = pd.Index(head, name=corner)

@@ -77,8 +77,8 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
 
 
 def square_root(a: Scalar) -> Scalar:
-    """The square root; of a Python number, a Python number."""
-    return math.sqrt(a) if isinstance(a, int | float) else jnp.sqrt(a)
+    """The square root; of a Python number, a Python number, and of numpy's numpy's."""
+    return math.sqrt(a) if isinstance(a, int | float) else _library([a]).sqrt(a)
 
 
 @jax.tree_util.register_dataclass
@@ -260,21 +260,23 @@ def _pattern(leaf: ArrayLike) -> Pattern:
     return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
 
 
-def _unpack_leaf(leaf: jax.Array, pattern: Pattern) -> PyTree:
-    shape = jnp.shape(leaf)
+def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
+    shape, front = jnp.shape(leaf)[leading:], (slice(None),) * leading
     if shape == (4,):
-        return EulerParameters(*(leaf[k] for k in range(4)))
+        return EulerParameters(*(leaf[(*front, k)] for k in range(4)))
     if shape not in ((3,), (3, 3)):
         return leaf
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
     known = (None,) * len(indices) if pattern is None else pattern
-    parts = [leaf[at] if k is None else k for at, k in zip(indices, known, strict=True)]
+    parts = [leaf[front + at] if k is None else k for at, k in zip(indices, known, strict=True)]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
 
 
-def unpack(tree: PyTree) -> PyTree:
+def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
+
+    Where all arrays have so many `leading` axes in front, scalars are arrays along these.
 
     The tree may come as `Structured`: its structural components become Python numbers. Fields that
     are declared as tables keep their arrays.
@@ -283,7 +285,9 @@ def unpack(tree: PyTree) -> PyTree:
     leaves, shape = jax.tree.flatten(packed.tree)
     patterns = packed.patterns or (None,) * len(leaves)
     rows = zip(leaves, patterns, _in_tables(packed.tree), strict=True)
-    scalars = [leaf if table else _unpack_leaf(leaf, pattern) for leaf, pattern, table in rows]
+    scalars = [
+        leaf if table else _unpack_leaf(leaf, pattern, leading) for leaf, pattern, table in rows
+    ]
     return jax.tree.unflatten(shape, scalars)
 
 

@@ -7,17 +7,19 @@ import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
 from ..quantities.base import Quantity
 from .series import Measurements, Series
 from .units import to_si
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 T = TypeVar("T")
 Missing = Literal["refuse", "drop"]
@@ -64,11 +66,13 @@ class _Column:
     """
 
     place: str
-    values: pd.Series
+    values: "pd.Series"
     unit: str | None
 
     def numbers(self) -> np.ndarray:
         """The values as numbers; NaN what is none."""
+        import pandas as pd
+
         kind = self.values.dtype.kind
         remedy = "subtract the first and divide by a second"
         require(kind not in "mM", self.place, self.values.dtype, "numbers, not dates", remedy)
@@ -138,7 +142,7 @@ def read_csv(
 
 
 def from_xarray(
-    dataset: xr.Dataset,
+    dataset: "xr.Dataset",
     channels: Mapping[str, Channel],
     *,
     noise: ArrayLike | None = None,
@@ -151,6 +155,7 @@ def from_xarray(
 
     **Arguments:** `channels`: `Channel` by variable; the others, and errors, as for `read_csv`.
     """
+    import pandas as pd
 
     def column(name: Hashable) -> _Column:
         array = dataset[name]
@@ -173,7 +178,9 @@ def from_xarray(
     return Measurements(series)
 
 
-def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
+def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
+    import pandas as pd
+
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Length of header", pd.errors.ParserWarning)
         try:
@@ -196,7 +203,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> pd.DataFrame:
             ) from error
 
 
-def _headers(path: str | Path, table: pd.DataFrame, options: dict[str, Any]) -> list[Hashable]:
+def _headers(path: str | Path, table: "pd.DataFrame", options: dict[str, Any]) -> list[Hashable]:
     """The headers that the caller gives, or those of the file, as they stand there: pandas would
     put numbers behind headers that stand there twice."""
     if not {"header", "names"}.isdisjoint(options) or not len(table.columns):

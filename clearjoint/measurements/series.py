@@ -1,12 +1,12 @@
 """Measurements as labelled series: what was measured, when, in which unit, and how noisy."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
@@ -15,6 +15,9 @@ from ..fields.readable import AbstractReadable
 from ..model.scene import Scene
 from ..quantities.base import Quantity, check_quantity
 from .units import to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Series(AbstractReadable):
@@ -187,11 +190,13 @@ class Measurements(AbstractReadable):
         """The measurements with normal noise added to each series, of the deviation it states."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
-    def to_dataset(self) -> xr.Dataset:
+    def to_dataset(self) -> "xr.Dataset":
         """An `xarray.Dataset` with units: each series, and its noise as "<name>_noise".
 
         Their dimension is "time" if all have the same times; else each has its own, "<name>_time".
         """
+        import xarray as xr
+
         first, *others = (series.times for series in self.series.values())
         shared = all(np.array_equal(first, times) for times in others)
         variables, coordinates = {}, {}

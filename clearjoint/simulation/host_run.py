@@ -9,6 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ..compilation import Compiled
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar, Structured, pack
 from ..model.bodies import State
 from ..results import RESULTS
@@ -16,6 +17,7 @@ from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .method import Scheme
+from .progress_bars import telling_of_compiling
 from .run_ends import final_result, final_state, named
 from .sections import crossings_of
 from .segments import Progress, SavedStates, TimedState, rewound, segment
@@ -100,11 +102,11 @@ class HostLoop(AbstractRun):
             leave=False,
             disable=not progress,
         )
-        with bar:
+        with telling_of_compiling(bar):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
-                    self._scheme, self._form, now, waiting.chunk(), self._end, jnp.asarray(limit)
+                    self._scheme, self._form, now, waiting.chunk(), self._end, on_device(limit, int)
                 )
                 waiting.take(saved)
                 if now.record is not None:
@@ -126,9 +128,10 @@ class HostLoop(AbstractRun):
         return replace(solution, sections=crossings_of(now.sections))
 
     def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
-        if now.step.result != RESULTS.successful or int(now.step.attempts) >= max_steps:
+        result, attempts, t = jax.device_get((now.step.result, now.step.attempts, now.step.t))
+        if result != RESULTS.successful or attempts >= max_steps:
             return True
-        return bool(now.step.t >= self._end) and waiting.done()
+        return bool(t >= np.asarray(self._end)) and waiting.done()
 
 
 class _Waiting:
@@ -147,7 +150,7 @@ class _Waiting:
         chunk = np.full(SAVES_A_SEGMENT, self._end)
         following = self._times[self.count :][:SAVES_A_SEGMENT]
         chunk[: len(following)] = following
-        return jnp.asarray(chunk)
+        return on_device(chunk)
 
     def take(self, saved: SavedStates | None) -> None:
         """Keep the states at the requested times that were reached."""

@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..dynamics.formulation import Formulation
@@ -51,12 +50,10 @@ def _with_arrays(scheme: Scheme) -> Scheme:
     """The scheme with its floats as arrays, so that changing one compiles nothing anew. Zeros stay:
     they tell the controller which terms to leave out."""
     return jax.tree.map(
-        lambda leaf: (
-            jnp.asarray(leaf) if isinstance(leaf, float) and leaf != 0.0 else _on_device(leaf)
-        ),
+        lambda leaf: jax.device_put(leaf) if _is_number(leaf) else leaf,
         scheme,
     )
 
 
-def _on_device(leaf: object) -> object:
-    return jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
+def _is_number(leaf: object) -> bool:
+    return isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)

@@ -1,7 +1,6 @@
 """What is checked of a scene, a state and JAX before a run is compiled."""
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..dynamics.assembly import (
@@ -32,7 +31,7 @@ def check_precision(allow_float32: bool) -> None:
 def is_traced(tree: PyTree) -> bool:
     """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
     for what is computed from them to be. Then no value can be checked."""
-    return concrete(jnp.zeros(())) is None or any(
+    return concrete(jax.device_put(0.0)) is None or any(
         concrete(leaf) is None for leaf in jax.tree.leaves(tree)
     )
 

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
+from ..fields.conversion import on_device
 from ..math.vectors import pack
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -30,6 +30,7 @@ from .impact_recorder import (
     impacts_of,
 )
 from .impact_table import Impacts
+from .progress_bars import compiling_bar
 from .sampling import Sampled, padded, recorded_run
 from .saving import Saving, saving_or_nothing
 from .sections import Crossings, crossings_of
@@ -78,6 +79,7 @@ def sensitivities(
     *,
     start_time: float = 0.0,
     throw: bool = True,
+    progress: bool = True,
 ) -> Sensitivities:
     """Integrate a scene with the derivatives of its motion along parameters.
 
@@ -96,6 +98,7 @@ def sensitivities(
     - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
     - `save`: states at times of their own, impacts and sections, to keep beside.
     - `throw`: raise `SimulationError`, with what was reached, if the run fails.
+    - `progress`: say, while it compiles, for how long.
 
     **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
     something with time but declare no `breakpoints`: derivatives would lack the jumps there;
@@ -113,21 +116,23 @@ def sensitivities(
     save.check(scene)
     saved = save.times_between(start_time, end_time)
     looked_at = asked if saved is None else np.union1d(asked, saved)
-    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
+    coordinates = on_device(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, coordinates)
     span = (
-        jnp.asarray(t, float)
+        on_device(t)
         for t in (start_time, end_time, settings.length_of_first_step(start_time, end_time))
     )
     arguments = (
         scheme,
         family,
         dict(outputs),
-        jnp.asarray(padded(looked_at, end_time)),
+        on_device(padded(looked_at, end_time)),
         *span,
-        jnp.asarray(settings.max_steps, int),
+        on_device(settings.max_steps, int),
     )
-    sampled = recorded_run(arguments, saved is not None, save.impacts, save.section_recorders())
+    keeps = saved is not None, save.impacts, save.section_recorders()
+    with compiling_bar(progress):
+        sampled = recorded_run(arguments, *keeps)
     rows = _rows_reached(sampled, looked_at, asked)
     result = Sensitivities(
         tuple(parameters),

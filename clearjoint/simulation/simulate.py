@@ -1,13 +1,11 @@
 """Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
 
 import diffrax
-import jax
-import jax.numpy as jnp
-from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.checks import require
+from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -67,7 +65,7 @@ def simulate(
       Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
       36 000 steps. Any number serves any run. Nothing changes where nothing is differentiated.
     - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
-    - `progress`: show a bar on runs that take longer than two seconds.
+    - `progress`: show a bar on runs that take longer than two seconds, and while it compiles.
 
     **Returns:** a `Solution`.
 
@@ -93,17 +91,17 @@ def simulate(
         save.check(scene)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    start, end, length = (_array(number) for number in (start_time, end_time, first_step))
+    start, end, length = (on_device(number) for number in (start_time, end_time, first_step))
     if save.sections:
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
     saves, sections = times is not None, save.section_recorders()
     now = begin_compiled(scheme, form, state, start, end, length, saves, rows, sections)
     if traced:
-        run = OnePiece(form, scheme, _array(end_time), redundant)
-        save_at = None if times is None else _array(times)
+        run = OnePiece(form, scheme, on_device(end_time), redundant)
+        save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
-    host = HostLoop(form, scheme, _array(end_time), redundant)
+    host = HostLoop(form, scheme, on_device(end_time), redundant)
     collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
     solution = host.solution(now, times, settings.max_steps, collector, save.steps, progress)
     _warn(scene, solution)
@@ -129,7 +127,3 @@ def _check_adjoint(adjoint: object) -> None:
         "a diffrax.RecursiveCheckpointAdjoint or None",
         "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp",
     )
-
-
-def _array(value: ArrayLike) -> jax.Array:
-    return jnp.asarray(value, dtype=float)

@@ -103,15 +103,15 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """The joints with contacts, in scalar form; their numbers are arrays (lanes,)."""
+        """The joints with contacts, in scalar form; their numbers are numpy arrays (lanes,)."""
         joints = self.scene.contact_joints()
         own = {name: self.scenes.joints[name] for name in joints}
-        axes = jax.tree.map(lambda _, in_lanes: None if in_lanes is None else 0, joints, own)
-        rows = jax.tree.map(
-            lambda base, in_lanes: base if in_lanes is None else in_lanes, joints, own
-        )
         count = len(jax.tree.leaves(self.states)[0])
-        return jax.vmap(unpack, in_axes=(axes,), axis_size=count)(rows)
+
+        def in_all(base: np.ndarray, in_lanes: np.ndarray | None) -> np.ndarray:
+            return np.broadcast_to(base, (count, *np.shape(base))) if in_lanes is None else in_lanes
+
+        return unpack(jax.tree.map(in_all, joints, own), leading=1)
 
     def of(self, lane: int) -> tuple[Scene, State]:
         """Scene and state of a lane."""

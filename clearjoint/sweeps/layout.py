@@ -8,13 +8,15 @@ chunk's lanes.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_array_names, require_count, require_finite
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LANE = "lane"
 RESULT = "result"
@@ -191,11 +193,13 @@ class Layout:
         return results
 
 
-def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
     """The results of all lanes along the sweep's axes, with units and settings as attributes.
 
     If zipped, they stay along the dimension `lane`, with the axes as coordinates of it.
     """
+    import xarray as xr
+
     dims = (LANE,) if layout.zipped else tuple(axis.name for axis in layout.axes)
     along = [LANE] * len(layout.axes) if layout.zipped else list(dims)
     along += [c.name for c in layout.coordinates]

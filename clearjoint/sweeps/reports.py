@@ -2,9 +2,9 @@
 
 import warnings
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
@@ -13,8 +13,11 @@ from ..results import result_numbers
 from .axes import Lanes
 from .layout import RESULT
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def report_failures(results: xr.Dataset, lanes: Lanes) -> None:
+
+def report_failures(results: "xr.Dataset", lanes: Lanes) -> None:
     """Warn of lanes that failed: how many with each result code, and why the first of them could
     not begin, if it could not."""
     names = {number: name for name, number in result_numbers().items()}
@@ -30,7 +33,7 @@ def report_failures(results: xr.Dataset, lanes: Lanes) -> None:
         )
 
 
-def report_journals_outside(results: xr.Dataset, lanes: Lanes) -> None:
+def report_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
     """Warn of journals that are outside their bearings at the end of a lane."""
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from ..fields.checks import require, require_array_names
 from ..model.bodies import State
@@ -29,6 +28,9 @@ from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
 from .work import Work
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 CHUNK = 256
 
 
@@ -48,7 +50,7 @@ def sweep(
     chunk: int = CHUNK,
     start_time: float = 0.0,
     progress: bool = True,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
     Lanes, one for each combination of values, are integrated together, each on its own time and

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.fields.conversion import on_device
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -41,6 +42,25 @@ def damped():
     return scene, cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
 
 
+@pytest.fixture(scope="module")
+def rod():
+    """A rod that hangs on a pin, with clearance, and starts without contact."""
+    pin = cj.ClearanceJoint(
+        "ground",
+        "rod",
+        bearing_point=(0.0, 0.0, 0.0),
+        bearing_axis=(0.0, 0.0, 1.0),
+        journal_point=(0.0, 0.2, 0.0),
+        journal_axis=(0.0, 0.0, 1.0),
+        bearing_radius=0.01,
+        clearance=0.8e-3,
+        journal_length=0.02,
+        law=cj.HuntCrossley(0.7, cj.GivenStiffness(1e8)),
+    )
+    scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 2e-3, 3e-3))}, {"pin": pin})
+    return scene, cj.State({"rod": cj.body_state((1e-4, -0.2, 0.0))})
+
+
 def _saved(scene_and_state, count, settings=None, throw=True):
     save = cj.Saving(np.linspace(0.0, END, count))
     return cj.simulate(*scene_and_state, END, settings, save, throw=throw)
@@ -48,6 +68,15 @@ def _saved(scene_and_state, count, settings=None, throw=True):
 
 def _steps(scene_and_state, end):
     return cj.simulate(*scene_and_state, end, save=cj.Saving(steps=True))
+
+
+@pytest.mark.parametrize("value", [0.125, 3, np.float64(2.0), np.zeros(13), np.zeros((2, 7))])
+def test_numbers_of_the_host_come_to_the_device_without_a_program(value, compiled):
+    before = compiled()
+    array = on_device(value)
+    assert compiled() == before
+    assert array.dtype == float and not array.weak_type
+    np.testing.assert_array_equal(array, value)
 
 
 def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
@@ -126,6 +155,94 @@ def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_on
     before = compiled()
     swept(stiffness=cj.Axis(stiffness, [41.0, 52.0, 60.0]), **both)
     assert compiled() == before
+
+
+SHORT = 0.02
+
+
+def swept(scene_and_state, lanes=4, greatest=1.5e-3, end=SHORT, settings=None, **options):
+    options = {"progress": False, **options}
+
+    def clearance(scene):
+        return scene.joints["pin"].clearance
+
+    axes = {"clearance": cj.Axis(clearance, np.linspace(1e-3, greatest, lanes))}
+    outputs = {"speed": cj.Peak(cj.quantities.Velocity("rod", "y"), "m/s")}
+    return cj.sweep(*scene_and_state, end, axes, outputs, settings, **options)
+
+
+def test_no_other_number_of_a_sweep_compiles_anything(rod, compiled):
+    """With contacts, and so with what is said of them at the end."""
+    swept(rod)
+    before, counts = compiled(), {}
+    changes = {
+        "lanes": {"lanes": 7},
+        "more lanes than places": {"lanes": 70},
+        "one lane": {"lanes": 1},
+        "bounds": {"greatest": 2.5e-3},
+        "end": {"end": 0.5 * SHORT},
+        "ends": {"end": lambda scene: 10.0 * float(scene.joints["pin"].clearance)},
+        "start": {"start_time": 1e-3},
+        "tolerances": {"settings": cj.Settings(rtol=1e-6, atol=1e-10)},
+        "landing": {"settings": cj.Settings(landing_tolerance=1e-9)},
+        "steps": {"settings": cj.Settings(max_steps=10_000, first_step=1e-6)},
+    }
+    for name, change in changes.items():
+        swept(rod, **change)
+        counts[name] = compiled() - before
+        before = compiled()
+    assert {name: count for name, count in counts.items() if count} == {}
+
+
+def test_no_other_number_of_a_run_compiles_anything(rod, compiled):
+    scene, state = rod
+    cj.simulate(scene, state, SHORT)
+    before, counts = compiled(), {}
+    other = cj.put(scene, lambda s: s.joints["pin"].clearance, 1.1e-3)
+    moved = cj.State({"rod": cj.body_state((-1e-4, -0.2, 0.0), velocity=(0.1, 0.0, 0.0))})
+    changes = {
+        "scene": (other, state, SHORT),
+        "state": (scene, moved, SHORT),
+        "end": (scene, state, 0.5 * SHORT),
+        "tolerances": (scene, state, SHORT, cj.Settings(rtol=1e-6, atol=1e-10)),
+        "landing": (scene, state, SHORT, cj.Settings(landing_tolerance=1e-9)),
+        "steps": (scene, state, SHORT, cj.Settings(max_steps=10_000, first_step=1e-6)),
+    }
+    for name, change in changes.items():
+        cj.simulate(*change)
+        counts[name] = compiled() - before
+        before = compiled()
+    assert {name: count for name, count in counts.items() if count} == {}
+
+
+def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
+    scene, state = damped
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    channel = cj.quantities.Position("mass", "x")
+
+    def fit(count, end=END, **options):
+        times = np.linspace(0.0, end, count)
+        saved = cj.simulate(scene, state, end, save=cj.Saving(times)).saved
+        values = saved.states.bodies["mass"].position[:, 0]
+        data = cj.Measurements({"x": cj.Series(channel, times, values, 1e-4, "m")})
+        guess = {"k": 45.0}
+        return cj.identify(scene, state, data, parameters, guess=guess, progress=False, **options)
+
+    fit(5)
+    fit(70)
+    before, counts = compiled(), {}
+    changes = {
+        "length": (63, {}),
+        "longer": (100, {}),
+        "end": (5, {"end": 0.2}),
+        "windows": (60, {"grow": (0.1, 0.2)}),
+        "starts": (5, {"starts": cj.Starts(2)}),
+    }
+    for name, (count, options) in changes.items():
+        fit(count, **options)
+        counts[name] = compiled() - before
+        before = compiled()
+    assert {name: count for name, count in counts.items() if count} == {}
 
 
 def test_nothing_saved_is_nothing_observed(damped):

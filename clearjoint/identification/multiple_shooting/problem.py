@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
 from ...dynamics.contact_forces import Memory
+from ...fields.conversion import on_device
 from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -148,15 +148,15 @@ class Shooting:
         else:
             variables, memory = self._nominal[k - 1]
             family = FreeStart(
-                jnp.asarray(values),
+                on_device(values),
                 self.base,
                 self.scheme.formulation.coordinates,
                 variables,
                 memory,
             )
         first_step = self.settings.length_of_first_step(piece.start, piece.end)
-        start, end, step = (jnp.asarray(x, float) for x in (piece.start, piece.end, first_step))
-        limit = jnp.asarray(self.settings.max_steps)
+        start, end, step = (on_device(x) for x in (piece.start, piece.end, first_step))
+        limit = on_device(self.settings.max_steps, int)
         outputs = self.outputs | self.watched
         return run_window(self.scheme, family, outputs, piece.times, start, end, step, limit)
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ...fields.checks import require
+from ...fields.conversion import on_device
 from ...measurements.series import Measurements
 from ...simulation.sampling import few
 from ..residuals import Samples, check_start, samples
@@ -63,4 +63,4 @@ class DividedRecord:
         values, weights = (np.zeros((len(whole.periods), self._length)) for _ in range(2))
         values[:, :count], weights[:, :count] = whole.values[:, inside], whole.weights[:, inside]
         data = Samples(values, weights, whole.periods)
-        return Piece(start, end, jnp.asarray(times), data, count)
+        return Piece(start, end, on_device(times), data, count)

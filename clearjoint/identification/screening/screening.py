@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy import special
 from tqdm import tqdm
 
 from ...fields.checks import require, require_count
+from ...simulation.progress_bars import telling_of_compiling
 from ..starts import half_widths
 from .level_sets import among, apart, level, reach
 from .misfit_curves import SideBySide
@@ -108,16 +108,18 @@ def screen(
     progress: bool,
 ) -> Screened:
     """Screen the box around a guess (p,); `number` is that of the pass."""
-    from scipy.stats import qmc  # half a second of every import, for this alone
+    from scipy.special import chdtri
+    from scipy.stats import qmc
 
     spread = half_widths(screening.spread, names)
-    excess = float(special.chdtri(len(centre), 1.0 - LEVEL))
+    excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
     ahead = max(lanes.count // EIGHTH, 1)
     times, runs = [], 0
-    with tqdm(desc="screening", unit=" runs", leave=False, disable=not progress) as bar:
+    bar = tqdm(desc="screening", unit=" runs", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
             count = reach(curves, screening.keep, excess)

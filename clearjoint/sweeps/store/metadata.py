@@ -8,16 +8,18 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import zarr
 
 from ...fields.checks import require
 from ..layout import LANE, Coordinate, Layout, Variable
-from .chunks import CHECKED, chunk_file, opened, read
+from .chunks import checked, chunk_file, opened, opened_group, read
 from .fingerprint import digest
 from .identity import Identity
+
+if TYPE_CHECKING:
+    import zarr
 
 _FORMAT, _VERSION = "sweep_format", 2
 _OWN = (
@@ -115,10 +117,10 @@ def contents_of(path: Path) -> Contents:
     return Contents(layout, identity, order, frozenset(own["sweep_added"]))
 
 
-def _opened(path: Path) -> tuple[zarr.Group, dict[str, Any]]:
+def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
     """The group at a path and its attributes."""
     try:
-        group = zarr.open_group(path, mode="r", use_consolidated=True)
+        group = opened_group(path, "r")
         attrs: dict[str, Any] = dict(group.attrs)
         form = attrs[_FORMAT]
     except (OSError, ValueError, KeyError) as error:
@@ -153,6 +155,8 @@ def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
 
 
 def _write(path: Path, contents: Contents) -> None:
+    import zarr
+
     layout, identity, order, _ = contents
     taken = sorted(set(_OWN) & {*layout.settings, *layout.notes})
     require(not taken, "settings", taken, "names that the store does not use", "rename them")
@@ -203,20 +207,20 @@ def _order_name(order: np.ndarray) -> str:
     return f"sweep_order_{digest(order.tobytes())}"
 
 
-def _write_variable(group: zarr.Group, name: str, variable: Variable, layout: Layout) -> None:
+def _write_variable(group: "zarr.Group", name: str, variable: Variable, layout: Layout) -> None:
     group.create_array(
         name,
         shape=(layout.lanes, *variable.shape),
         chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
         dtype=variable.dtype,
         fill_value=variable.fill,
-        compressors=CHECKED,
+        compressors=checked(),
         dimension_names=(LANE, *variable.dims),
         attributes=variable.attributes,
     )
 
 
-def _write_labels(group: zarr.Group, coordinate: Coordinate, dim: str, chunk: int) -> None:
+def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int) -> None:
     name, values, _ = coordinate
     dtype: Any = str if values.dtype.kind == "U" else values.dtype
     attributes: dict[str, Any] = coordinate.attributes
@@ -225,14 +229,14 @@ def _write_labels(group: zarr.Group, coordinate: Coordinate, dim: str, chunk: in
         shape=values.shape,
         chunks=(chunk,),
         dtype=dtype,
-        compressors=CHECKED,
+        compressors=checked(),
         dimension_names=(dim,),
         attributes=attributes,
     )
     opened(group, name)[:] = values
 
 
-def _values(path: Path, group: zarr.Group, name: str) -> np.ndarray:
+def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
     """Values that were written with the metadata."""
     array = opened(group, name)
     values, faults = read(path, array)
@@ -244,7 +248,7 @@ def _values(path: Path, group: zarr.Group, name: str) -> np.ndarray:
     return values
 
 
-def _labels(path: Path, group: zarr.Group, name: str) -> Coordinate:
+def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
     unit = str(group[name].attrs.get("units", "1"))
     return Coordinate(name, _values(path, group, name), unit)
 
@@ -255,7 +259,7 @@ def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
     return axis._replace(values=grid.reshape(-1, shape[dim])[0])
 
 
-def _variable(array: zarr.Array) -> Variable:
+def _variable(array: "zarr.Array") -> Variable:
     attrs: dict[str, Any] = dict(array.attrs)
     unit, description = attrs.pop("units"), attrs.pop("long_name")
     metadata: Any = array.metadata

@@ -17,18 +17,21 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
-import zarr
 from numpy.typing import ArrayLike
 
 from ..layout import PENDING, RESULT, Layout, dataset
-from .chunks import DAMAGED, MISSING, chunk_file, opened, read
+from .chunks import DAMAGED, MISSING, chunk_file, opened, opened_group, read
 from .differences import differences
 from .identity import Identity, places
 from .metadata import Contents, contents_of, create, extend, remove_remains
 from .program import RUN
+
+if TYPE_CHECKING:
+    import xarray as xr
+    import zarr
 
 _NAMED = 5
 """Damaged files that a warning names."""
@@ -51,7 +54,7 @@ class SweepMemory:
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
 
-    def dataset(self) -> xr.Dataset:
+    def dataset(self) -> "xr.Dataset":
         """All results with labels; lanes that are not done have the `result` -1, pending."""
         return dataset(self.layout, self._arrays)
 
@@ -62,7 +65,7 @@ class SweepStore:
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
         self.layout = contents.layout
-        self._group = zarr.open_group(path, mode="r+", use_consolidated=True)
+        self._group = opened_group(path, "r+")
         self._place = np.argsort(contents.order)
 
     @classmethod
@@ -102,21 +105,21 @@ class SweepStore:
             self._array(name)[span] = values
             _flush(self._file(name, chunk))
 
-    def dataset(self) -> xr.Dataset:
+    def dataset(self) -> "xr.Dataset":
         """All results with labels; lanes that are not done have the `result` -1, pending."""
         return _labelled(self._contents, self._arrays())
 
     def _arrays(self) -> dict[str, np.ndarray]:
         return _arrays(self.path, self._group, self._contents)
 
-    def _array(self, name: str) -> zarr.Array:
+    def _array(self, name: str) -> "zarr.Array":
         return opened(self._group, name)
 
     def _file(self, name: str, chunk: int) -> Path:
         return chunk_file(self.path, self._array(name), chunk)
 
 
-def open_sweep(path: str | os.PathLike) -> xr.Dataset:
+def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     """The results in a sweep's store, along its axes; also while the sweep is running.
 
     Lanes that are not done have the `result` -1 (pending); their numbers are NaN, -1 in integers.
@@ -128,7 +131,7 @@ def open_sweep(path: str | os.PathLike) -> xr.Dataset:
     """
     path = Path(path)
     contents = contents_of(path)
-    group = zarr.open_group(path, mode="r", use_consolidated=True)
+    group = opened_group(path, "r")
     return _labelled(contents, _arrays(path, group, contents))
 
 
@@ -156,12 +159,12 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
     return pending
 
 
-def _labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+def _labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
     back = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[back] for name, values in arrays.items()})
 
 
-def _arrays(path: Path, group: zarr.Group, contents: Contents) -> dict[str, np.ndarray]:
+def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
     """The variables of all lanes in the order of the store, and nothing of chunks that are not
     done, or of which something is damaged.
 

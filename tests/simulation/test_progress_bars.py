@@ -1,0 +1,114 @@
+"""What bars say while programs are compiled. Tracing that sleeps stands for long compiling."""
+
+import threading
+import time
+
+import jax.numpy as jnp
+import pytest
+
+import clearjoint as cj
+from clearjoint.compilation import Compiled, seconds_of_compiling
+from clearjoint.simulation import progress_bars
+from clearjoint.simulation.progress_bars import compiling_bar
+from clearjoint.sweeps.progress import lane_progress
+
+LONG, TICK = 0.25, 0.02
+
+
+@pytest.fixture(autouse=True)
+def short_ticks(monkeypatch):
+    """And no thread is left behind, whatever happens."""
+    monkeypatch.setattr(progress_bars, "TICK", TICK)
+    yield
+    assert watches() == []
+
+
+def watches():
+    """The threads beside bars; tqdm has one of its own, which stays."""
+    return [thread for thread in threading.enumerate() if thread.name == progress_bars.WATCH]
+
+
+def slow(seconds=LONG, then=None):
+    """A function that takes long to trace, and then may fail."""
+
+    def traced(x):
+        time.sleep(seconds)
+        if then is not None:
+            raise then
+        return x + 1.0
+
+    return Compiled(traced)
+
+
+def test_a_bar_says_for_how_long_it_compiles_and_then_what_it_did(capsys):
+    with lane_progress(4, 0, True) as bar:
+        assert len(watches()) == 1
+        slow()(jnp.zeros(()))
+        assert "compiling, 0 s" in capsys.readouterr().err
+        time.sleep(10 * TICK)
+        assert bar.desc == "swept"
+    last = capsys.readouterr().err.split("\r")
+    assert "swept" in "".join(last) and last[-1].strip() == ""
+
+
+def test_seconds_are_counted_from_the_start_of_tracing():
+    seen = []
+
+    def traced(x):
+        inner = Compiled(lambda y: 2.0 * y)
+        time.sleep(TICK)
+        x = inner(x)
+        seen.append(seconds_of_compiling())
+        return x
+
+    assert seconds_of_compiling() == 0.0
+    Compiled(traced)(jnp.ones(()))
+    assert TICK <= seen[0] < 60.0
+    assert seconds_of_compiling() == 0.0
+    Compiled(traced).program(jnp.ones(()))
+    assert seconds_of_compiling() == 0.0
+
+
+def test_a_compiled_program_is_not_said_to_compile(capsys):
+    program = slow()
+    program(jnp.zeros(()))
+    with compiling_bar(True):
+        program(jnp.ones(()))
+        time.sleep(10 * TICK)
+    assert capsys.readouterr().err == ""
+
+
+def test_nothing_is_shown_and_no_thread_begins_where_progress_is_off(capsys):
+    with lane_progress(4, 0, False):
+        slow()(jnp.zeros(()))
+        assert watches() == []
+    with compiling_bar(False):
+        slow()(jnp.zeros(()))
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("error", [ValueError("wrong"), KeyboardInterrupt()])
+def test_an_error_inside_ends_the_counting(error, capsys):
+    with pytest.raises(type(error)), compiling_bar(True):
+        slow(then=error)(jnp.zeros(()))
+    assert seconds_of_compiling() == 0.0
+    said = capsys.readouterr().err
+    assert "compiling, 0 s" in said and said.split("\r")[-1].strip() == ""
+    time.sleep(5 * TICK)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("progress", [True, False])
+def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
+    monkeypatch.setattr(progress_bars, "TICK", 1e-4)
+    monkeypatch.setattr(progress_bars, "seconds_of_compiling", lambda: 12.3)
+    origin = (0.0, 0.0, 0.0)
+    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
+    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
+    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    cj.simulate(scene, state, 0.3, progress=progress)
+    assert ("compiling, 12 s:   0%" in capsys.readouterr().err) == progress
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    outputs = {"x": cj.quantities.Position("mass", "x")}
+    cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.1], progress=progress)
+    assert ("compiling, 12 s" in capsys.readouterr().err) == progress
