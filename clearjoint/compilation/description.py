@@ -3,7 +3,7 @@
 A value that holds a class or a function, of a notebook say, is described by all that this can
 reach: its code, bases, defaults, closures, and globals of its module that it uses, helpers in other
 files among them. Code of this package and of trusted ones is described by its name. What can't be
-described raises `Undescribed`.
+described raises `UndescribedError`.
 """
 
 import dis
@@ -26,8 +26,21 @@ Words = Iterable[object]
 """Strings, bytes, and `Part`s."""
 DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), type(NotImplemented))
 OF_NO_MATTER = frozenset(
-    "__dict__ __weakref__ __doc__ __annotations__ __module__ __firstlineno__ __static_attributes__ "
-    "__abstractmethods__ __slotnames__ _abc_impl __orig_bases__ __parameters__ __annotate_func__".split()
+    {
+        "__abstractmethods__",
+        "__annotate_func__",
+        "__annotations__",
+        "__dict__",
+        "__doc__",
+        "__firstlineno__",
+        "__module__",
+        "__orig_bases__",
+        "__parameters__",
+        "__slotnames__",
+        "__static_attributes__",
+        "__weakref__",
+        "_abc_impl",
+    }
 )
 """Attributes of classes that compute nothing, or say again what others say."""
 _JITTED = type(jax.jit(len))
@@ -36,7 +49,7 @@ _HEAP_TYPE = 1 << 9
 """Flag of classes that are made while Python runs."""
 
 
-class Undescribed(Exception):
+class UndescribedError(Exception):
     """A value that is more than what can be seen in it."""
 
 
@@ -107,7 +120,7 @@ def _trusted_name(value: object) -> str | None:
     if isinstance(value, types.ModuleType):
         known = sys.modules.get(value.__name__) is value and is_trusted(value.__name__)
         return f"{value.__name__} module" if known else None
-    inner = value.__wrapped__ if isinstance(value, _JITTED) else value
+    inner = value.__wrapped__ if isinstance(value, _JITTED) else value  # pyright: ignore
     if isinstance(inner, types.FunctionType):
         plain = inner.__closure__ is None and all(type(v) in DATA for v in _defaults(inner))
         if not plain or vars(inner) or not wrote(inner.__code__):
@@ -148,7 +161,7 @@ def _set(value: Iterable[object]) -> Words:
 def _array(value: np.ndarray | np.generic | jax.Array) -> Words:
     array = np.asarray(value)
     if array.dtype.hasobject:
-        raise Undescribed(value)
+        raise UndescribedError(value)
     return ["array", array.dtype.str, array.shape, array.tobytes()]
 
 
@@ -157,7 +170,7 @@ def _mesh(mesh: Mesh) -> Words:
     return ["mesh", mesh.devices.shape, devices, mesh.axis_names, mesh.axis_types]
 
 
-def _structure(value: jax.tree_util.PyTreeDef) -> Words:
+def _structure(value: jax.tree_util.PyTreeDef) -> Words:  # pyright: ignore
     places = range(value.num_leaves)
     return ["structure", value.num_leaves, Part(jax.tree.unflatten(value, places))]
 
@@ -167,7 +180,7 @@ def _enumerated(value: enum.Enum) -> Words:
 
 
 def _module(value: types.ModuleType) -> Words:
-    raise Undescribed(f"module {value.__name__}")
+    raise UndescribedError(f"module {value.__name__}")
 
 
 def _code(code: types.CodeType) -> Words:
@@ -196,7 +209,7 @@ def _used(code: types.CodeType, names: Mapping[str, object]) -> Iterator[object]
     read = _globals_of(code)
     attributes = sorted(_attributes_of(code))
     if found := [name for name in (*read, *attributes) if reaches_out(name)]:
-        raise Undescribed(found)
+        raise UndescribedError(found)
     for name in read:
         value = names.get(name)
         if name not in names:
@@ -212,12 +225,12 @@ def _used_of(module: types.ModuleType, attributes: Iterable[str]) -> Iterator[ob
     yield f"module {module.__name__}"
     trusted = _trusted_name(module) is not None
     if not trusted and not hasattr(module, "__file__"):
-        raise Undescribed(module)
+        raise UndescribedError(module)
     for name in attributes:
         value = vars(module).get(name)
         if isinstance(value, types.ModuleType) and value is not module:
             if not is_trusted(value.__name__) and is_trusted(module.__name__):
-                raise Undescribed(value)
+                raise UndescribedError(value)
             yield from (name, *_used_of(value, [n for n in attributes if n != name]))
         elif value is not None and not trusted:
             yield from (name, Part(value))
@@ -233,7 +246,7 @@ def _globals_of(code: types.CodeType) -> list[str]:
         if line.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"):
             found[str(line.argval)] = None
         elif line.opname in ("IMPORT_NAME", "STORE_GLOBAL", "DELETE_GLOBAL"):
-            raise Undescribed(f"{line.opname} {line.argval}")
+            raise UndescribedError(f"{line.opname} {line.argval}")
     inner = [name for part in _inner(code) for name in _globals_of(part)]
     return list(dict.fromkeys([*found, *inner]))
 
@@ -285,7 +298,7 @@ def _partial(value: functools.partial) -> Words:
 def _builtin(value: types.BuiltinFunctionType) -> Words:
     """A function written in C, of an object that is described with it."""
     if value.__self__ is None or isinstance(value.__self__, types.ModuleType):
-        raise Undescribed(value)
+        raise UndescribedError(value)
     return ["bound", value.__name__, Part(value.__self__)]
 
 
@@ -306,7 +319,7 @@ def _instance(value: object) -> Words:
     if cls.__module__ in ("typing", "types", "typing_extensions"):
         return _shown(value)
     if any(c is not object and not _is_written_in_python(c) for c in cls.__mro__):
-        raise Undescribed(value)
+        raise UndescribedError(value)
     if "__getstate__" in vars(cls) and _trusted_name(cls):
         return ["instance", Part(cls), Part(value.__getstate__())]
     slots = {

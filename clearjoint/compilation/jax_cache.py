@@ -27,7 +27,7 @@ def recorded_reads() -> Iterator[list[bytes]]:
             found.append(_executable(entry))
         return entry
 
-    cache.get = get
+    cache.get = get  # pyright: ignore
     try:
         yield found
     finally:

@@ -1,5 +1,6 @@
 """Programs that are kept on disk for the next process, where that is switched on."""
 
+import warnings
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from pathlib import Path
@@ -9,7 +10,7 @@ from jax._src import core, util
 from jaxtyping import PyTree
 
 from .program import (
-    CallsBack,
+    CallsBackError,
     Donated,
     Options,
     Positional,
@@ -23,6 +24,8 @@ from .program_store import ProgramStore
 FOLDER = "programs"
 """Of compiled programs, in the folder of JAX's compilation cache."""
 _is_on = False
+_said = False
+"""Whether it has been said that programs are refused."""
 
 
 def keep_programs(keep: bool = True) -> None:
@@ -45,6 +48,18 @@ def _folder() -> Path | None:
     return Path(cache) / FOLDER if cache else None
 
 
+def _tell(error: RuntimeError) -> None:
+    """Say once that XLA takes back no machine code, though the same processor compiled it."""
+    global _said
+    if not _said:
+        _said = True
+        warnings.warn(
+            "XLA refuses programs that this processor has compiled, so that every process compiles "
+            f"anew (jax issue 38445): {str(error).splitlines()[0][:200]}",
+            stacklevel=2,
+        )
+
+
 class KeptPrograms:
     """The programs of one function, by what they were compiled for.
 
@@ -52,7 +67,8 @@ class KeptPrograms:
     """
 
     def __init__(self, function: Callable[..., PyTree], donate: Donated):
-        self._function, self.donate = function, donate
+        self._function = function
+        self.donate: Donated = donate
         self._programs: dict[Hashable, Program | None] = {}
         util.register_cache(self, "clearjoint's programs")
 
@@ -87,18 +103,23 @@ class KeptPrograms:
     def _loaded(
         self, store: ProgramStore, key: str, arguments: Positional, options: Options
     ) -> Program | None:
-        try:
-            content = store.read(key)
-            return content and loaded_program(content, self.donate, arguments, options)
-        except Exception:
+        content = store.read(key)
+        if content is None:
             return None
+        try:
+            return loaded_program(content, self.donate, arguments, options)
+        except jax.errors.JaxRuntimeError as error:
+            _tell(error)
+        except Exception:
+            pass
+        return None
 
     def _written(
         self, store: ProgramStore, key: str, arguments: Positional, options: Options
     ) -> Program | None:
         try:
             program = compiled_program(self._function, self.donate, arguments, options)
-        except CallsBack:
+        except CallsBackError:
             return None
         with suppress(Exception):
             store.write(key, program.content())

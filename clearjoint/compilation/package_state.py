@@ -40,7 +40,7 @@ def source() -> str:
 def held(modules: Iterable[str]) -> list[str]:
     """Digests of what modules of the package hold, and of what those hold that they use.
 
-    **Raises:** `Undescribed` if something in them can't be described.
+    **Raises:** `UndescribedError` if something in them can't be described.
     """
     seen: dict[str, str] = {}
     waiting = {name for name in modules if _is_own(name)}
@@ -117,7 +117,7 @@ def _describe(description: Description, thing: object) -> None:
     elif isinstance(thing, types.ModuleType):
         description.add(("module", thing.__name__))
         description.packages.add(thing.__name__)
-    elif _is_importable(thing):
+    elif isinstance(thing, _NAMED) and _is_importable(thing):
         description.add((thing.__module__, thing.__qualname__))
         description.packages.add(thing.__module__)
     elif isinstance(thing, _SEALED):
@@ -128,10 +128,11 @@ def _describe(description: Description, thing: object) -> None:
         description.add(thing)
 
 
-def _is_importable(thing: object) -> bool:
+_NAMED = (type, types.FunctionType, types.BuiltinFunctionType)
+
+
+def _is_importable(thing: type | types.FunctionType | types.BuiltinFunctionType) -> bool:
     """Whether a class or a function is what a module has under the name that it goes by."""
-    if not isinstance(thing, type | types.FunctionType | types.BuiltinFunctionType):
-        return False
     module = sys.modules.get(thing.__module__ or "")
     return getattr(module, thing.__qualname__, None) is thing
 

@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 import equinox as eqx
 import jax
-from jax._src.lib import xla_client
+from jax._src.lib import xla_client  # pyright: ignore
 from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
-from .description import Undescribed, described
+from .description import UndescribedError, described
 from .jax_cache import recorded_reads
 
 Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
@@ -23,7 +23,7 @@ Positional = tuple[PyTree, ...]
 Options = Mapping[str, PyTree]
 
 
-class CallsBack(Exception):
+class CallsBackError(Exception):
     """A program that calls Python functions of the process that compiled it."""
 
 
@@ -63,7 +63,9 @@ class Program:
 
         **Raises:** what says that it can't be written: an error of JAX or of `pickle`.
         """
-        devices = [device.id for device in self.compiled.runtime_executable().local_devices()]
+        executable = self.compiled.runtime_executable()
+        assert executable is not None
+        devices = [device.id for device in executable.local_devices()]
         program = _serialised(self.compiled, self.read)
         result = pickle.dumps(self.result)
         return pickle.dumps((program, devices, result, described(pickle.loads(result))))
@@ -74,7 +76,7 @@ def compiled_program(
 ) -> Program:
     """Trace and compile a function for arguments like these.
 
-    **Raises:** `CallsBack` for a function that calls back into Python while it runs.
+    **Raises:** `CallsBackError` for a function that calls back into Python while it runs.
     """
     found: list[PyTree] = []
     leaves, structure = jax.tree.flatten((arguments, options))
@@ -96,7 +98,7 @@ def compiled_program(
             warnings.filterwarnings("ignore", message="Some donated buffers were not usable*")
         lowered = jax.jit(flat, donate_argnums=1).lower(*_arrays(arguments, options, donate))
         if _calls_back(lowered):
-            raise CallsBack
+            raise CallsBackError
         with recorded_reads() as read:
             compiled = lowered.compile()
         return Program(compiled, found[0], donate, read[0] if read else None)
@@ -112,7 +114,7 @@ def loaded_program(
     serialized, numbers, pickled, description = pickle.loads(content)
     result = pickle.loads(pickled)
     if described(result) != description:
-        raise Undescribed(result)
+        raise UndescribedError(result)
     count = sum(leaf is PLACE for leaf in jax.tree.leaves(result))
     by_number = {device.id: device for device in jax.devices()}
     compiled = serialize_executable.deserialize_and_load(
@@ -142,7 +144,7 @@ def _serialised(compiled: jax.stages.Compiled, read: bytes | None) -> bytes:
     read from JAX's cache, if it was."""
     if read is None:
         return serialize_executable.serialize(compiled)[0]
-    unloaded = compiled._executable._unloaded_executable
+    unloaded = compiled._executable._unloaded_executable  # pyright: ignore
     content = unloaded, jax.tree.leaves(compiled.args_info), compiled._no_kwargs
     with io.BytesIO() as file:
         _Pickler(file, read).dump(content)

@@ -15,10 +15,11 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax._src import compiler, config
-from jax.sharding import SingleDeviceSharding
+from jax.core import Tracer
+from jax.sharding import NamedSharding, SingleDeviceSharding
 from jaxtyping import PyTree
 
-from .description import Description, Undescribed
+from .description import Description, UndescribedError
 from .package_state import held, source
 from .program import Options, Positional
 from .trusted_code import versions
@@ -37,7 +38,7 @@ class _Array:
 def signature(arguments: Positional, options: Options) -> Hashable:
     """What JAX compiles anew for within a process; ``None`` while JAX traces."""
     leaves, structure = jax.tree.flatten((arguments, options))
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
         return None
     kinds = tuple(map(_kind, leaves))
     return structure, kinds, config.trace_context(), jax.config.values["jax_default_device"]
@@ -56,7 +57,7 @@ def _kind(leaf: PyTree) -> Hashable:
 def program_key(function: Callable[..., PyTree], arguments: Positional, options: Options) -> str:
     """The key of a program on disk.
 
-    **Raises:** `Undescribed` for arguments that hold more than can be seen in them.
+    **Raises:** `UndescribedError` for arguments that hold more than can be seen in them.
     """
     leaves, structure = jax.tree.flatten((arguments, options))
     arrays = list(map(eqx.is_array, leaves))
@@ -76,14 +77,11 @@ def _described_kind(leaf: jax.Array | np.ndarray | np.generic) -> str:
         return kind
     if not leaf.committed:
         return f"{kind} {leaf.weak_type}"
-    places = sorted((device.id, str(index)) for device, index in _places(leaf))
-    if not isinstance(leaf.sharding, SingleDeviceSharding | jax.sharding.NamedSharding):
-        raise Undescribed(leaf.sharding)
+    if not isinstance(leaf.sharding, SingleDeviceSharding | NamedSharding):
+        raise UndescribedError(leaf.sharding)
+    by_device = leaf.sharding.devices_indices_map(leaf.shape)
+    places = sorted((device.id, str(index)) for device, index in by_device.items())
     return f"{kind} {leaf.weak_type} {leaf.sharding.memory_kind} {places}"
-
-
-def _places(leaf: jax.Array) -> list[tuple[jax.Device, object]]:
-    return list(leaf.sharding.devices_indices_map(leaf.shape).items())
 
 
 def _settings() -> list[str]:

@@ -28,15 +28,62 @@ NUMERIC = (
 )
 """Packages known by their versions."""
 STANDARD = frozenset(
-    "_abc _collections_abc _functools _operator abc builtins cmath collections contextlib copy "
-    "dataclasses enum functools inspect itertools math numbers operator re string types typing "
-    "warnings".split()
+    {
+        "_abc",
+        "_collections_abc",
+        "_functools",
+        "_operator",
+        "abc",
+        "builtins",
+        "cmath",
+        "collections",
+        "contextlib",
+        "copy",
+        "dataclasses",
+        "enum",
+        "functools",
+        "inspect",
+        "itertools",
+        "math",
+        "numbers",
+        "operator",
+        "re",
+        "string",
+        "types",
+        "typing",
+        "warnings",
+    }
 )
 """Modules of Python that compute from their arguments alone."""
 _HIDDEN = frozenset(
-    "__import__ breakpoint compile delattr eval exec globals input locals open print setattr vars "
-    "fromfile fromregex genfromtxt getrandbits load loads loadtxt memmap __dict__ __globals__ "
-    "__builtins__ io_callback pure_callback".split()
+    {
+        "__import__",
+        "breakpoint",
+        "compile",
+        "delattr",
+        "eval",
+        "exec",
+        "globals",
+        "input",
+        "locals",
+        "open",
+        "print",
+        "setattr",
+        "vars",
+        "fromfile",
+        "fromregex",
+        "genfromtxt",
+        "getrandbits",
+        "load",
+        "loads",
+        "loadtxt",
+        "memmap",
+        "__dict__",
+        "__globals__",
+        "__builtins__",
+        "io_callback",
+        "pure_callback",
+    }
 )
 """Names by which a function reaches for what can't be seen in it, or does more than compute."""
 _UNTRUSTED = ("numpy.random", "jax.debug")

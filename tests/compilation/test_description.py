@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation.description import Description, Undescribed, described
+from clearjoint.compilation.description import Description, UndescribedError, described
 
 MAIN = """
 import functools
@@ -130,9 +130,9 @@ def test_data_differ_by_type_and_value():
 
 
 def test_a_value_may_hold_itself():
-    loop = [1.0]
+    loop: list[object] = [1.0]
     loop.append(loop)
-    other = [2.0]
+    other: list[object] = [2.0]
     other.append(other)
     assert described(loop) != described(other)
 
@@ -174,12 +174,12 @@ def _asks_the_system(x):
 )
 def test_what_may_depend_on_more_than_can_be_seen_has_none(function):
     for reached in (function, functools.partial(function, 1.0), lambda: function(1.0)):
-        with pytest.raises(Undescribed):
+        with pytest.raises(UndescribedError):
             described(reached)
 
 
 def test_a_function_written_in_c_elsewhere_has_none():
-    with pytest.raises(Undescribed):
+    with pytest.raises(UndescribedError):
         described(iter([1]))
 
 
@@ -187,7 +187,7 @@ PACKAGE = """
 import json
 from unittest.mock import Mock, patch
 import clearjoint as cj
-from clearjoint.compilation.description import Undescribed, described
+from clearjoint.compilation.description import UndescribedError, described
 from clearjoint.compilation.package_state import held
 from clearjoint.simulation import stepping
 
@@ -198,7 +198,7 @@ def patched(*place):
     with patch.object(*place):
         try:
             return state() != before
-        except Undescribed:
+        except UndescribedError:
             return "refused"
 
 before = state()
