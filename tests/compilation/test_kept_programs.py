@@ -36,6 +36,10 @@ def shifted(constants, row):
     return {"row": row + constants[0]}
 
 
+def ranked(row):
+    return jnp.sin(jnp.sort(row)[::-1].cumsum())[jnp.argsort(row)]
+
+
 def across(mesh, row):
     return jax.shard_map(
         lambda x: jnp.cos(x), mesh=mesh, in_specs=PartitionSpec("x"), out_specs=PartitionSpec("x")
@@ -81,6 +85,27 @@ def test_the_next_process_loads_it_and_the_bits_are_the_same(compiled):
         assert found[0].name == "a" and found[0].second == "kept" and found[1] == (3,)
         assert jax.tree.structure(found) == jax.tree.structure(plain)
         np.testing.assert_array_equal(found[0].first, plain[0].first)
+
+
+def test_what_came_from_the_cache_of_jax_is_kept_too(compiled, tmp_path):
+    """An executable that was loaded can't be serialised again, or lacks functions if it can."""
+    row = np.random.default_rng(1).normal(size=50)
+    least = "jax_persistent_cache_min_compile_time_secs"
+    before = jax.config.jax_persistent_cache_min_compile_time_secs  # pyright: ignore
+    jax.config.update(least, 0.0)
+    try:
+        fresh = Compiled(ranked)(row)
+        (file,) = files(tmp_path)
+        file.unlink()
+        jax.clear_caches()
+        reloaded = Compiled(ranked)(row)
+    finally:
+        jax.config.update(least, before)
+    assert len(files(tmp_path)) == 1
+    loaded = Compiled(ranked)(row)
+    assert compiled == ["ranked", "ranked"]
+    np.testing.assert_array_equal(reloaded, fresh)
+    np.testing.assert_array_equal(loaded, fresh)
 
 
 class Other(eqx.Module):
