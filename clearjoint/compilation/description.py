@@ -20,7 +20,14 @@ import jax
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
-from .trusted_code import holds, is_builtin, is_trusted, reaches_out, wrote
+from .trusted_code import (
+    HIDDEN_ATTRIBUTES,
+    holds,
+    is_builtin,
+    is_trusted,
+    reaches_out,
+    wrote,
+)
 
 Words = Iterable[object]
 """Strings, bytes, and `Part`s."""
@@ -206,34 +213,40 @@ def _function(function: types.FunctionType) -> Words:
 
 def _used(code: types.CodeType, names: Mapping[str, object]) -> Iterator[object]:
     """The globals that code uses, and of modules among them what it may take out of them."""
-    read = _globals_of(code)
-    attributes = sorted(_attributes_of(code))
-    if found := [name for name in (*read, *attributes) if reaches_out(name)]:
-        raise UndescribedError(found)
+    read, attributes = _globals_of(code), sorted(_attributes_of(code))
+    if hidden := [*filter(reaches_out, read), *HIDDEN_ATTRIBUTES.intersection(attributes)]:
+        raise UndescribedError(hidden)
     for name in read:
         value = names.get(name)
         if name not in names:
             yield from ("builtin" if is_builtin(name) else "missing", name)
         elif isinstance(value, types.ModuleType):
-            yield from (name, *_used_of(value, attributes))
+            yield from (name, *_used_of(value, attributes, "getattr" in read))
         else:
             yield from (name, Part(value))
 
 
-def _used_of(module: types.ModuleType, attributes: Iterable[str]) -> Iterator[object]:
+def _used_of(
+    module: types.ModuleType, attributes: Iterable[str], by_any_name: bool
+) -> Iterator[object]:
     """What code that has such names in it may take out of a module, and of modules in it."""
     yield f"module {module.__name__}"
-    trusted = _trusted_name(module) is not None
-    if not trusted and not hasattr(module, "__file__"):
+    held, trusted = vars(module), _trusted_name(module) is not None
+    found = [name for name in attributes if name in held]
+    if trusted and (by_any_name or any(map(reaches_out, found))):
         raise UndescribedError(module)
-    for name in attributes:
-        value = vars(module).get(name)
-        if isinstance(value, types.ModuleType) and value is not module:
-            if not is_trusted(value.__name__) and is_trusted(module.__name__):
-                raise UndescribedError(value)
-            yield from (name, *_used_of(value, [n for n in attributes if n != name]))
-        elif value is not None and not trusted:
-            yield from (name, Part(value))
+    standard = module.__name__.split(".")[0] in sys.stdlib_module_names
+    if not trusted and (standard or "__getattr__" in held or by_any_name):
+        raise UndescribedError(module)
+    for name in found:
+        value = held[name]
+        if not isinstance(value, types.ModuleType):
+            yield from (name, () if trusted else Part(value))
+        elif trusted and not is_trusted(value.__name__):
+            raise UndescribedError(value)
+        else:
+            rest = [other for other in attributes if other != name]
+            yield from (name, *_used_of(value, rest, by_any_name))
 
 
 def _globals_of(code: types.CodeType) -> list[str]:

@@ -70,27 +70,30 @@ _HIDDEN = frozenset(
         "print",
         "setattr",
         "vars",
+        "attrgetter",
+        "methodcaller",
+        "currentframe",
+        "getmodule",
+        "getsource",
         "fromfile",
         "fromregex",
         "genfromtxt",
-        "getrandbits",
         "load",
-        "loads",
         "loadtxt",
         "memmap",
-        "__dict__",
-        "__globals__",
-        "__builtins__",
-        "io_callback",
-        "pure_callback",
     }
 )
-"""Names by which a function reaches for what can't be seen in it, or does more than compute."""
+"""Functions that reach for what can't be seen in their arguments, or do more than compute."""
+HIDDEN_ATTRIBUTES = frozenset(
+    {"__builtins__", "__dict__", "__globals__", "io_callback", "pure_callback"}
+)
+"""Attributes by which a function comes to more than what can be seen in it, whatever has them."""
 _UNTRUSTED = ("numpy.random", "jax.debug")
 
 
 def reaches_out(name: str) -> bool:
-    """Whether a function that uses a name may depend on more than can be seen in it."""
+    """Whether a function that uses a function of such a name, of Python or of a trusted module, may
+    depend on more than can be seen in it."""
     return name in _HIDDEN
 
 

@@ -168,14 +168,35 @@ def _asks_the_system(x):
     return x + len(sys.argv)
 
 
+def _by_a_name(x):
+    return getattr(functools, "".join(["re", "duce"]))(max, x)
+
+
+def _loads(x):
+    return x + np.load("number.npy")
+
+
 @pytest.mark.parametrize(
     "function",
-    [_reads_a_file, _draws, _imports, _remembers, _evaluates, _asks_the_system],
+    [
+        _reads_a_file,
+        _draws,
+        _imports,
+        _remembers,
+        _evaluates,
+        _asks_the_system,
+        _by_a_name,
+        _loads,
+    ],
 )
 def test_what_may_depend_on_more_than_can_be_seen_has_none(function):
     for reached in (function, functools.partial(function, 1.0), lambda: function(1.0)):
         with pytest.raises(UndescribedError):
             described(reached)
+
+
+def test_attributes_may_go_by_the_names_of_functions():
+    assert described(lambda machine, name: machine.load + machine.input + getattr(machine, name))
 
 
 def test_a_function_written_in_c_elsewhere_has_none():
