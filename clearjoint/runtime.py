@@ -17,6 +17,7 @@ from typing import Protocol
 
 import jax
 
+from .compilation import keep_programs, keeps_programs
 from .fields.checks import require_count
 
 _BACKEND_OPTIONS = (
@@ -98,7 +99,9 @@ def settings(devices: int | None = None, cache: str | os.PathLike | None = None)
 def configure(devices: int | None = None, cache: str | os.PathLike | None = None) -> None:
     """Set 64-bit floats, the compiler options, one device a core, and the compilation cache.
 
-    Call it once, after the imports and before anything is computed with JAX.
+    Call it once, after the imports and before anything is computed with JAX. From then on compiled
+    programs are kept in the cache's folder too, so that the next process neither traces nor
+    compiles what this one has. They are read as code: share the folder with nobody you don't trust.
 
     **Arguments:**
 
@@ -126,6 +129,7 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    keep_programs()
 
 
 def busy_devices() -> list[Device]:
@@ -153,7 +157,8 @@ def in_force() -> dict[str, Setting]:
     """The settings of this process that its results and its speed depend on, for `adopt`."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     flags = os.environ.get("XLA_FLAGS", "")
-    return {"XLA_FLAGS": flags, **shared, "lonely": _lonely()}
+    kept = keeps_programs()
+    return {"XLA_FLAGS": flags, **shared, "lonely": _lonely(), "keeps_programs": kept}
 
 
 def adopt(values: dict[str, Setting]) -> None:
@@ -167,6 +172,7 @@ def adopt(values: dict[str, Setting]) -> None:
         os.environ["XLA_FLAGS"] = str(values["XLA_FLAGS"])
         for name in _SHARED:
             jax.config.update(name, values[name])
+        keep_programs(bool(values["keeps_programs"]))
         if not values["lonely"] and jax.config.jax_num_cpu_devices < LEAST_DEVICES:  # pyright: ignore
             jax.config.update("jax_num_cpu_devices", LEAST_DEVICES)
             _idle = 1

@@ -16,8 +16,10 @@ from tests.support.shapes import check_shapes  # noqa: E402
 check_shapes()
 
 import clearjoint as cj  # noqa: E402
+from clearjoint.compilation import keep_programs  # noqa: E402
 
 cj.configure()
+keep_programs(False)
 
 gc.freeze()
 gc.set_threshold(50_000, 50, 100)

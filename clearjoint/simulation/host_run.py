@@ -30,6 +30,14 @@ SAVES_A_SEGMENT = 512
 segment_compiled = Compiled(segment)
 
 
+def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[State, RESULTS]:
+    """The packed state at the end of a run, and how it ended."""
+    return pack(final_state(scheme.unpacked(form), step)), final_result(step, end)
+
+
+_end_compiled = Compiled(_end_of)
+
+
 class AbstractRun:
     """A run whose parts are put together as a `Solution`, however it is looped."""
 
@@ -40,6 +48,7 @@ class AbstractRun:
     def _solution(
         self,
         step: Step,
+        ending: tuple[State, RESULTS],
         saved: Trajectory | None,
         count: Scalar | None,
         steps: Trajectory | None,
@@ -47,8 +56,7 @@ class AbstractRun:
     ) -> Solution:
         return Solution(
             step.t,
-            pack(final_state(self._scheme.unpacked(self._form), step)),
-            final_result(step, self._end),
+            *ending,
             step.attempts,
             step.accepted,
             saved,
@@ -71,11 +79,12 @@ class OnePiece(AbstractRun):
         limit = jnp.asarray(max_steps)
         arguments = (self._scheme, self._form, now, times, self._end, limit)
         now, saved = loops.closed(segment(*arguments, loops))
+        ending = _end_of(self._scheme, self._form, now.step, self._end)
         if saved is None:
-            return self._solution(now.step, None, None, None, None)
+            return self._solution(now.step, ending, None, None, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
-        count = saved.reached[:-1].sum()
-        return self._solution(now.step, Trajectory(save_at, pack(states)), count, None, None)
+        kept = Trajectory(save_at, pack(states))
+        return self._solution(now.step, ending, kept, saved.reached[:-1].sum(), None, None)
 
 
 class HostLoop(AbstractRun):
@@ -122,8 +131,9 @@ class HostLoop(AbstractRun):
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
+        ending = _end_compiled(self._scheme, self._form, now.step, self._end)
         solution = self._solution(
-            jax.device_get(now.step), waiting.trajectory(), waiting.count, steps, impacts
+            jax.device_get(now.step), ending, waiting.trajectory(), waiting.count, steps, impacts
         )
         return replace(solution, sections=crossings_of(now.sections))
 

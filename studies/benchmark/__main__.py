@@ -4,7 +4,7 @@
     python -m studies.benchmark sweep [--quick] [--devices N] [--repeats N] [--json FILE]
     python -m studies.benchmark scaling [--quick] [--json FILE]
     python -m studies.benchmark gradients [--quick] [--repeats N] [--json FILE]
-    python -m studies.benchmark first-result | options | profile
+    python -m studies.benchmark first-result | first-calls | options | profile
 
 The paper's double pendulum (0.5 mm, restitution 0.9) in all programs. They run in turn, A B C A B
 C, after a first run each that compiles. clearjoint's time is that of a whole call of `simulate`,
@@ -24,13 +24,32 @@ from pathlib import Path
 import diffrax
 
 import clearjoint as cj
-from studies.benchmark import cold_start, gradients, pendulum, scaling, step_profile, sweep
+from studies.benchmark import (
+    cold_start,
+    first_calls,
+    gradients,
+    pendulum,
+    scaling,
+    step_profile,
+    sweep,
+)
 from studies.common.report import Record, medians, report
 
 
 def first_result(options: argparse.Namespace) -> None:
     """Time until a fresh process has simulated 4 s at rtol 1e-6, with empty and filled cache."""
     _report_medians(options.json, cold_start.first_results(options.repeats))
+
+
+def calls_of_fresh_processes(options: argparse.Namespace) -> None:
+    """First run, sweep and derivatives of fresh processes, with empty and filled cache."""
+    records = first_calls.first_calls(options.repeats)
+    rows = [tuple(records[0]), *(tuple(map(_shown, record.values())) for record in records)]
+    report(options.json, rows, records)
+
+
+def _shown(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.2f}"
 
 
 def compiler_options(options: argparse.Namespace) -> None:
@@ -59,6 +78,7 @@ COMMANDS = (
     ("scaling", scaling.scaling, 3),
     ("gradients", gradients.gradients, 9),
     ("first-result", first_result, 3),
+    ("first-calls", calls_of_fresh_processes, 3),
     ("options", compiler_options, 3),
     ("profile", profile, 7),
 )

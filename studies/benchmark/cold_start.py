@@ -21,7 +21,7 @@ times.append(time.perf_counter())
 cj.configure(cache=sys.argv[1])
 scene, state = cj.double_pendulum(0.5e-3, 0.9)
 for _ in range(2):
-    cj.simulate(scene, state, 4.0, rtol=1e-6, progress=False)
+    cj.simulate(scene, state, 4.0, cj.Settings(rtol=1e-6), progress=False)
     times.append(time.perf_counter())
 print(json.dumps([after - before for before, after in zip(times, times[1:])]))
 """

@@ -12,7 +12,7 @@ from clearjoint.fields.conversion import on_device
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
 PROGRAMS_OF_A_RUN = 3
-"""The start, the segments, and what empties the record between them."""
+"""The start, the segments, and what empties the record between them or reads the end."""
 PROGRAMS_OF_A_SWEEP = 4
 """The start, the slices, what comes of them, and new lanes in the places of old ones."""
 

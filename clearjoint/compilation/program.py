@@ -1,0 +1,170 @@
+"""A compiled program of a function of PyTrees, as what can be written to a file."""
+
+import enum
+import io
+import pickle
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+from jax._src.lib import xla_client  # pyright: ignore
+from jax.experimental import serialize_executable
+from jaxtyping import PyTree
+
+from .description import UndescribedError, described
+from .jax_cache import recorded_reads
+
+Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
+"""Arguments whose memory the result may take, as of `equinox.filter_jit`."""
+Positional = tuple[PyTree, ...]
+Options = Mapping[str, PyTree]
+
+
+class CallsBackError(Exception):
+    """A program that calls Python functions of the process that compiled it."""
+
+
+class Place(enum.Enum):
+    """Where an array stands in a result."""
+
+    ARRAY = "array"
+
+
+PLACE = Place.ARRAY
+
+
+@dataclass(frozen=True)
+class Program:
+    """A compiled function of arguments of one structure.
+
+    `result`: its result, with `PLACE` where an array stands. `read`: the serialised executable, if
+    it came from JAX's cache.
+    """
+
+    compiled: jax.stages.Compiled
+    result: PyTree
+    donate: Donated
+    read: bytes | None = None
+
+    def __call__(self, arguments: Positional, options: Options) -> PyTree:
+        """The result for other numbers; it is computed when this returns, as of `filter_jit`."""
+        leaves, structure = jax.tree.flatten(self.result)
+        arrays = jax.block_until_ready(self.compiled(*_arrays(arguments, options, self.donate)))
+        numbers = iter(arrays)
+        return jax.tree.unflatten(
+            structure, [next(numbers) if leaf is PLACE else leaf for leaf in leaves]
+        )
+
+    def content(self) -> bytes:
+        """All that another process needs to run it.
+
+        **Raises:** what says that it can't be written: an error of JAX or of `pickle`.
+        """
+        executable = self.compiled.runtime_executable()
+        assert executable is not None
+        devices = [device.id for device in executable.local_devices()]
+        program = _serialised(self.compiled, self.read)
+        result = pickle.dumps(self.result)
+        return pickle.dumps((program, devices, result, described(pickle.loads(result))))
+
+
+def compiled_program(
+    function: Callable[..., PyTree], donate: Donated, arguments: Positional, options: Options
+) -> Program:
+    """Trace and compile a function for arguments like these.
+
+    **Raises:** `CallsBackError` for a function that calls back into Python while it runs.
+    """
+    found: list[PyTree] = []
+    leaves, structure = jax.tree.flatten((arguments, options))
+    others = [None if eqx.is_array(leaf) else (leaf,) for leaf in leaves]
+
+    def flat(kept: list[jax.Array], given: list[jax.Array]) -> list[jax.Array]:
+        arrays = iter([*kept, *given] if donate.endswith("first") else [*given, *kept])
+        mixed = [next(arrays) if other is None else other[0] for other in others]
+        arguments, options = jax.tree.unflatten(structure, mixed)
+        leaves, outer = jax.tree.flatten(function(*arguments, **options))
+        found[:] = [
+            jax.tree.unflatten(outer, [PLACE if eqx.is_array(leaf) else leaf for leaf in leaves])
+        ]
+        return [leaf for leaf in leaves if eqx.is_array(leaf)]
+
+    flat.__name__ = function.__name__
+    with warnings.catch_warnings():
+        if not donate.startswith("warn"):
+            warnings.filterwarnings("ignore", message="Some donated buffers were not usable*")
+        lowered = jax.jit(flat, donate_argnums=1).lower(*_arrays(arguments, options, donate))
+        if _calls_back(lowered):
+            raise CallsBackError
+        with recorded_reads() as read:
+            compiled = lowered.compile()
+        return Program(compiled, found[0], donate, read[0] if read else None)
+
+
+def loaded_program(
+    content: bytes, donate: Donated, arguments: Positional, options: Options
+) -> Program:
+    """The program that another process wrote.
+
+    **Raises:** whatever can go wrong.
+    """
+    serialized, numbers, pickled, description = pickle.loads(content)
+    result = pickle.loads(pickled)
+    if described(result) != description:
+        raise UndescribedError(result)
+    count = sum(leaf is PLACE for leaf in jax.tree.leaves(result))
+    by_number = {device.id: device for device in jax.devices()}
+    compiled = serialize_executable.deserialize_and_load(
+        serialized,
+        jax.tree.structure((_arrays(arguments, options, donate), {})),
+        jax.tree.structure([0] * count),
+        execution_devices=[by_number[number] for number in numbers],
+    )
+    return Program(compiled, result, donate)
+
+
+def _arrays(
+    arguments: Positional, options: Options, donate: Donated
+) -> tuple[list[jax.Array], list[jax.Array]]:
+    """The arrays among arguments: those that stay, and those that are given away."""
+    every = [leaf for leaf in jax.tree.leaves((arguments, options)) if eqx.is_array(leaf)]
+    if donate == "none":
+        return every, []
+    if not donate.endswith("first"):
+        return [], every
+    first = sum(map(eqx.is_array, jax.tree.leaves(arguments[0])))
+    return every[:first], every[first:]
+
+
+def _serialised(compiled: jax.stages.Compiled, read: bytes | None) -> bytes:
+    """The program as `jax.experimental.serialize_executable` has it, around machine code that was
+    read from JAX's cache, if it was."""
+    if read is None:
+        return serialize_executable.serialize(compiled)[0]
+    unloaded = compiled._executable._unloaded_executable  # pyright: ignore
+    content = unloaded, jax.tree.leaves(compiled.args_info), compiled._no_kwargs
+    with io.BytesIO() as file:
+        _Pickler(file, read).dump(content)
+        return file.getvalue()
+
+
+class _Pickler(serialize_executable._JaxPjrtPickler):
+    """JAX's, with machine code that is given."""
+
+    def __init__(self, file: io.BytesIO, read: bytes):
+        super().__init__(file)
+        self._read = read
+
+    def persistent_id(self, obj: object) -> tuple[str, bytes | int] | tuple[str] | None:
+        """What stands for machine code, a device or a client."""
+        if isinstance(obj, xla_client.LoadedExecutable):
+            return "exec", self._read
+        return super().persistent_id(obj)
+
+
+def _calls_back(lowered: Any) -> bool:
+    arguments = lowered._lowering.compile_args
+    return bool(arguments["host_callbacks"] or arguments["keepalive"])

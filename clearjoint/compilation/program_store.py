@@ -1,0 +1,86 @@
+"""Files of compiled programs, by their keys, in a folder of bounded size.
+
+They hold machine code and are read by `pickle`: whoever can write to the folder can have code run
+by whoever reads it. So it is made for its owner alone, and a folder that others may write to is
+not used.
+"""
+
+import hashlib
+import os
+import tempfile
+import zlib
+from pathlib import Path
+
+MOST_BYTES = 1_000_000_000
+"""Of all files; beyond that those unused for longest are removed."""
+_SUFFIX = ".program"
+_DIGEST = 20
+
+
+class ProgramStore:
+    """A folder of programs."""
+
+    def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
+        self._folder, self._most_bytes = folder, most_bytes
+
+    def read(self, key: str) -> bytes | None:
+        """The content under a key, or ``None`` if there is none or it is damaged."""
+        path = self._path(key)
+        try:
+            if not self._is_own():
+                return None
+            whole = path.read_bytes()
+            content = zlib.decompress(whole[_DIGEST:])
+            os.utime(path)
+        except (OSError, zlib.error):
+            return None
+        return content if whole[:_DIGEST] == _digest(key, content) else None
+
+    def write(self, key: str, content: bytes) -> None:
+        """Put content under a key, whole or not at all.
+
+        **Raises:** `OSError` if it can't be written.
+        """
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not self._is_own():
+            return
+        whole = _digest(key, content) + zlib.compress(content, 1)
+        handle, name = tempfile.mkstemp(dir=self._folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(whole)
+            os.replace(name, self._path(key))
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        self._bound()
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"{key}{_SUFFIX}"
+
+    def _is_own(self) -> bool:
+        """Whether nobody else may write to the folder."""
+        if not hasattr(os, "getuid"):
+            return True
+        status = self._folder.stat()
+        return status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+    def _bound(self) -> None:
+        """Remove what has not been used for longest; another process may do so too."""
+        found = []
+        for path in self._folder.iterdir():
+            try:
+                status = path.stat()
+            except OSError:
+                continue
+            found.append((status.st_mtime, status.st_size, path))
+        left = sum(size for _, size, _ in found)
+        for _, size, path in sorted(found):
+            if left <= self._most_bytes:
+                break
+            path.unlink(missing_ok=True)
+            left -= size
+
+
+def _digest(key: str, content: bytes) -> bytes:
+    return hashlib.blake2b(content, key=key.encode()[:64], digest_size=_DIGEST).digest()

@@ -1,0 +1,352 @@
+"""Programs that are kept on disk: loaded by the next process, and only where they are the same."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+import clearjoint as cj
+from clearjoint.compilation import Compiled, keep_programs, kept_programs
+from clearjoint.compilation.program_store import ProgramStore
+
+ROOT = Path(cj.__file__).parents[1]
+
+
+class Pair(eqx.Module):
+    first: Any
+    second: Any
+    name: str = eqx.field(default="a", static=True)
+
+
+def added(pair, factor=1.0, places=None):
+    del places
+    return Pair(pair.first + factor * pair.second, "kept", pair.name), pair.first.shape
+
+
+def shifted(constants, row):
+    return {"row": row + constants[0]}
+
+
+def ranked(row):
+    return jnp.sin(jnp.sort(row)[::-1].cumsum())[jnp.argsort(row)]
+
+
+def across(mesh, row):
+    return jax.shard_map(
+        lambda x: jnp.cos(x), mesh=mesh, in_specs=PartitionSpec("x"), out_specs=PartitionSpec("x")
+    )(row)
+
+
+def reports(x):
+    jax.debug.callback(print, x)
+    return x + 1.0
+
+
+@pytest.fixture
+def compiled(monkeypatch, tmp_path):
+    """Names of the functions that are compiled, while programs are kept in a folder of the test."""
+    names = []
+    original = kept_programs.compiled_program
+
+    def compiled_program(function, *rest):
+        names.append(function.__name__)
+        return original(function, *rest)
+
+    monkeypatch.setattr(kept_programs, "compiled_program", compiled_program)
+    before = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    keep_programs()
+    yield names
+    keep_programs(False)
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def files(folder):
+    return sorted((folder / "programs").glob("*.program"))
+
+
+PAIR = Pair(np.arange(3.0), jnp.linspace(0.1, 0.7, 3))
+
+
+def test_the_next_process_loads_it_and_the_bits_are_the_same(compiled):
+    plain = eqx.filter_jit(added)(PAIR, 2.0)
+    first, again = Compiled(added)(PAIR, 2.0), Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added"]
+    for found in (first, again):
+        assert found[0].name == "a" and found[0].second == "kept" and found[1] == (3,)
+        assert jax.tree.structure(found) == jax.tree.structure(plain)
+        np.testing.assert_array_equal(found[0].first, plain[0].first)
+
+
+def test_what_came_from_the_cache_of_jax_is_kept_too(compiled, tmp_path):
+    """An executable that was loaded can't be serialised again, or lacks functions if it can."""
+    row = np.random.default_rng(1).normal(size=50)
+    least = "jax_persistent_cache_min_compile_time_secs"
+    before = jax.config.jax_persistent_cache_min_compile_time_secs  # pyright: ignore
+    jax.config.update(least, 0.0)
+    try:
+        fresh = Compiled(ranked)(row)
+        (file,) = files(tmp_path)
+        file.unlink()
+        jax.clear_caches()
+        reloaded = Compiled(ranked)(row)
+    finally:
+        jax.config.update(least, before)
+    assert len(files(tmp_path)) == 1
+    loaded = Compiled(ranked)(row)
+    assert compiled == ["ranked", "ranked"]
+    np.testing.assert_array_equal(reloaded, fresh)
+    np.testing.assert_array_equal(loaded, fresh)
+
+
+class Other(eqx.Module):
+    first: Any
+    second: Any
+    name: str = eqx.field(default="a", static=True)
+
+
+ROWS = np.arange(3.0), np.ones(3)
+UNLIKE = {
+    "shape": (Pair(np.arange(4.0), np.ones(4)), 2.0),
+    "type": (Pair(np.arange(3), np.ones(3)), 2.0),
+    "static field": (Pair(*ROWS, "b"), 2.0),
+    "number": (Pair(*ROWS), 3.0),
+    "array": (Pair(*ROWS), np.asarray(2.0)),
+    "class": (Other(*ROWS), 2.0),
+}
+
+
+@pytest.mark.parametrize("other", UNLIKE.values(), ids=UNLIKE)
+def test_what_is_not_alike_is_compiled(compiled, other):
+    Compiled(added)(PAIR, 2.0)
+    Compiled(added)(*other)
+    assert compiled == ["added", "added"]
+
+
+def test_settings_are_part_of_the_key(compiled):
+    Compiled(added)(PAIR, 2.0)
+    with jax.default_matmul_precision("highest"):
+        Compiled(added)(PAIR, 2.0)
+    with jax.numpy_rank_promotion("raise"):
+        Compiled(added)(PAIR, 2.0)
+    assert len(compiled) == 3
+
+
+def test_within_a_process_it_is_looked_for_once(compiled, tmp_path):
+    function = Compiled(added)
+    before = function.programs()
+    function(PAIR, 2.0)
+    for file in files(tmp_path):
+        file.unlink()
+    function(PAIR, 2.0)
+    assert compiled == ["added"] and function.programs() == before + 1
+    jax.clear_caches()
+    assert function.programs() == 0
+
+
+@pytest.mark.parametrize("damage", ["cut", "turned", "emptied", "strange"])
+def test_a_damaged_file_is_compiled_anew(compiled, damage, tmp_path):
+    Compiled(added)(PAIR, 2.0)
+    (file,) = files(tmp_path)
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    turned = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    strange = {"cut": whole[:middle], "turned": turned, "emptied": b"", "strange": b"x" * 99}
+    file.write_bytes(strange[damage])
+    found = Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added", "added"] and len(files(tmp_path)) == 1
+    np.testing.assert_array_equal(found[0].first, PAIR.first + 2.0 * np.asarray(PAIR.second))
+    Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added", "added"]
+
+
+def test_machine_code_that_is_refused_is_compiled_anew_and_that_is_said_once(compiled, monkeypatch):
+    def refuses(*_):
+        raise jax.errors.JaxRuntimeError("INTERNAL: +prefer-no-gather is not supported")
+
+    Compiled(added)(PAIR, 2.0)
+    monkeypatch.setattr(kept_programs, "loaded_program", refuses)
+    monkeypatch.setattr(kept_programs, "_said", False)
+    with pytest.warns(UserWarning, match="refuses.*prefer-no-gather") as told:
+        for _ in range(2):
+            Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added"] * 3 and len(told) == 1
+
+
+def test_a_folder_that_cannot_be_written_to_or_belongs_to_all_is_not_used(compiled, tmp_path):
+    (tmp_path / "programs").mkdir(mode=0o700)
+    (tmp_path / "programs").chmod(0o777)
+    for _ in range(2):
+        Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added", "added"] and files(tmp_path) == []
+    (tmp_path / "programs").rmdir()
+    (tmp_path / "programs").write_text("a file")
+    Compiled(added)(PAIR, 2.0)
+    assert len(compiled) == 3
+
+
+def test_the_folder_is_its_owners_alone(compiled, tmp_path):
+    Compiled(added)(PAIR, 2.0)
+    assert (tmp_path / "programs").stat().st_mode & 0o077 == 0
+
+
+def test_memory_that_is_given_away_is(compiled):
+    for _ in range(2):
+        row = jnp.arange(8.0)
+        found = Compiled(shifted, donate="all-except-first")((jnp.ones(()),), row)
+        np.testing.assert_array_equal(found["row"], np.arange(8.0) + 1.0)
+        assert row.is_deleted()
+    assert compiled == ["shifted"]
+
+
+def test_lanes_on_several_devices(compiled):
+    mesh = Mesh(np.asarray(jax.devices()[:2]), ("x",))
+    row = jax.device_put(np.arange(8.0), NamedSharding(mesh, PartitionSpec("x")))
+    first, again = (Compiled(across)(mesh, row) for _ in range(2))
+    assert compiled == ["across"]
+    np.testing.assert_array_equal(first, again)
+    assert again.sharding == first.sharding
+    alone = Mesh(np.asarray(jax.devices()[1:2]), ("x",))
+    np.testing.assert_array_equal(Compiled(across)(alone, np.arange(8.0)), first)
+    assert compiled == ["across", "across"]
+
+
+def test_under_a_transformation_it_is_traced(compiled):
+    function = Compiled(added)
+
+    def total(first, second):
+        return function(Pair(first, second), 2.0)[0].first.sum()
+
+    gradient = jax.grad(total, 1)(np.arange(3.0), np.ones(3))
+    np.testing.assert_array_equal(gradient, [2.0, 2.0, 2.0])
+    assert float(jax.jit(lambda: function(PAIR, 2.0)[0].first[0])()) == pytest.approx(0.2)
+    jax.vmap(total)(np.ones((2, 3)), np.ones((2, 3)))
+    assert compiled == []
+
+
+def test_what_calls_back_or_reaches_out_is_compiled_as_without(compiled, capsys):
+    def from_system(x):
+        return x + len(sys.argv)
+
+    for function in (reports, from_system):
+        assert float(Compiled(function)(jnp.asarray(1.0))) >= 2.0
+    jax.effects_barrier()
+    assert "1.0" in capsys.readouterr().out
+    assert "from_system" not in compiled
+
+
+def test_it_is_off_unless_switched_on_and_where_the_cache_is_off(compiled, tmp_path):
+    keep_programs(False)
+    Compiled(added)(PAIR, 2.0)
+    keep_programs()
+    jax.config.update("jax_enable_compilation_cache", False)
+    try:
+        Compiled(added)(PAIR, 2.0)
+    finally:
+        jax.config.update("jax_enable_compilation_cache", True)
+    assert compiled == [] and not (tmp_path / "programs").exists()
+
+
+def test_the_folder_is_bounded_and_loses_what_was_not_used_for_longest(tmp_path):
+    store = ProgramStore(tmp_path, most_bytes=2500)
+    contents = {name: np.random.default_rng(k).bytes(1000) for k, name in enumerate("abc")}
+    for k, name in enumerate("ab"):
+        store.write(name, contents[name])
+        os.utime(tmp_path / f"{name}.program", (k, k))
+    assert store.read("a") == contents["a"]
+    store.write("c", contents["c"])
+    assert store.read("b") is None
+    assert [store.read(name) for name in "ac"] == [contents["a"], contents["c"]]
+
+
+USER = """
+import json, sys
+import jax
+import numpy as np
+import clearjoint as cj
+from clearjoint.compilation import kept_programs
+import user_force
+
+cj.configure(devices=2, cache=sys.argv[1])
+traced = []
+original = kept_programs.compiled_program
+def compiled_program(function, *rest):
+    traced.append(function.__name__)
+    return original(function, *rest)
+kept_programs.compiled_program = compiled_program
+origin = (0.0, 0.0, 0.0)
+scene = cj.Scene(
+    {"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"drag": user_force.Drag("mass", 0.5)}
+)
+state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))})
+found = {"run": cj.simulate(scene, state, 0.1, save=cj.Saving([0.05])).saved.states}
+if "all" in sys.argv:
+    mass = lambda s: s.bodies["mass"].mass
+    x = {"x": cj.quantities.Position("mass", "x")}
+    axes, outputs = {"m": cj.Axis(mass, [1.0, 2.0])}, {"p": cj.Peak(x["x"], "m")}
+    rows = cj.sweep(scene, state, 0.1, axes, outputs)
+    found["sweep"] = rows["final_velocity"].values
+    parameters = {"m": cj.Parameter(mass, cj.Log())}
+    found["along"] = cj.sensitivities(scene, state, 0.1, parameters, x, [0.1]).derivatives
+numbers = [np.asarray(leaf).tobytes().hex() for leaf in jax.tree.leaves(found)]
+print(json.dumps([traced, numbers]))
+"""
+FORCE = """
+import clearjoint as cj
+import user_law
+
+class Drag(cj.AbstractForce):
+    body: str
+    factor: float
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def body_names(self):
+        return (self.body,)
+
+    def wrenches(self, motions, t):
+        motion = motions[self.body]
+        velocity = motion.velocity_at(self.point)
+        return {self.body: motion.wrench(velocity * user_law.drag(self.factor), self.point)}
+"""
+LAW = "def drag(factor):\n    return -{} * factor\n"
+
+
+def _process(folder, *words):
+    done = subprocess.run(
+        [sys.executable, "-c", USER, str(folder / "cache"), *words],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_fresh_process_traces_nothing_until_a_helper_of_a_class_is_edited(tmp_path):
+    (tmp_path / "user_force.py").write_text(FORCE)
+    (tmp_path / "user_law.py").write_text(LAW.format(1.0))
+    (traced, first), (again, second) = _process(tmp_path), _process(tmp_path)
+    assert "segment" in traced and again == []
+    assert second == first
+    (tmp_path / "user_law.py").write_text(LAW.format(20.0))
+    edited, third = _process(tmp_path)
+    assert "segment" in edited and third != first
+
+
+@pytest.mark.slow
+def test_loaded_runs_sweeps_and_derivatives_have_the_bits_of_compiled_ones(tmp_path):
+    (tmp_path / "user_force.py").write_text(FORCE)
+    (tmp_path / "user_law.py").write_text(LAW.format(1.0))
+    (traced, first), (again, second) = (_process(tmp_path, "all") for _ in range(2))
+    assert {"segment", "advance", "harvest", "sampled_compiled"} <= set(traced) and again == []
+    assert second == first
