@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.breakpoints import breakpoints, seen
-from ..dynamics.contact_events import Reaches, too_deep
+from ..dynamics.contact_events import Reaches, time_since_begin, too_deep
 from ..dynamics.system import System
 from ..fields.types import Single
 from ..math.vectors import Condition, Scalar
@@ -56,6 +56,8 @@ def judge(
     keep, t_next = judgement.keep, judgement.t_next
     controller_state = judgement.controller_state
     full_length = t_next - jnp.where(keep, t1, step.t)
+    if trial.grading is not None:
+        full_length = trial.grading.next_length(full_length, keep)
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
@@ -80,11 +82,21 @@ def judge(
         t_next=t_next,
         full_length=full_length,
         begins_contact=begins_contact,
+        since_begin=_since_begin(step, after, t1, keep),
         entry_length=entry_length,
         made_jump=made_jump,
         controller_state=controller_state,
     )
     return Verdict(keep, proposal, result)
+
+
+def _since_begin(step: Step, after: Reaches, t1: Scalar, keep: Condition) -> Scalar | None:
+    """`since_begin` of the next proposal, after a trial that ends with the contacts `after`."""
+    since = step.proposal.since_begin
+    if since is None:
+        return None
+    latest = jnp.minimum(since + (t1 - step.t), time_since_begin(step.reaches, after))
+    return jnp.where(keep, latest, since)
 
 
 def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:

@@ -74,6 +74,13 @@ def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, refer
         np.testing.assert_allclose(found.derivatives[contact[0]][at], expected, rtol=accuracy)
 
 
+def test_derivatives_take_few_more_steps_than_the_motion_alone():
+    """Their forces begin and end as roots of time; steps that don't know are twice as many."""
+    pendulum, settings = cj.double_pendulum(), cj.presets.derivatives
+    found = cj.sensitivities(*pendulum, 0.1, PARAMETERS, OUTPUTS, TIMES, settings)
+    assert found.attempts < 1.45 * cj.simulate(*pendulum, 0.1, settings).attempts
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_outputs_read_is_arithmetic_without_loops(count):
     """XLA's emitter forgets at each loop what it has written before, and writes it again at every
