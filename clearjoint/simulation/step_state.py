@@ -20,11 +20,15 @@ T = TypeVar("T")
 
 
 class Method(eqx.Module):
-    """How to integrate: solver, step-size controller and landing."""
+    """How to integrate: solver, step-size controller and landing.
+
+    `derivative_tolerance`: of the tangents, in tolerances of the state; ``None`` in runs without.
+    """
 
     solver: diffrax.AbstractSolver
     controller: diffrax.AbstractStepSizeController
     landing: Landing | None
+    derivative_tolerance: Scalar | None = None
 
 
 class Variables(eqx.Module):

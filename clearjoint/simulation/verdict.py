@@ -17,9 +17,6 @@ from .step_state import Method, Proposal, Step, choose
 from .trial_step import Trial, error_order, may_jump
 from .unseen_jumps import jumped_unseen, may_jump_unseen
 
-TANGENT_TOLERANCE = 10.0
-"""Tolerances of the tangents in those of the state. How right derivatives are with it, the study
-`studies.benchmark` measures."""
 PRESCRIBED_TOLERANCE = 1e-3
 """rad or m: a driver farther off what it prescribes is not followed. Stabilised constraints drift
 by a thousandth of this at usual tolerances."""
@@ -102,10 +99,11 @@ def _since_begin(step: Step, after: Reaches, t1: Scalar, keep: Condition) -> Sca
 def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:
     before, after, error = magnitudes(step.y), magnitudes(trial.outcome.y), trial.outcome.error
     if trial.tangents is not None:
-        assert step.tangents is not None
+        assert step.tangents is not None and method.derivative_tolerance is not None
+        tolerance = method.derivative_tolerance
         before = before, magnitudes(step.tangents.y)
         after = after, magnitudes(trial.tangents.y)
-        error = error, jax.tree.map(lambda e: e / TANGENT_TOLERANCE, trial.tangents.error)
+        error = error, jax.tree.map(lambda e: e / tolerance, trial.tangents.error)
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,
