@@ -95,7 +95,7 @@ class Snapshot(eqx.Module):
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """What is reported of the row: its time, s, and quantities by name."""
         now = self.instant(system)
-        return {"time": self.t, **{name: quantity(now) for name, quantity in channels.items()}}
+        return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
 class Bracket(eqx.Module):

@@ -204,7 +204,7 @@ def _across_jumps(
 
     def across(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
         if contacts:
-            time = seen(system.scene, step.t, t1)
+            time = seen(system, step.t, t1)
             y = across_contacts(system, step.reaches, y, memory, time, keep)
         if switches:
             y = across_breakpoints(system, step.t, y, memory, t1, keep)

@@ -40,7 +40,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
-        t = seen(system.scene, t if step is None else step.t, t)
+        t = seen(system, t if step is None else step.t, t)
         return rates_of(system, y, memory, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
@@ -124,7 +124,7 @@ def try_step(
             made_jump,
             **options,
         )
-        y1 = correct(system, y1, seen(system.scene, step.t, t1))
+        y1 = correct(system, y1, seen(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result

@@ -137,7 +137,7 @@ def _result(
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if after:
         result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
-    off = system.off_prescribed(trial.outcome.y.motion, seen(system.scene, step.t, trial.t1))
+    off = system.off_prescribed(trial.outcome.y.motion, seen(system, step.t, trial.t1))
     if off is not None:
         result = RESULTS.where(keep & (off > PRESCRIBED_TOLERANCE), RESULTS.not_followed, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
