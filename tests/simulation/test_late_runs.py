@@ -30,8 +30,10 @@ def _impacts(start):
 
 def test_a_run_is_the_same_whenever_it_starts():
     early = _impacts(0.0)
+    assert early.impacts is not None
     for start in LATE:
         late = _impacts(start)
+        assert late.impacts is not None
         assert late.attempts == early.attempts and late.time == start + early.time
         np.testing.assert_array_equal(late.values["time"], start + early.times)
         for name in ("height", "entry"):
