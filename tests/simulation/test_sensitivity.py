@@ -174,6 +174,31 @@ def test_closed_forms_of_an_oscillator():
     np.testing.assert_allclose(found.derivatives["x"], expected, atol=1e-8)
 
 
+def test_many_times_are_looked_at_in_blocks():
+    """A loop copies at every turn what it has written so far, so that 4096 rows of one loop took
+    ten times as long as their run. What is seen is the same."""
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    times = np.linspace(0.0, 1.5, 301)
+    arguments = _oscillator(), parameters, {"x": Q.Position("mass", "x")}
+    many, few = (
+        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::stride]) for stride in (1, 10)
+    )
+    for name in ("values", "derivatives"):
+        all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]
+        np.testing.assert_allclose(all_rows[::10], some, rtol=1e-12, atol=1e-15)
+    scene, state = arguments[0]
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
+
+    def program(times, *span):
+        return followed(scheme, family, arguments[2], times, *span, 1000)[0].derivatives
+
+    blocks = body_of(jax.make_jaxpr(program)(jnp.zeros(512), 0.0, 0.1, 1e-7), "scan")
+    lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]
+    assert lengths == [64]
+
+
 def test_a_run_that_fails_keeps_what_it_reached():
     settings = replace(cj.presets.derivatives, max_steps=40)
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
