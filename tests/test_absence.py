@@ -255,6 +255,10 @@ def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_t
     assert may_jump_unseen(unpack(scene(pin(Jumping(1e9)))))
 
 
+def test_step_without_derivatives_does_not_ask_since_when_contacts_exist():
+    assert started(scene(pin(DAMPED))).proposal.since_begin is None
+
+
 def test_ground_is_not_in_the_state():
     step = started(scene(FORCED))
     assert set(step.y.motion) == {"rod"}

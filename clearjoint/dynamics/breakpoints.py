@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from ..math.vectors import Condition, Scalar
 from ..model.joints.base import AbstractElement
 from ..model.scene import Scene
+from .system import System
 
 if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
@@ -29,14 +30,20 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
     return {name: own for name, own in times.items() if own}
 
 
-def next_breakpoint(scene: Scene, t: Scalar) -> Scalar | None:
+def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     """The first breakpoint after a time, infinite if there is none; ``None`` where the scene has
-    none at all."""
-    return _extreme(scene, jnp.minimum, lambda at: jnp.where(_is_after(at, t), at, jnp.inf))
+    none at all. Both times are by the system's own clock."""
+    now = system.clock(t)
+    soonest = _extreme(
+        system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)
+    )
+    return None if soonest is None else system.own_time(soonest)
 
 
-def seen(scene: Scene, start: Scalar, t: Scalar) -> Scalar:
-    """The time as elements see it in a step from `start`: between the breakpoints, not on them."""
+def seen(system: System, start: Scalar, t: Scalar) -> Scalar:
+    """The time as elements see it in a step from `start`: between the breakpoints, not on them. All
+    times are by the system's own clock."""
+    scene, start = system.scene, system.clock(start)
 
     def left(at: jax.Array) -> jax.Array:
         return jnp.where(_is_after(at, start), -jnp.inf, at + _rounding(at))
@@ -46,16 +53,20 @@ def seen(scene: Scene, start: Scalar, t: Scalar) -> Scalar:
 
     earliest = _extreme(scene, jnp.maximum, left)
     latest = _extreme(scene, jnp.minimum, ahead)
-    return t if earliest is None else jnp.clip(t, earliest, latest)
+    if earliest is None:
+        return t
+    return system.own_time(jnp.clip(system.clock(t), earliest, latest))
 
 
 def since_breakpoints(
-    scene: Scene, start: Scalar, t: Scalar
+    system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Of each element with breakpoints: whether a step from `start` to t lands on one, and the time
-    since that one, s. The time is zero to rounding, but has a derivative."""
+    """Of each element with breakpoints: whether a step from `start` to t, by the system's own
+    clock, lands on one, and the time since that one, s. The time is zero to rounding, but has a
+    derivative."""
     landings = {}
-    for name, times in breakpoints(scene).items():
+    start, t = system.clock(start), system.clock(t)
+    for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
             here = _is_after(at, start) & ~_is_after(at, t)

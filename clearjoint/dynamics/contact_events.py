@@ -13,7 +13,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import some
+from ..math.groups import least, some
 from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
 from ..model.joints.base import ByLabel, Motions
@@ -106,6 +106,27 @@ def begins(before: Reaches, after: Reaches) -> jax.Array:
         for label, start in family.items():
             any_begins = any_begins | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
     return any_begins
+
+
+def touches(here: Reaches) -> Condition:
+    """Whether any contact exists."""
+    any_touches: Condition = jnp.asarray(False)
+    for family in here.values():
+        for reach in family.values():
+            any_touches = any_touches | some(reach.depth > 0.0)
+    return any_touches
+
+
+def time_since_begin(before: Reaches, after: Reaches) -> Scalar:
+    """Time in s for which the latest of the contacts exists that begin between two instants."""
+    latest: Scalar = jnp.inf
+    for name, family in before.items():
+        for label, start in family.items():
+            end = after[name][label]
+            began = (start.depth <= 0.0) & (end.depth > 0.0)
+            since = end.depth / jnp.where(end.rate > SLOWEST, end.rate, jnp.inf)
+            latest = jnp.minimum(latest, least(jnp.where(began, since, jnp.inf)))
+    return jax.lax.stop_gradient(latest)
 
 
 def begins_at_once(here: Reaches) -> jax.Array:

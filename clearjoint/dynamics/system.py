@@ -25,12 +25,16 @@ from .projection import projected_positions, projected_velocities
 class System(eqx.Module):
     """A scene in scalar form and the formulation of its equations of motion.
 
-    Variables are those of the formulation's coordinates. Times are in s; `memory` holds the entry
-    speeds of the contacts, m/s.
+    Variables are those of the formulation's coordinates. Times are in s, since the system's
+    `origin`; `memory` holds the entry speeds of the contacts, m/s.
+
+    `origin`: s, the time at which a clock of its own shows zero, so that long after time zero steps
+    are as short as they have to be; ``None`` for the clock of the scene.
     """
 
     scene: Scene
     formulation: Formulation
+    origin: Scalar | None = None
 
     @staticmethod
     def of(scene: Scene, formulation: Formulation) -> "System":
@@ -42,7 +46,15 @@ class System(eqx.Module):
 
     def with_scene(self, scene: Scene) -> "System":
         """The system of another scene of the same structure."""
-        return System(scene, self.formulation)
+        return System(scene, self.formulation, self.origin)
+
+    def clock(self, t: Scalar) -> Scalar:
+        """The scene's time, s, when the system's own clock shows t."""
+        return t if self.origin is None else self.origin + t
+
+    def own_time(self, time: Scalar) -> Scalar:
+        """What the system's own clock shows at a time of the scene, s."""
+        return time if self.origin is None else time - self.origin
 
     def ungrouped(self) -> Scene:
         """The scene with each element by itself."""
@@ -74,7 +86,7 @@ class System(eqx.Module):
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
         """The constraint equations that the coordinates leave, by joint and label."""
-        return constraint_rows(self.scene, self.formulation.coordinates, motions, t)
+        return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
         self, variables: MotionVariables, memory: Memory, t: Scalar, closed: Closed | None = None
@@ -97,7 +109,8 @@ class System(eqx.Module):
         forces: ByLabel[LoadedContact],
         t: Scalar,
     ) -> Dynamics:
-        rates = mechanics.free_rates(applied_wrenches(self.scene, mechanics.motions, forces, t))
+        wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
+        rates = mechanics.free_rates(wrenches)
         rows = self.rows(mechanics.motions, t)
         return solved(self.formulation, mechanics, forces, rows, rates)
 
@@ -111,11 +124,11 @@ class System(eqx.Module):
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
         """Powers of the energy ledger by name, W; none unless it is kept."""
-        return ledger_powers(self.scene, dynamics, t) if self.formulation.ledger else {}
+        return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
         """Kinetic, gravitational and elastic energies, J, as far as the scene has them."""
-        return mechanical_energy(self.scene, self.motions(variables), t)
+        return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def reaches(self, variables: MotionVariables) -> Reaches:
         """Depth and rate of each contact from where its force begins, by joint and contact."""

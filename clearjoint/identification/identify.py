@@ -68,8 +68,8 @@ def identify(
       a start far off finds no way down. In these windows each parameter is held near its value at
       the window's start, with its scale's stride as standard deviation, so that those that are not
       seen yet do not run away.
-    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given. Their `max_steps`
-      bound what a run with absurd parameters costs.
+    - `settings`: how to integrate; `clearjoint.presets.identification` unless given. Their
+      `max_steps` bound what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
     - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
@@ -115,7 +115,7 @@ def identify_many(
     """`identify` for several sets of measurements of the same channels and times, such as draws of
     the noise: one fit for each."""
     _check(scene, measurements, start_time, grow, max_iterations, tolerance)
-    settings = settings_or(settings, presets.derivatives)
+    settings = settings_or(settings, presets.identification)
     times = measurements[0].times()
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))

@@ -34,13 +34,14 @@ class Instant:
     def __init__(
         self,
         system: System,
-        time: Scalar,
+        own_time: Scalar,
         variables: PyTree,
         memory: Memory,
         work: dict[str, Scalar],
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
-        self.time, self.work = time, work
+        self.time, self.work = system.clock(own_time), work
+        self._own_time = own_time
         self._system, self._memory, self._variables = system, memory, variables
         self._inside = inside
 
@@ -105,7 +106,7 @@ class Instant:
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
-        solved = self._system.dynamics(self._variables, self._memory, self.time)
+        solved = self._system.dynamics(self._variables, self._memory, self._own_time)
         return replace(solved, contact_forces=by_name(solved.contact_forces))
 
     @cached_property
@@ -114,6 +115,7 @@ class Instant:
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics
-        absolute = System(self.scene, replace(formulation, coordinates=coordinates))
+        formulation = replace(formulation, coordinates=coordinates)
+        absolute = System(self.scene, formulation, self._system.origin)
         variables = absolute.encode(by_name(self._system.decode(self._variables)))
-        return absolute.dynamics(variables, self.memory, self.time)
+        return absolute.dynamics(variables, self.memory, self._own_time)

@@ -13,8 +13,9 @@ from ..fields.checks import require
 from ..math.vectors import Scalar
 from ..quantities.base import Quantity
 from ..quantities.instant import Instant
+from .grading import AbstractGrading
 from .step_state import Attempt, Method, Variables, choose
-from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit, place_in_step
+from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit
 
 
 def look_inside(
@@ -33,11 +34,11 @@ def look_inside(
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
     """The time at which the dense output of a graded step has what belongs to t."""
-    if attempt.graded is None:
+    if attempt.grading is None:
         return t
     length = attempt.step.t - attempt.t_start
     x = (t - attempt.t_start) / jnp.where(length > 0.0, length, 1.0)
-    return attempt.t_start + length * place_in_step(x, attempt.graded)
+    return attempt.t_start + length * attempt.grading.place(x)
 
 
 def correct(system: System, y: Variables, t: Scalar) -> Variables:
@@ -94,7 +95,7 @@ class Snapshot(eqx.Module):
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """What is reported of the row: its time, s, and quantities by name."""
         now = self.instant(system)
-        return {"time": self.t, **{name: quantity(now) for name, quantity in channels.items()}}
+        return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
 class Bracket(eqx.Module):
@@ -103,7 +104,7 @@ class Bracket(eqx.Module):
     start: Snapshot
     end: Snapshot
     stages: tuple[Variables, ...]
-    graded: Scalar | None
+    grading: AbstractGrading | None
 
     @staticmethod
     def of(tried: Attempt) -> "Bracket":
@@ -113,7 +114,7 @@ class Bracket(eqx.Module):
             Snapshot(tried.t_start, inside["y0"], tried.memory_start),
             Snapshot(step.t, step.y, step.memory),
             inside["stages"],
-            tried.graded,
+            tried.grading,
         )
 
     def inside(self, method: Method, x: Scalar) -> Variables:
@@ -121,7 +122,7 @@ class Bracket(eqx.Module):
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
-        return dense.at(place_in_step(x, self.graded))
+        return dense.at(x if self.grading is None else self.grading.place(x))
 
     def within(self, method: Method, x: Scalar) -> Snapshot:
         """The row at a fraction x of the step."""

@@ -1,5 +1,9 @@
 """What runs with derivatives ask of a scene and of settings."""
 
+from dataclasses import replace
+
+import jax.numpy as jnp
+
 from ..fields.checks import require
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -32,4 +36,5 @@ def derivative_scheme(
     require_declared(scene)
     scheme = Scheme.of(settings, bool(redundant))
     require_dense(scheme.method.solver)
-    return scheme
+    tolerance = jnp.asarray(settings.derivative_tolerance, float)
+    return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))

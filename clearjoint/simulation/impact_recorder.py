@@ -42,6 +42,8 @@ IMPACT_UNITS = {
     "largest_penetration": "m",
 }
 """Of what is reported of an impact."""
+INSTANTS = ("onset", "separation", "peak_time")
+"""Which of these go by the clock."""
 
 
 class ImpactRow(eqx.Module):
@@ -184,12 +186,14 @@ def most(record: ImpactRecord[Table]) -> int:
     return max(counts, default=0)
 
 
-def impacts_of(record: ImpactRecord[Table]) -> Impacts:
-    """The finished contacts of a record (host arrays), none of whose tables was too short."""
+def impacts_of(record: ImpactRecord[Table], origin: float) -> Impacts:
+    """The finished contacts of a record (host arrays), none of whose tables was too short, and
+    whose clock showed zero at `origin`, s."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, one in family.items():
             columns = one.rows.rows.reported()
+            columns |= {name: columns[name] + origin for name in INSTANTS}
             order = [np.asarray(columns[name]) for name in IMPACT_UNITS]
             rows += [
                 (joint, contact, *(float(column[k]) for column in order))

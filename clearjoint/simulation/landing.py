@@ -48,6 +48,15 @@ class Landing(eqx.Module):
                 soonest = jnp.minimum(soonest, least(time))
         return jax.lax.stop_gradient(soonest)
 
+    def end_due(self, reaches: Reaches, second_rates: SecondRates) -> Scalar:
+        """Time in s to the next end of a contact, as in `due`; infinite where none is in sight."""
+        soonest: Scalar = jnp.inf
+        for name, family in reaches.items():
+            for label, reach in family.items():
+                time = self._time_to_zero(reach, second_rates[name][label])
+                soonest = jnp.minimum(soonest, least(jnp.where(reach.depth > 0.0, time, jnp.inf)))
+        return jax.lax.stop_gradient(soonest)
+
     def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
         """First positive root of the parabola, half the tolerance past its change of sign."""
         inwards = jnp.where(reach.depth > 0.0, -1.0, 1.0)

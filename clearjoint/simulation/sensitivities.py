@@ -144,7 +144,7 @@ def sensitivities(
         int(sampled.attempts),
         int(sampled.accepted),
         None if saved is None else _trajectory(sampled, looked_at, saved),
-        None if sampled.impacts is None else impacts_of(sampled.impacts),
+        None if sampled.impacts is None else impacts_of(sampled.impacts, start_time),
         crossings_of(sampled.sections),
     )
     if throw:

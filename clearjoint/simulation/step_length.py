@@ -18,7 +18,7 @@ CUT = 0.99
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
     """Where the step ends: where it is proposed to, or at the next breakpoint or event."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
-    breakpoint = next_breakpoint(system.scene, step.t)
+    breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
     if method.landing is None or not step.reaches:

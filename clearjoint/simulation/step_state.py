@@ -13,17 +13,22 @@ from ..dynamics.coordinates import MotionVariables
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
 from .aliases import ControllerState, DenseInformation, SecondRates, SolverState
+from .grading import AbstractGrading
 from .landing import Landing
 
 T = TypeVar("T")
 
 
 class Method(eqx.Module):
-    """How to integrate: solver, step-size controller and landing."""
+    """How to integrate: solver, step-size controller and landing.
+
+    `derivative_tolerance`: of the tangents, in tolerances of the state; ``None`` in runs without.
+    """
 
     solver: diffrax.AbstractSolver
     controller: diffrax.AbstractStepSizeController
     landing: Landing | None
+    derivative_tolerance: Scalar | None = None
 
 
 class Variables(eqx.Module):
@@ -47,6 +52,8 @@ class Proposal(eqx.Module):
     - `t_next`: s, where it ends, unless the run or an event cuts it short.
     - `full_length`: s, how long it would be if no event had cut the steps before it short.
     - `begins_contact`: whether a contact begins where it starts.
+    - `since_begin`: s, time since a contact last began, infinite if none has; ``None`` in runs
+      without derivatives.
     - `entry_length`: s, length of the last step that began a contact and was not cut short.
     - `made_jump`: whether the rates may have jumped since the solver computed those it keeps.
     - `controller_state`: of the step-size controller.
@@ -55,6 +62,7 @@ class Proposal(eqx.Module):
     t_next: Scalar
     full_length: Scalar
     begins_contact: Condition
+    since_begin: Scalar | None
     entry_length: Scalar
     made_jump: Condition
     controller_state: ControllerState
@@ -88,7 +96,7 @@ class Attempt(eqx.Module):
     - `kept`: whether the trial was accepted; if not, `step` is where it was.
     - `t_start`, `memory_start`: s, and entry speeds, where it began.
     - `information`: what its dense output is made of.
-    - `graded`: whether it was graded, see `.unrolled_runge_kutta`; ``None`` where no step can be.
+    - `grading`: how its time passed; ``None`` where it passes evenly in all steps.
     - `tangents`: what is needed to look at its derivatives; ``None`` without any.
     """
 
@@ -97,7 +105,7 @@ class Attempt(eqx.Module):
     t_start: Scalar
     memory_start: Memory
     information: DenseInformation
-    graded: Scalar | None
+    grading: AbstractGrading | None
     tangents: "TangentsInside | None" = None
 
 

@@ -43,7 +43,7 @@ from .step_state import (
 )
 from .switches import across_breakpoints, joints_have_breakpoints
 from .systems import SystemFamily
-from .trial_step import Trial, error_order, graded_step, term_of, try_step
+from .trial_step import Trial, error_order, term_of, try_step
 from .unrolled_runge_kutta import UnrolledExplicit
 from .verdict import judge
 
@@ -84,6 +84,7 @@ def start(
             t_next=t_next,
             full_length=t_next - t0,
             begins_contact=begins_at_once(reaches),
+            since_begin=_since_begin(reaches) if derivatives else None,
             entry_length=t_next - t0,
             made_jump=False,
             controller_state=controller_state,
@@ -93,6 +94,12 @@ def start(
         accepted=count,
     )
     return jax.tree.map(jnp.asarray, step)
+
+
+def _since_begin(reaches: Reaches) -> Scalar:
+    """Time in s for which a contact has existed at the start of a run, of which nothing is known
+    unless it begins there."""
+    return jnp.where(begins_at_once(reaches), 0.0, jnp.inf)
 
 
 def _ledger(
@@ -146,7 +153,7 @@ def attempt(
         t_start=step.t,
         memory_start=step.memory,
         information=trial.outcome.information,
-        graded=graded_step(method, step),
+        grading=trial.grading,
         tangents=inside,
     )
 
@@ -197,7 +204,7 @@ def _across_jumps(
 
     def across(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
         if contacts:
-            time = seen(system.scene, step.t, t1)
+            time = seen(system, step.t, t1)
             y = across_contacts(system, step.reaches, y, memory, time, keep)
         if switches:
             y = across_breakpoints(system, step.t, y, memory, t1, keep)

@@ -69,10 +69,10 @@ def across_breakpoints(
     breakpoints; `memory` is that at its start.
     """
     scene = system.scene
-    since = since_breakpoints(scene, start, t)
+    since = since_breakpoints(system, start, t)
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
-    before, after = seen(scene, start, t), seen(scene, t, t)
+    before, after = seen(system, start, t), seen(system, t, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         between = _with_shares(system, before, after, shares)
@@ -101,8 +101,9 @@ def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
     """The system with given shares of what its forces with breakpoints change by."""
+    sides = system.clock(before), system.clock(after)
     forces = {
-        name: SwitchedForce(force, before, after, shares[name]) if name in shares else force
+        name: SwitchedForce(force, *sides, shares[name]) if name in shares else force
         for name, force in system.scene.forces.items()
     }
     return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))

@@ -8,6 +8,7 @@ from jaxtyping import PyTree
 
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
+from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parametrised_scene import AbstractFamily, Coordinates
@@ -17,10 +18,11 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The systems of a family of scenes, in which no elements are grouped."""
+    """The systems of a family of scenes, in which no elements are grouped; `origin`: as theirs."""
 
     family: AbstractFamily
     formulation: Formulation
+    origin: Scalar | None = None
 
     @property
     def values(self) -> Coordinates:
@@ -29,7 +31,7 @@ class SystemFamily(eqx.Module):
 
     def system(self) -> System:
         """The system of the scene at the coordinates `values`."""
-        return System(self.family.scene(self.values), self.formulation)
+        return System(self.family.scene(self.values), self.formulation, self.origin)
 
     def start(self, values: Coordinates) -> State:
         """The initial state at coordinates (p,), in scalar form."""
@@ -44,6 +46,6 @@ class SystemFamily(eqx.Module):
         """`AbstractFamily.pushed` for a function of system and `primals`."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
-            return function(System(scene, self.formulation), *primals)
+            return function(System(scene, self.formulation, self.origin), *primals)
 
         return self.family.pushed(of_scene, primals, tangents)

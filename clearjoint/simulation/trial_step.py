@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ..compilation import traced_once
 from ..dynamics.breakpoints import breakpoints, seen
-from ..dynamics.contact_events import closed, has_memory
+from ..dynamics.contact_events import closed, has_memory, touches
 from ..dynamics.contact_forces import Closed, Memory
 from ..dynamics.system import System
 from ..fields.types import Single
@@ -17,6 +17,7 @@ from ..math.vectors import Condition, Scalar
 from ..model.scene import Scene
 from .aliases import DenseInformation, SolverState
 from .dense_output import correct
+from .grading import AbstractGrading, FromBegin, WithinContact
 from .jumps import contacts_jump
 from .step_state import Method, Step, Variables, choose
 from .systems import SystemFamily
@@ -39,7 +40,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
-        t = seen(system.scene, t if step is None else step.t, t)
+        t = seen(system, t if step is None else step.t, t)
         return rates_of(system, y, memory, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
@@ -71,25 +72,35 @@ class SolverStep(eqx.Module):
 class Trial(eqx.Module):
     """A step as the solver made it.
 
-    - `t1`: s, where it ends.
+    - `t1`: s, where it ends; `grading`: how its time passes.
     - `outcome`: what it gives, and `tangents` the derivatives of that, ``None`` without any.
     - `finite`: whether both were finite. If not, the variables are those of the start.
     - `solver_result`: the solver's own code.
     """
 
     t1: Scalar
+    grading: AbstractGrading | None
     outcome: SolverStep
     tangents: SolverStep | None
     finite: Condition
     solver_result: diffrax.RESULTS
 
 
-def graded_step(method: Method, step: Step) -> Scalar | None:
-    """Whether the step is graded, since a contact begins at its start (see
-    `.unrolled_runge_kutta`); ``None`` where no step can be."""
+def grading_of(method: Method, step: Step, t1: Scalar) -> AbstractGrading | None:
+    """How time passes in the step up to t1; ``None`` where it passes evenly in all steps.
+
+    Without derivatives, grading the steps out of a contact too gained nothing: as many steps, and
+    more of them in a journal that rolls along the wall.
+    """
     if method.landing is None or not step.reaches:
         return None
-    return step.proposal.begins_contact if isinstance(method.solver, UnrolledExplicit) else None
+    if not isinstance(method.solver, UnrolledExplicit):
+        return None
+    begins, since = step.proposal.begins_contact, step.proposal.since_begin
+    if since is None:
+        return FromBegin(begins)
+    due = method.landing.end_due(step.reaches, step.second_rates)
+    return WithinContact.of(t1 - step.t, touches(step.reaches), begins, since, due)
 
 
 def try_step(
@@ -97,8 +108,8 @@ def try_step(
 ) -> Trial:
     """The solver's step up to t1, corrected as the stabilisation wants it."""
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
-    graded = graded_step(method, step)
-    options = {} if graded is None else {"graded": graded}
+    grading = grading_of(method, step, t1)
+    options = {} if grading is None else {"grading": grading}
 
     def advance(
         system: System, y: Variables, memory: Memory, solver_state: SolverState
@@ -113,7 +124,7 @@ def try_step(
             made_jump,
             **options,
         )
-        y1 = correct(system, y1, seen(system.scene, step.t, t1))
+        y1 = correct(system, y1, seen(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
@@ -128,7 +139,7 @@ def try_step(
         outcome, result, tangents = family.pushed(advance, start, along)
         finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
-    return Trial(t1, _unless(finite, outcome, step.y), tangents, finite, result)
+    return Trial(t1, grading, _unless(finite, outcome, step.y), tangents, finite, result)
 
 
 def _without_drift(

@@ -5,9 +5,7 @@ whether the last stage of the step before may be used again. Written out, a step
 arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
 do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
 
-A step that begins a contact may be *graded*: taken in the square root s of the time since its
-start, t = t0 + h s^2. Forces that begin as (t - t0)^1.5 are smooth in s. In t they are not: error
-estimates then miss nearly all of the error, which cost 1e-6 of an impact's energy at rtol 1e-8.
+Time may pass unevenly in a step: see `.grading`.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +22,7 @@ from jaxtyping import Float, PyTree
 from ..fields.types import Single
 from ..math.vectors import Scalar
 from .aliases import DenseInformation
+from .grading import AbstractGrading
 
 Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
@@ -76,18 +75,18 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         args: PyTree,
         solver_state: Y,
         made_jump: Scalar,
-        graded: Scalar | None = None,
+        grading: AbstractGrading | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
         """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
         tableau = _tableau(self.method)
         h = t1 - t0
         last = solver_state if made_jump is False else terms.vf(t0, y0, args)
-        stages, y = [_per_place(last, 0.0, graded)], y0
+        stages, y = [_per_place(last, 0.0, grading)], y0
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
-            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, graded) * h
+            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, grading) * h
             last = terms.vf(t, y, args)
-            stages.append(_per_place(last, fraction, graded))
+            stages.append(_per_place(last, fraction, grading))
         y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
@@ -132,22 +131,17 @@ class DenseOutput(eqx.Module):
         return jax.tree.map(leaf, self.y0, *self.stages)
 
 
-def _elapsed(s: float, graded: Scalar | None) -> Scalar:
-    """The part of a step's time that has passed at a place s in it."""
-    return s if graded is None else jnp.where(graded, s * s, s)
+def _elapsed(place: float, grading: AbstractGrading | None) -> Scalar:
+    """The part of a step's time that has passed at a place in it."""
+    return place if grading is None else grading.elapsed(place)
 
 
-def _per_place(rates: Y, s: float, graded: Scalar | None) -> Y:
+def _per_place(rates: Y, place: float, grading: AbstractGrading | None) -> Y:
     """Rates against the place in the step, over its length."""
-    if graded is None:
+    if grading is None:
         return rates
-    slope = jnp.where(graded, 2.0 * s, 1.0)
+    slope = grading.slope(place)
     return jax.tree.map(lambda rate: slope * rate, rates)
-
-
-def place_in_step(x: Scalar, graded: Scalar | None) -> Scalar:
-    """Where in a step, between 0 and 1, a part x of its time has passed; see the module's head."""
-    return x if graded is None else jnp.where(graded, jnp.sqrt(jnp.maximum(x, 0.0)), x)
 
 
 def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:

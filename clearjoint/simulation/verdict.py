@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.breakpoints import breakpoints, seen
-from ..dynamics.contact_events import Reaches, too_deep
+from ..dynamics.contact_events import Reaches, time_since_begin, too_deep
 from ..dynamics.system import System
 from ..fields.types import Single
 from ..math.vectors import Condition, Scalar
@@ -17,9 +17,6 @@ from .step_state import Method, Proposal, Step, choose
 from .trial_step import Trial, error_order, may_jump
 from .unseen_jumps import jumped_unseen, may_jump_unseen
 
-TANGENT_TOLERANCE = 10.0
-"""Tolerances of the tangents in those of the state. How right derivatives are with it, the study
-`studies.benchmark` measures."""
 PRESCRIBED_TOLERANCE = 1e-3
 """rad or m: a driver farther off what it prescribes is not followed. Stabilised constraints drift
 by a thousandth of this at usual tolerances."""
@@ -56,6 +53,8 @@ def judge(
     keep, t_next = judgement.keep, judgement.t_next
     controller_state = judgement.controller_state
     full_length = t_next - jnp.where(keep, t1, step.t)
+    if trial.grading is not None:
+        full_length = trial.grading.next_length(full_length, keep)
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
@@ -80,6 +79,7 @@ def judge(
         t_next=t_next,
         full_length=full_length,
         begins_contact=begins_contact,
+        since_begin=_since_begin(step, after, t1, keep),
         entry_length=entry_length,
         made_jump=made_jump,
         controller_state=controller_state,
@@ -87,13 +87,23 @@ def judge(
     return Verdict(keep, proposal, result)
 
 
+def _since_begin(step: Step, after: Reaches, t1: Scalar, keep: Condition) -> Scalar | None:
+    """`since_begin` of the next proposal, after a trial that ends with the contacts `after`."""
+    since = step.proposal.since_begin
+    if since is None:
+        return None
+    latest = jnp.minimum(since + (t1 - step.t), time_since_begin(step.reaches, after))
+    return jnp.where(keep, latest, since)
+
+
 def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:
     before, after, error = magnitudes(step.y), magnitudes(trial.outcome.y), trial.outcome.error
     if trial.tangents is not None:
-        assert step.tangents is not None
+        assert step.tangents is not None and method.derivative_tolerance is not None
+        tolerance = method.derivative_tolerance
         before = before, magnitudes(step.tangents.y)
         after = after, magnitudes(trial.tangents.y)
-        error = error, jax.tree.map(lambda e: e / TANGENT_TOLERANCE, trial.tangents.error)
+        error = error, jax.tree.map(lambda e: e / tolerance, trial.tangents.error)
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,
@@ -127,7 +137,7 @@ def _result(
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if after:
         result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
-    off = system.off_prescribed(trial.outcome.y.motion, seen(system.scene, step.t, trial.t1))
+    off = system.off_prescribed(trial.outcome.y.motion, seen(system, step.t, trial.t1))
     if off is not None:
         result = RESULTS.where(keep & (off > PRESCRIBED_TOLERANCE), RESULTS.not_followed, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)

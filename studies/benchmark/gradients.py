@@ -10,7 +10,7 @@ derivatives of `clearjoint.sensitivities`, here the compiled run alone.
 import argparse
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Any, TypeVar
 
@@ -48,10 +48,12 @@ ESTIMANDS = {
 }
 """What error-controlled derivatives are taken along, the first of them; three are the table's."""
 ESTIMAND_COUNTS, QUICK_ESTIMAND_COUNTS = (1, 3, 6), (1,)
+DERIVATIVE_TOLERANCES = (10.0, 1e3, 1e5)
+"""Of derivatives, in the tolerances of the states; the first is the setting's default."""
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
 Program = Callable[..., Any]
 Way = Callable[[], Any]
-Name = TypeVar("Name", str, int)
+Name = TypeVar("Name", bound=Hashable)
 
 
 def gradients(options: argparse.Namespace) -> None:
@@ -66,7 +68,7 @@ def gradients(options: argparse.Namespace) -> None:
     accuracies = accuracy(span, tolerances, solver, options.repeats)
     report(None, _rows(accuracies), [])
     controlled = attempts(few, span, solver, options.repeats)
-    print(f"\nError-controlled, by number of parameters, rtol {COUNTED_RTOL:g}:\n")
+    print(f"\nError-controlled, by parameters and their tolerance, rtol {COUNTED_RTOL:g}:\n")
     report(None, _rows(controlled), [])
     costs = [cost(count, span, solver, options.repeats) for count in counts]
     print("\nOf the computed steps, by number of parameters:\n")
@@ -117,13 +119,21 @@ def accuracy(
     return records
 
 
-def controlled_run(count: int, rtol: float, span: float, solver: diffrax.AbstractERK) -> Way:
+def controlled_run(
+    count: int,
+    rtol: float,
+    span: float,
+    solver: diffrax.AbstractERK,
+    tolerance: float = DERIVATIVE_TOLERANCES[0],
+) -> Way:
     """The compiled run with derivatives of the height along so many parameters, (p,), and its
     attempts."""
     scene, state = cj.double_pendulum()
     parameters = dict(list(ESTIMANDS.items())[:count])
     height = {"height": cj.quantities.Position("arm 2", "y")}
-    settings = cj.Settings(solver=solver, rtol=rtol, landing_tolerance=LANDING)
+    settings = cj.Settings(
+        solver=solver, rtol=rtol, landing_tolerance=LANDING, derivative_tolerance=tolerance
+    )
     run = compiled_sensitivities(scene, state, span, parameters, height, settings)
 
     def derivatives() -> tuple[Any, Any]:
@@ -136,27 +146,35 @@ def controlled_run(count: int, rtol: float, span: float, solver: diffrax.Abstrac
 def attempts(
     counts: tuple[int, ...], span: float, solver: diffrax.AbstractERK, repeats: int
 ) -> list[Record]:
-    """Attempted steps, and times of all and of one, with error-controlled derivatives along so
-    many parameters and without any."""
+    """Attempted steps, times of all and of one, and the largest relative error of those derivatives
+    that the table has, with so many parameters at each tolerance, and without any."""
 
     @jax.jit
     def plain(parameters: Any, rtol: Any) -> Any:
         run = _pendulum(parameters, span, rtol, solver)
         return _height(run), run.attempts
 
-    runs: dict[int, Way] = {0: partial(plain, jnp.asarray(NOMINAL), COUNTED_RTOL)}
-    runs |= {count: controlled_run(count, COUNTED_RTOL, span, solver) for count in counts}
+    cases = [(count, tolerance) for count in counts for tolerance in DERIVATIVE_TOLERANCES]
+    runs: dict[tuple[int, float], Way] = {
+        (count, tolerance): controlled_run(count, COUNTED_RTOL, span, solver, tolerance)
+        for count, tolerance in cases
+    }
+    none = 0, 0.0
+    runs = {none: partial(plain, jnp.asarray(NOMINAL), COUNTED_RTOL), **runs}
     found = _timed(runs, repeats)
-    unit, _ = found[0]
+    unit, _ = found[none]
     records = []
-    for count, (seconds, result) in found.items():
-        tried = int(result[1])
+    for (count, tolerance), (seconds, (values, tried)) in found.items():
+        known = np.atleast_1d(values)[: min(count, len(TABLE[span]))]
+        errors = np.abs(known / TABLE[span][: len(known)] - 1.0)
         records.append(
             {
                 "parameters": count,
-                "attempts": tried,
+                "their tolerance": f"{tolerance:g}" if count else "",
+                "attempts": int(tried),
+                "largest error": float(np.max(errors)) if count else "",
                 "ms": 1e3 * seconds,
-                "µs an attempt": 1e6 * seconds / tried,
+                "µs an attempt": 1e6 * seconds / int(tried),
                 "times the plain run": seconds / unit,
             }
         )

@@ -6,12 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint.simulation.unrolled_runge_kutta import (
-    UnrolledExplicit,
-    dense_weights,
-    place_in_step,
-    unrolled,
-)
+from clearjoint.simulation.grading import FromBegin, WithinContact
+from clearjoint.simulation.unrolled_runge_kutta import UnrolledExplicit, dense_weights, unrolled
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
 Y0 = {"a": jnp.asarray(0.7), "b": jnp.asarray(-0.4)}
@@ -90,23 +86,75 @@ def test_other_methods_stay_as_they_are():
     assert isinstance(unrolled(diffrax.Ralston()), UnrolledExplicit)
 
 
-def test_a_graded_step_is_of_full_order_where_rates_begin_as_a_root():
-    """y' = 1.5 sqrt(t), so y = t^1.5: in the square root of time a polynomial, which is exact."""
-    terms = diffrax.ODETerm(lambda t, y, args: 1.5 * jnp.sqrt(t))
-    own, start = unrolled(diffrax.Tsit5()), jnp.zeros(())
-    h = jnp.asarray(0.3)
-    found = {}
-    for graded in (True, False):
-        y1, error, information, last, _ = own.step(
-            terms, 0.0, h, start, None, start, False, graded=jnp.asarray(graded)
-        )
-        found[graded] = float(y1), float(error)
-        assert float(last) == pytest.approx(1.5 * 0.3**0.5, rel=1e-15)
-        if graded:
-            dense = own.interpolation_cls(t0=0.0, t1=h, **information)
-            for x in (0.1, 0.5, 0.9):
-                value = float(dense.evaluate(h * place_in_step(x, graded)))
-                assert value == pytest.approx((0.3 * x) ** 1.5, rel=1e-13)
-    assert found[True][0] == pytest.approx(0.3**1.5, rel=1e-14)
-    assert abs(found[True][1]) < 1e-15
-    assert abs(found[False][0] / 0.3**1.5 - 1.0) > 1e-4
+H = jnp.asarray(0.3)
+
+
+def within(since, due, touches=True, begins=False):
+    numbers = (jnp.asarray(touches), jnp.asarray(begins), jnp.asarray(since), jnp.asarray(due))
+    return WithinContact.of(H, *numbers)
+
+
+GRADED = {
+    "from a begin": (FromBegin(jnp.asarray(True)), lambda t: t**1.5),
+    "from a begin, with derivatives": (within(1e-6, jnp.inf, begins=True), lambda t: t**1.5),
+    "after a begin": (within(0.05, 2.0), lambda t: (0.05 + t) ** 1.5),
+    "before an end": (within(2.0, 0.5), lambda t: -((0.5 - t) ** 1.5)),
+    "to an end": (within(2.0, 0.3), lambda t: -((0.3 - t) ** 1.5)),
+}
+"""Gradings, and what they make a polynomial of the place."""
+
+
+def _stepped(grading, function):
+    """Value, error and last rates of a step in which a function of time is integrated."""
+    own, start = UnrolledExplicit(diffrax.Tsit5()), jnp.asarray(function(0.0))
+    terms = diffrax.ODETerm(lambda t, y, args: jax.grad(function)(t))
+    y1, error, information, last, _ = own.step(
+        terms, 0.0, H, start, None, jax.grad(function)(0.0), False, grading=grading
+    )
+    dense = own.interpolation_cls(t0=0.0, t1=H, **information)
+    return y1, error, last, lambda part: dense.evaluate(H * grading.place(jnp.asarray(part)))
+
+
+@pytest.mark.parametrize("case", GRADED)
+def test_a_graded_step_is_exact_where_forces_begin_and_end_as_a_root(case):
+    """Polynomials of third order are what the method is exact for; in time they are roots."""
+    grading, function = GRADED[case]
+    y1, error, last, inside = _stepped(grading, function)
+    assert float(y1) == pytest.approx(function(0.3), rel=1e-13, abs=1e-15)
+    assert abs(float(error)) < 1e-15
+    assert float(last) == pytest.approx(float(jax.grad(function)(0.3)), rel=1e-13)
+    for part in (0.0, 0.1, 0.5, 0.9, 1.0):
+        expected = function(0.3 * part)
+        assert float(inside(part)) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    even = _stepped(within(0.1, 0.1, touches=False), function)
+    assert abs(float(even[1])) > 1e-8
+
+
+@pytest.mark.parametrize("case", GRADED)
+def test_the_place_in_a_step_is_the_inverse_of_the_time_elapsed(case):
+    grading, _ = GRADED[case]
+    for place in (0.0, 0.01, 0.3, 0.8, 1.0):
+        part = grading.elapsed(place)
+        assert float(grading.place(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
+        ahead, back = (grading.elapsed(place + side) for side in (1e-6, -1e-6))
+        assert float(grading.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
+
+
+def test_the_next_step_of_a_contact_is_as_long_in_the_root_of_time():
+    """Roots 0.5, 0.8, 1.1 after the begin; 0.5, 0.4, 0.3 before the end; a proposal that would go
+    past that stays."""
+    keep, h = jnp.asarray(True), 0.8**2 - 0.5**2
+    growing = WithinContact(jnp.asarray(h), jnp.asarray(0.5), jnp.asarray(0.8))
+    assert float(growing.next_length(h, keep)) == pytest.approx(1.1**2 - 0.8**2)
+    assert float(growing.next_length(h / 3.0, ~keep)) == pytest.approx(0.6**2 - 0.5**2)
+    h = 0.5**2 - 0.4**2
+    shrinking = WithinContact(jnp.asarray(h), jnp.asarray(0.5), jnp.asarray(0.4))
+    assert float(shrinking.next_length(h, keep)) == pytest.approx(0.4**2 - 0.3**2)
+    assert float(shrinking.next_length(5.0 * h, keep)) == pytest.approx(5.0 * h)
+
+
+@pytest.mark.parametrize("since", [0.1, np.inf])
+def test_time_passes_evenly_where_nothing_is_known_of_contacts(since):
+    for grading in (within(since, np.inf, touches=False), within(np.inf, np.inf)):
+        assert float(grading.elapsed(0.3)) == pytest.approx(0.3, rel=1e-15)
+        assert float(grading.next_length(0.7, jnp.asarray(True))) == pytest.approx(0.7)

@@ -71,7 +71,7 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
 
 
 def test_a_full_table_holds_its_rows_and_one_too_short_is_told_by_its_count():
-    assert list(impacts_of(_record(3, 3)).onset) == [0.0, 1.0, 2.0]
+    assert list(impacts_of(_record(3, 3), 10.0).onset) == [10.0, 11.0, 12.0]
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
 
 

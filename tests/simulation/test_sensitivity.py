@@ -55,8 +55,18 @@ def _during(folder, base, number):
     return 0.5 * (table["t_on"][number - 1] + table["t_off"][number - 1])
 
 
-@pytest.mark.parametrize(("rtol", "accuracy"), [(1e-9, 1e-5), (1e-11, 1e-6)])
-def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, reference_folder):
+@pytest.mark.parametrize(
+    ("settings", "accuracy", "entry_accuracy"),
+    [
+        (cj.presets.derivatives, 1e-6, 5e-6),
+        (replace(cj.presets.derivatives, rtol=1e-11), 5e-8, 5e-7),
+        (cj.presets.identification, 1e-4, 1e-3),
+    ],
+    ids=["default", "close", "for fits"],
+)
+def test_sensitivities_are_those_of_the_event_exact_solver(
+    settings, accuracy, entry_accuracy, reference_folder
+):
     middles = {contact: _during(reference_folder, *contact) for contact in ENTRIES}
     times = np.union1d(TIMES, list(middles.values()))
     found = cj.sensitivities(
@@ -65,13 +75,22 @@ def test_sensitivities_are_those_of_the_event_exact_solver(rtol, accuracy, refer
         PARAMETERS,
         OUTPUTS,
         times,
-        replace(cj.presets.derivatives, rtol=rtol),
+        settings,
     )
     position = found.derivatives["y"][np.searchsorted(times, TIMES)]
     np.testing.assert_allclose(position, POSITION, rtol=accuracy)
     for contact, expected in ENTRIES.items():
         at = np.searchsorted(times, middles[contact])
-        np.testing.assert_allclose(found.derivatives[contact[0]][at], expected, rtol=accuracy)
+        np.testing.assert_allclose(found.derivatives[contact[0]][at], expected, rtol=entry_accuracy)
+
+
+def test_derivatives_take_few_more_steps_than_the_motion_alone():
+    """Their forces begin and end as roots of time; steps that don't know are twice as many."""
+    pendulum = cj.double_pendulum()
+    plain = cj.simulate(*pendulum, 0.1, cj.presets.derivatives)
+    for settings, more in ((cj.presets.derivatives, 1.45), (cj.presets.identification, 1.1)):
+        found = cj.sensitivities(*pendulum, 0.1, PARAMETERS, OUTPUTS, TIMES, settings)
+        assert found.attempts < more * plain.attempts
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -153,6 +172,31 @@ def test_closed_forms_of_an_oscillator():
     )
     np.testing.assert_allclose(found.values["x"], 0.3 * np.cos(angle), atol=1e-9)
     np.testing.assert_allclose(found.derivatives["x"], expected, atol=1e-8)
+
+
+def test_many_times_are_looked_at_in_blocks():
+    """A loop copies at every turn what it has written so far, so that 4096 rows of one loop took
+    ten times as long as their run. What is seen is the same."""
+    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    times = np.linspace(0.0, 1.5, 301)
+    arguments = _oscillator(), parameters, {"x": Q.Position("mass", "x")}
+    many, few = (
+        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::stride]) for stride in (1, 10)
+    )
+    for name in ("values", "derivatives"):
+        all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]
+        np.testing.assert_allclose(all_rows[::10], some, rtol=1e-12, atol=1e-15)
+    scene, state = arguments[0]
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
+
+    def program(times, *span):
+        return followed(scheme, family, arguments[2], times, *span, 1000)[0].derivatives
+
+    blocks = body_of(jax.make_jaxpr(program)(jnp.zeros(512), 0.0, 0.1, 1e-7), "scan")
+    lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]
+    assert lengths == [64]
 
 
 def test_a_run_that_fails_keeps_what_it_reached():

@@ -14,7 +14,7 @@ from clearjoint import presets
 from tests.support.rotor import INERTIA, SPEED, angle, rotor, stiffness_axis
 
 FINER = ("look", "default", "study", "reference")
-NAMES = (*FINER, "derivatives")
+NAMES = (*FINER, "derivatives", "identification")
 RUNNERS = (
     cj.simulate,
     cj.sweep,
@@ -53,6 +53,12 @@ def test_presets_get_finer():
     assert presets.default == cj.Settings()
 
 
+def test_fits_take_the_states_of_derivatives_and_looser_slopes():
+    loose = presets.identification.derivative_tolerance
+    assert presets.identification == replace(presets.derivatives, derivative_tolerance=loose)
+    assert loose > presets.derivatives.derivative_tolerance
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -63,6 +69,8 @@ def test_presets_get_finer():
         ({"atol": np.nan}, "`atol` must be finite"),
         ({"first_step": 0.0}, "`first_step` must be positive, but is 0.0: give a step in s"),
         ({"landing_tolerance": -1e-9}, "`landing_tolerance` must be positive"),
+        ({"derivative_tolerance": None}, "`derivative_tolerance` must be a number, but is None"),
+        ({"derivative_tolerance": 0.0}, "`derivative_tolerance` must be positive"),
         ({"max_steps": 1e6}, "`max_steps` must be a whole number"),
         ({"solver": diffrax.Tsit5}, r"`solver` must be an object such as diffrax.Tsit5\(\)"),
         ({"solver": diffrax.KenCarp4()}, "`solver` must be a solver of ordinary"),

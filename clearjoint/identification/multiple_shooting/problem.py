@@ -65,7 +65,7 @@ class Shooting:
         settings: Settings | None,
     ):
         check_parameters(parameters)
-        self.settings = settings_or(settings, presets.derivatives)
+        self.settings = settings_or(settings, presets.identification)
         self.scheme: Scheme = derivative_scheme(scene, state, self.settings, start_time)
         self.base = parametrised(scene, state, parameters, np.zeros(len(parameters)))
         self.scales = [parameter.scale for parameter in parameters.values()]

@@ -25,6 +25,7 @@ from ...results import RESULTS
 from ..advance import Recorder, Stride, advance, latest_bracket
 from ..aliases import Integers
 from ..dense_output import Bracket, Snapshot, on_constraints
+from ..grading import FromBegin
 from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
@@ -283,9 +284,8 @@ def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Br
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
     row = Snapshot(step.t, step.y, step.memory)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    return Bracket(
-        row, row, stages, step.proposal.begins_contact if shapes.graded is not None else None
-    )
+    grading = None if shapes.grading is None else FromBegin(step.proposal.begins_contact)
+    return Bracket(row, row, stages, grading)
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:

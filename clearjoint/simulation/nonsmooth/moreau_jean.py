@@ -68,7 +68,7 @@ class StepEnd(eqx.Module):
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
     """One step of length h from time t, s; elements that change at t have changed."""
     middle_time = t + 0.5 * h
-    t = seen(rigid.system.scene, t, t)
+    t = seen(rigid.system, t, t)
     middle, free = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = rigid.system.mechanics(free)
     contacts = touches(rigid.system.scene, mechanics.motions)

@@ -96,11 +96,11 @@ def _with_breakpoints(
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
     """The run with the velocities that drivers want from `stop` on, if one changes there."""
-    since = since_breakpoints(system.scene, start, stop)
+    since = since_breakpoints(system, start, stop)
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
-    time = seen(system.scene, stop, stop)
+    time = seen(system, stop, stop)
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
         lambda variables: system.project_velocities(variables, time),

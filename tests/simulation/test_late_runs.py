@@ -1,0 +1,88 @@
+"""Derivatives of runs that start long after time zero, where times are rounded coarsely."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.extend import UNIT_X, ZERO
+
+LATE = (2.0**14, 2.0**20)
+"""s: at 2^20 times are told apart by 1e-10 s, in which an impact travels a hundred times as far as
+steps land from it."""
+CLEARANCE = cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log())
+HEIGHT, ENTRY = cj.quantities.Position("arm 2", "y"), cj.quantities.EntrySpeed("shoulder", "V")
+
+
+def _impacts(start):
+    """A run across the first impact, its times sums of powers of two: exact wherever it starts."""
+    return cj.sensitivities(
+        *cj.double_pendulum(),
+        start + 2.0**-6,
+        {"clearance": CLEARANCE},
+        {"height": HEIGHT, "entry": ENTRY, "time": lambda now: now.time},
+        start + np.array([2.0**-7, 2.0**-7 + 2.0**-9, 2.0**-6]),
+        start_time=start,
+        save=cj.Saving(impacts=True),
+    )
+
+
+def test_a_run_is_the_same_whenever_it_starts():
+    early = _impacts(0.0)
+    assert early.impacts is not None
+    for start in LATE:
+        late = _impacts(start)
+        assert late.impacts is not None
+        assert late.attempts == early.attempts and late.time == start + early.time
+        np.testing.assert_array_equal(late.values["time"], start + early.times)
+        for name in ("height", "entry"):
+            np.testing.assert_allclose(late.values[name], early.values[name], rtol=1e-9)
+            np.testing.assert_allclose(late.derivatives[name], early.derivatives[name], rtol=1e-9)
+        np.testing.assert_allclose(late.impacts.onset, start + early.impacts.onset, rtol=1e-15)
+        np.testing.assert_allclose(late.impacts.duration, early.impacts.duration, rtol=1e-9)
+
+
+class Push(cj.AbstractForce):
+    """A force along X on a body from a time on, s, growing by `slope` from there, N/s."""
+
+    body: str = eqx.field(static=True)
+    since: float
+    slope: float
+
+    def body_names(self):
+        return (self.body,)
+
+    def breakpoints(self):
+        return self.since
+
+    def wrenches(self, motions, t):
+        load = jnp.where(t < self.since, 0.0, 1.0 + self.slope * (t - self.since))
+        return {self.body: motions[self.body].wrench(UNIT_X * load, ZERO)}
+
+
+@pytest.mark.parametrize("start", [0.0, 2.0**20])
+def test_what_changes_with_time_does_so_by_the_clock_of_the_scene(start):
+    """m x'' = 1 + b s, s = t - t_s, so x = (s^2/2 + b s^3/6)/m, with sections where x = x_0."""
+    mass, slope, after = 2.0, 3.0, 0.75
+    push = Push("mass", start + 0.25, slope)
+    scene = cj.Scene({"mass": cj.Body(mass, (1.0, 1.0, 1.0))}, forces={"push": push})
+    place = cj.quantities.Position("mass", "x")
+    reached = (0.5**2 / 2.0 + slope * 0.5**3 / 6.0) / mass
+    section = cj.Section(lambda now: place(now) - reached, {"x": (place, "m")}, 2)
+    found = cj.sensitivities(
+        scene,
+        cj.State({"mass": cj.body_state((0.0, 0.0, 0.0))}),
+        start + 1.0,
+        {"since": cj.Parameter(lambda s: s.forces["push"].since)},
+        {"x": place},
+        [start + 0.125, start + 1.0],
+        start_time=start,
+        save=cj.Saving(sections={"reached": section}),
+    )
+    x = (after**2 / 2.0 + slope * after**3 / 6.0) / mass
+    np.testing.assert_allclose(found.values["x"], [0.0, x], rtol=1e-8, atol=1e-12)
+    to_since = -(after + slope * after**2 / 2.0) / mass
+    np.testing.assert_allclose(found.derivatives["x"][:, 0], [0.0, to_since], rtol=1e-8)
+    crossed = found.sections["reached"].times - start
+    np.testing.assert_allclose(crossed, 0.75, atol=0.01)  # roughly, in a step that long
