@@ -1,9 +1,9 @@
 """Sweeps of the double pendulum against single runs: states, saved rows, peaks, counts, energies.
 
-Until the second impact a lane equals the single run to rounding, which the first impact magnifies to
-1e-11. In free flight the error of a step is rounding itself, and the next step's size follows from
-it; from then on both are runs of different steps, and agree to the tolerance as far as the motion's
-chaos allows.
+Until the second impact a lane equals the single run to rounding, which the first impact magnifies
+to 1e-11. In free flight the error of a step is rounding itself, and the next step's size follows
+from it; from then on both are runs of different steps, and agree to the tolerance as far as the
+motion's chaos allows.
 """
 
 from dataclasses import fields
