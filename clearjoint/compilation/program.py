@@ -27,6 +27,11 @@ class CallsBackError(Exception):
     """A program that calls Python functions of the process that compiled it."""
 
 
+class ForeignCodeError(Exception):
+    """A program that calls functions of a library, LAPACK's say, which tracing makes ready: another
+    process, which does not trace it, would call what isn't there."""
+
+
 class Place(enum.Enum):
     """Where an array stands in a result."""
 
@@ -34,6 +39,8 @@ class Place(enum.Enum):
 
 
 PLACE = Place.ARRAY
+_FOREIGN = "custom_call_target="
+"""What a program has in its text that calls functions of a library."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +68,12 @@ class Program:
     def content(self) -> bytes:
         """All that another process needs to run it.
 
-        **Raises:** what says that it can't be written: an error of JAX or of `pickle`.
+        **Raises:** `ForeignCodeError`, or an error of JAX or of `pickle`.
         """
         executable = self.compiled.runtime_executable()
         assert executable is not None
+        if any(_FOREIGN in module.to_string() for module in executable.hlo_modules()):
+            raise ForeignCodeError
         devices = [device.id for device in executable.local_devices()]
         program = _serialised(self.compiled, self.read)
         result = pickle.dumps(self.result)

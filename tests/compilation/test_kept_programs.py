@@ -108,6 +108,18 @@ def test_what_came_from_the_cache_of_jax_is_kept_too(compiled, tmp_path):
     np.testing.assert_array_equal(loaded, fresh)
 
 
+def solved(matrix):
+    """A function that calls LAPACK."""
+    return jnp.linalg.eigh(matrix)[0]
+
+
+def test_what_calls_a_library_is_not_kept(compiled, tmp_path):
+    """Tracing makes LAPACK ready: a process that loaded the program crashed at its first call."""
+    matrix = np.diag([2.0, 1.0])
+    np.testing.assert_allclose(Compiled(solved)(matrix), [1.0, 2.0])
+    assert compiled == ["solved"] and files(tmp_path) == []
+
+
 class Other(eqx.Module):
     first: Any
     second: Any
