@@ -6,7 +6,7 @@ in the same program: one with fewer places, which is compiled anew, rounds other
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -29,6 +29,11 @@ from .device_pool import (
     replaced,
 )
 from .lane import Outcome
+
+BLOCK_ROWS = 256
+"""Recorded rows of each lane that are read at once."""
+Rows = np.ndarray
+"""What a lane has recorded in a log: (rows, columns)."""
 
 
 @dataclass(frozen=True)
@@ -159,28 +164,65 @@ class Batch:
         finished: np.ndarray,
         on_ended: Callable[[Ended], None],
     ) -> None:
-        tables, counts = self._tables(seats, sitting)
-        tables = jax.device_put(tables, self._across)
-        outcomes, channels = jax.device_get(harvest(self._common, self._mesh, seats, tables))
+        rows = self._rows(sitting)
+        outcomes, channels = self._harvested(seats, rows)
         for k in np.flatnonzero(finished):
             lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (outcomes, channels))
-            logs = {name: (values, int(counts[name][k])) for name, values in read.items()}
+            logs = {name: (values, len(rows[name][k])) for name, values in read.items()}
             on_ended(Ended(int(sitting[k]), lane, logs))
             for name in self._lengths:
                 self._logs.pop((name, int(sitting[k])), None)
             sitting[k] = -1
 
-    def _tables(
-        self, seats: Seat, sitting: np.ndarray
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """The logs of the pool's lanes, (seats, rows, columns), and how many rows are filled."""
-        tables, counts = {}, {}
-        for name, ring in self._common.logs(seats.lane).items():
-            columns = sum(leaf[0].size for leaf in jax.tree.leaves(ring.slots[0]))
-            tables[name] = np.zeros((len(sitting), self._lengths[name], columns))
-            counts[name] = np.zeros(len(sitting), int)
-            for k, lane in enumerate(sitting):
-                for rows in self._logs.get((name, int(lane)), []):
-                    tables[name][k, counts[name][k] :][: len(rows)] = rows
-                    counts[name][k] += len(rows)
-        return tables, counts
+    def _rows(self, sitting: np.ndarray) -> dict[str, list[Rows]]:
+        """By log, what each seat of the pool has recorded."""
+        none: list[Rows] = [np.zeros((0, 0))]
+        return {
+            name: [np.concatenate(self._logs.get((name, int(lane)), none)) for lane in sitting]
+            for name in self._lengths
+        }
+
+    def _harvested(
+        self, seats: Seat, rows: Mapping[str, Sequence[Rows]]
+    ) -> tuple[Outcome, dict[str, dict[str, np.ndarray]]]:
+        """Outcomes (seats,) and channels (seats, rows), by log and name, of the lanes of the pool.
+
+        Rows are read block by block: a table of all rows that 512 seats may have can be hundreds of
+        megabytes. Blocks have one length, so that the bits of a row depend on nobody's others.
+        """
+        lengths = {name: min(length, BLOCK_ROWS) for name, length in self._lengths.items()}
+        filled = [-(-max(map(len, rows[name])) // lengths[name]) for name in rows]
+        blocks = []
+        for number in range(max([1, *filled])):
+            tables = {
+                name: self._table(seats, name, rows[name], number * length, length)
+                for name, length in lengths.items()
+            }
+            tables = jax.device_put(tables, self._across)
+            blocks.append(jax.device_get(harvest(self._common, self._mesh, seats, tables)))
+        outcomes, first = blocks[0]
+        return outcomes, {
+            name: {
+                key: _lengthened(np.concatenate([b[name][key] for _, b in blocks], axis=1), length)
+                for key in first[name]
+            }
+            for name, length in self._lengths.items()
+        }
+
+    def _table(
+        self, seats: Seat, name: str, rows: Sequence[Rows], first: int, length: int
+    ) -> np.ndarray:
+        """A log's rows from the `first` on, (seats, length, columns), and zeros behind them."""
+        slot = self._common.logs(seats.lane)[name].slots[0]
+        columns = sum(leaf[0].size for leaf in jax.tree.leaves(slot))
+        table = np.zeros((len(rows), length, columns))
+        for k, own in enumerate(rows):
+            if len(block := own[first : first + length]):
+                table[k, : len(block)] = block
+        return table
+
+
+def _lengthened(columns: np.ndarray, length: int) -> np.ndarray:
+    """Columns (seats, rows) of so many rows: cut, or with zeros behind."""
+    missing = max(length - columns.shape[1], 0)
+    return np.pad(columns[:, :length], ((0, 0), (0, missing)))
