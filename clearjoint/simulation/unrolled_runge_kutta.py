@@ -180,8 +180,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
 
     Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
-    diffrax's interpolant, which is linear in the stages: of variables that have one stage each. Each
-    operation is JAX's own, so that the digits are the same on every processor.
+    diffrax's interpolant, which is linear in the stages: of as many variables, with one stage each.
+    No compiler fuses its operations, so that the digits are the same on every processor.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
