@@ -34,20 +34,24 @@ class HostFirst(Generic[Arguments, Result]):
         """The function's result."""
         structure = jax.tree.structure((arguments, options))
         if structure not in self._need_jax:
-            found = self._by_numpy(jax.tree.map(_on_host, (arguments, options)))
+            found = self._by_numpy(*jax.tree.map(_on_host, (arguments, options)))
             if found:
                 return found[0]
             self._need_jax.add(structure)
         return self._compiled(*arguments, **options)
 
-    def _by_numpy(self, numbers: tuple[PyTree, PyTree]) -> list[Result]:
+    def programs(self) -> int:
+        """How many programs have been compiled, or loaded."""
+        return self._compiled.programs()
+
+    def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:
         """The result, and nothing if it takes JAX. While JAX traces, whatever it computes is
         traced, even of known numbers."""
-        arguments, options = numbers
+        function: Callable[..., Result] = self.__wrapped__
         found: list[Result] = []
         with np.errstate(all="ignore"):
             try:
-                jax.eval_shape(lambda: found.append(self.__wrapped__(*arguments, **options)))
+                jax.eval_shape(lambda: found.append(function(*arguments, **options)))
             except Exception:
                 return []
         return [] if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(found)) else found

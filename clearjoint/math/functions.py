@@ -4,14 +4,12 @@ that nothing is compiled for what the host computes; of what JAX traces they are
 import jax
 from jax.core import Tracer
 
-from .vectors import Condition, Scalar, library
+from .vectors import Condition, Scalar, alike, library
 
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
     """The first number where the condition holds, the second elsewhere."""
-    if all(isinstance(part, Tracer) for part in (condition, first, second)) and (
-        first.aval == second.aval and condition.shape == first.shape
-    ):
+    if isinstance(condition, Tracer) and alike(first, second) and not condition.shape:
         return jax.lax.select(condition, first, second)
     return library((condition, first, second)).where(condition, first, second)
 

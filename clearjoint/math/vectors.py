@@ -33,7 +33,7 @@ def _is(value: Scalar, number: float) -> bool:
     return isinstance(value, int | float) and value == number
 
 
-def _alike(a: Scalar, b: Scalar) -> bool:
+def alike(a: Scalar, b: Scalar) -> bool:
     """Whether JAX traces both, as numbers of one kind: then the primitive will do, which costs a
     quarter of the operator's time to trace."""
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
@@ -50,7 +50,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 0):
         return a
-    return jax.lax.add(a, b) if _alike(a, b) else a + b
+    return jax.lax.add(a, b) if alike(a, b) else a + b
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
@@ -62,7 +62,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
         return a
     if _is(a, 0):
         return -b
-    return jax.lax.sub(a, b) if _alike(a, b) else a - b
+    return jax.lax.sub(a, b) if alike(a, b) else a - b
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
@@ -73,7 +73,7 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 1):
         return a
-    return jax.lax.mul(a, b) if _alike(a, b) else a * b
+    return jax.lax.mul(a, b) if alike(a, b) else a * b
 
 
 def square_root(a: Scalar) -> Scalar:
