@@ -1,6 +1,6 @@
 """Functions that JAX compiles at their first call, and programs that are kept on disk.
 
-- `Compiled` and `traced_once` wrap functions.
+- `Compiled`, `HostFirst` and `traced_once` wrap functions.
 - `keep_programs` switches on or off that compiled programs are kept for the next process, and
   `keeps_programs` says whether that is on.
 - `seconds_of_compiling` tells for how long a program has been in the making.
@@ -8,6 +8,7 @@
 
 from .clock import seconds_of_compiling as seconds_of_compiling
 from .compiled import Compiled as Compiled
+from .host_first import HostFirst as HostFirst
 from .kept_programs import keep_programs as keep_programs
 from .kept_programs import keeps_programs as keeps_programs
 from .tracing import traced_once as traced_once

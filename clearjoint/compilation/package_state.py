@@ -13,8 +13,9 @@ import types
 from collections.abc import Iterable, Iterator
 from functools import cache
 
-from .description import OF_NO_MATTER, Description
+from .description import Description
 from .trusted_code import PACKAGE, wrote
+from .value_words import OF_NO_MATTER
 
 _SETTINGS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
 """Modules whose variables are those of the process; nothing in them is traced."""

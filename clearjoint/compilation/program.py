@@ -14,8 +14,9 @@ from jax._src.lib import xla_client  # pyright: ignore
 from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
-from .description import UndescribedError, described
+from .description import described
 from .jax_cache import recorded_reads
+from .words import UndescribedError
 
 Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
 """Arguments whose memory the result may take, as of `equinox.filter_jit`."""

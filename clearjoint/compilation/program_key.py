@@ -19,10 +19,11 @@ from jax.core import Tracer
 from jax.sharding import NamedSharding, SingleDeviceSharding
 from jaxtyping import PyTree
 
-from .description import Description, UndescribedError
+from .description import Description
 from .package_state import held, source
 from .program import Options, Positional
 from .trusted_code import versions
+from .words import UndescribedError
 
 _OF_NO_MATTER = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Parts of names of settings that no program depends on."""

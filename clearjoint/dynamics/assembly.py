@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..compilation import Compiled
+from ..compilation import Compiled, HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import require, require_finite
 from ..fields.conversion import on_device
@@ -186,7 +186,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     )
 
 
-@Compiled
+@HostFirst
 def _round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:

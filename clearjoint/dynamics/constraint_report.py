@@ -6,11 +6,10 @@ from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ..compilation import Compiled
+from ..compilation import Compiled, HostFirst
 from ..fields.conversion import on_device
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
@@ -64,7 +63,7 @@ def constraint_report(
     redundancy among the rows that remain. Otherwise among all, in their order.
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    values = _constraints_compiled(scene, coordinates, state, on_device(t))
+    values = _constraints_first_on_host(scene, coordinates, state, on_device(t))
     return _report(values, len(scene.bodies), {})
 
 
@@ -129,8 +128,8 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
     absolute = AbsoluteCoordinates()
     mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
     rows = constraint_rows(scene, absolute, mechanics.motions, t)
-    values = _each(rows, lambda row: jnp.asarray(row.value))
-    rates = _each(rows, lambda row: jnp.asarray(row_rate(row, mechanics.motions)))
+    values = _each(rows, lambda row: as_array([row.value])[0])
+    rates = _each(rows, lambda row: as_array([row_rate(row, mechanics.motions)])[0])
     jacobian = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     rows = constraint_rows(scene, coordinates, mechanics.motions, t)
@@ -138,7 +137,7 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
     return _Rows(values, rates, jacobian, remaining)
 
 
-_constraints_compiled = Compiled(_constraints)
+_constraints_first_on_host = HostFirst(_constraints)
 
 
 @Compiled

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import jax
 import numpy as np
 
-from ..compilation import Compiled
+from ..compilation import Compiled, HostFirst
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.conversion import on_device
@@ -165,7 +165,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
     return {name: float(number) for name, number in by_name.items()}
 
 
-@Compiled
+@HostFirst
 def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))

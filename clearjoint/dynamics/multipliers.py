@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
-from ..math.vectors import Scalar, add, is_zero, multiply
+from ..math.vectors import Scalar, add, is_zero, library, multiply
 from ..model.bodies import GROUND
 from ..model.joints.base import Motions, Row
 from .coordinates import AbstractMechanics, Speeds
@@ -71,8 +71,9 @@ def _dense_response(
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Scalars as one array (n,) of floats."""
-    return jnp.stack([jnp.asarray(number, dtype=float) for number in numbers])
+    """Scalars as one array (n,) of floats; of numpy, if the numbers are."""
+    numpy = library(numbers)
+    return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:

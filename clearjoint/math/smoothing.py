@@ -7,7 +7,8 @@ continuous derivative, one of width ``None`` is the exact positive part.
 
 import jax.numpy as jnp
 
-from .vectors import Scalar, Vector
+from .functions import where
+from .vectors import Scalar, Vector, square_root
 
 _TINY = 1e-200
 
@@ -27,9 +28,9 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector."""
     square = vector.dot(vector)
     vanishes = square <= _TINY
-    norm = jnp.sqrt(jnp.where(vanishes, 1.0, square))
-    inverse = jnp.where(vanishes, 0.0, 1.0 / norm)
-    return jnp.where(vanishes, 0.0, norm), vector * inverse
+    norm = square_root(where(vanishes, 1.0, square))
+    inverse = where(vanishes, 0.0, 1.0 / norm)
+    return where(vanishes, 0.0, norm), vector * inverse
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:

@@ -10,7 +10,7 @@ program is compiled for each pattern of zeros and ones, not for each number.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import TypeAlias, overload
@@ -33,7 +33,7 @@ def _is(value: Scalar, number: float) -> bool:
     return isinstance(value, int | float) and value == number
 
 
-def _alike(a: Scalar, b: Scalar) -> bool:
+def alike(a: Scalar, b: Scalar) -> bool:
     """Whether JAX traces both, as numbers of one kind: then the primitive will do, which costs a
     quarter of the operator's time to trace."""
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
@@ -50,7 +50,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 0):
         return a
-    return jax.lax.add(a, b) if _alike(a, b) else a + b
+    return jax.lax.add(a, b) if alike(a, b) else a + b
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
@@ -62,7 +62,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
         return a
     if _is(a, 0):
         return -b
-    return jax.lax.sub(a, b) if _alike(a, b) else a - b
+    return jax.lax.sub(a, b) if alike(a, b) else a - b
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
@@ -73,12 +73,12 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 1):
         return a
-    return jax.lax.mul(a, b) if _alike(a, b) else a * b
+    return jax.lax.mul(a, b) if alike(a, b) else a * b
 
 
 def square_root(a: Scalar) -> Scalar:
     """The square root; of a Python number, a Python number, and of numpy's numpy's."""
-    return math.sqrt(a) if isinstance(a, int | float) else _library([a]).sqrt(a)
+    return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 
 @jax.tree_util.register_dataclass
@@ -294,16 +294,16 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
         rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
-        return _library(rows).stack(rows, axis=-2)
+        return library(rows).stack(rows, axis=-2)
     if isinstance(leaf, Vector | EulerParameters):
         parts = jax.tree.leaves(leaf)
-        numpy = _library(parts)
+        numpy = library(parts)
         return numpy.stack(numpy.broadcast_arrays(*parts), axis=-1)
     return leaf
 
 
-def _library(parts: list[Scalar]) -> ModuleType:
-    """numpy for numpy values, so that the host's own packing compiles nothing; else JAX."""
+def library(parts: Sequence[Scalar]) -> ModuleType:
+    """numpy for numbers of numpy and Python, for which nothing is compiled; else JAX's."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 

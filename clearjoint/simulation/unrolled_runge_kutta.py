@@ -180,18 +180,16 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
 
     Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
-    diffrax's interpolant, which is linear in the stages.
+    diffrax's interpolant, which is linear in the stages: of as many variables, with one stage each.
+    No compiler fuses its operations, so that the digits are the same on every processor.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
-    rows = []
+    numbers = np.zeros(stages), np.asarray(tableau.b_sol), np.eye(stages)
     with jax.ensure_compile_time_eval():
-        for k in range(stages):
-            unit = np.zeros(stages)
-            unit[k] = 1.0
-            y0, y1 = jnp.zeros(()), jnp.asarray(unit @ np.asarray(tableau.b_sol))
-            dense = method.interpolation_cls(t0=0.0, t1=1.0, y0=y0, y1=y1, k=jnp.asarray(unit))
-            rows.append([float(dense.evaluate(place)) for place in x])
-    return np.linalg.solve(np.vander(x, increasing=True), np.array(rows).T).T
+        y0, y1, k = map(jax.device_put, numbers)
+        dense = method.interpolation_cls(t0=0.0, t1=1.0, y0=y0, y1=y1, k=k)
+        values = np.array([dense.evaluate(place) for place in x])
+    return np.linalg.solve(np.vander(x, increasing=True), values).T

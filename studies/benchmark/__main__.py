@@ -4,7 +4,8 @@
     python -m studies.benchmark sweep [--quick] [--devices N] [--repeats N] [--json FILE]
     python -m studies.benchmark scaling [--quick] [--json FILE]
     python -m studies.benchmark gradients [--quick] [--repeats N] [--json FILE]
-    python -m studies.benchmark first-result | first-calls | options | profile
+    python -m studies.benchmark first-calls [--quick] [--repeats N] [--json FILE]
+    python -m studies.benchmark first-result | options | profile
 
 The paper's double pendulum (0.5 mm, restitution 0.9) in all programs. They run in turn, A B C A B
 C, after a first run each that compiles. clearjoint's time is that of a whole call of `simulate`,
@@ -42,8 +43,8 @@ def first_result(options: argparse.Namespace) -> None:
 
 
 def calls_of_fresh_processes(options: argparse.Namespace) -> None:
-    """First run, sweep and derivatives of fresh processes, with empty and filled cache."""
-    records = first_calls.first_calls(options.repeats)
+    """Import, first runs, sweeps and derivatives of fresh processes, and what they should take."""
+    records = first_calls.first_calls(options.repeats, options.quick)
     rows = [tuple(records[0]), *(tuple(map(_shown, record.values())) for record in records)]
     report(options.json, rows, records)
 
@@ -87,6 +88,7 @@ QUICK = {
     "pendulum": f"{pendulum.QUICK:g} s, once",
     "sweep": f"{sweep.QUICK_LANES} lanes, {sweep.QUICK_SPAN:g} s, once",
     "scaling": "few lanes and bodies, once",
+    "first-calls": "the import and the pendulum's first run, once",
     "gradients": f"{gradients.QUICK_SPAN:g} s, one tolerance and one parameter, once",
 }
 

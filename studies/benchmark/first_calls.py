@@ -1,26 +1,34 @@
-"""What a user waits for: the first run, sweep and derivatives of a fresh Python.
+"""What a user waits for: import, first runs, sweeps and derivatives of a fresh Python.
 
-Run by ``python -m studies.benchmark first-calls``: the paper's double pendulum, and a four-bar with
-two plays and friction; each call alone in a process, first with an empty cache folder and then with
-that filled.
+Run by ``python -m studies.benchmark first-calls``: the paper's double pendulum, a four-bar with two
+plays and friction, and eight bodies with clearance; each call alone in a process, first with an
+empty cache folder and then with that filled. And the paper's study, as from a fresh clone.
 """
 
 import json
-import math
+import os
+import resource
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 import clearjoint as cj
-from studies.common.fresh_process import in_process
+from studies.benchmark.chain import chain
+from studies.benchmark.four_bar import four_bar
+from studies.common.fresh_process import ROOT, in_process
 from studies.common.report import Record
 
 SPAN = 0.02
 """Simulated time, s: hardly any, so that what is measured is what comes before."""
 LANES = 8
+RODS = 8
+IMPORT_AIM, STUDY_AIM = 1.4, 20.0
+"""s: of processor time for the import, of wall time for the paper's study."""
 FRESH = """
 import sys, time
 wall, processor = time.perf_counter(), time.process_time()
@@ -30,82 +38,89 @@ cj.configure(cache=sys.argv[1])
 from studies.benchmark.first_calls import print_first_call
 print_first_call(sys.argv[2], sys.argv[3], wall, processor)
 """
-
-
-def four_bar() -> tuple[cj.Scene, cj.State]:
-    """A four-bar of 0.1, 0.3 and 0.25 m on feet 0.3 m apart, whose coupler has play at both ends,
-    with friction; and its state at rest."""
-    foot, crank = np.array([0.3, 0.0, 0.0]), 0.1 * np.array([math.cos(0.9), math.sin(0.9), 0.0])
-    across = foot - crank
-    reach = float(np.linalg.norm(across))
-    along = (0.3**2 - 0.25**2 + reach**2) / (2.0 * reach)
-    normal = np.array([-across[1], across[0], 0.0]) / reach
-    tip = crank + along * across / reach + math.sqrt(0.3**2 - along**2) * normal
-    bodies = {
-        name: cj.Body(mass, (1e-5, mass * length**2 / 12, mass * length**2 / 12))
-        for name, mass, length in (
-            ("crank", 0.2, 0.1),
-            ("coupler", 0.4, 0.3),
-            ("rocker", 0.35, 0.25),
-        )
-    }
-    origin, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-
-    def play(bearing: str, journal: str, here: float, there: float) -> cj.ClearanceJoint:
-        return cj.ClearanceJoint(
-            bearing,
-            journal,
-            bearing_point=(here, 0.0, 0.0),
-            journal_point=(there, 0.0, 0.0),
-            bearing_radius=10e-3,
-            clearance=0.2e-3,
-            journal_length=20e-3,
-            law=cj.LankaraniNikravesh(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3)),
-            friction=cj.RegularisedCoulomb(0.1),
-        )
-
-    def hinge(body: str, here: tuple[float, ...], there: float) -> cj.RevoluteJoint:
-        return cj.RevoluteJoint("ground", body, here, (there, 0.0, 0.0), axis, axis)
-
-    joints = {
-        "crank foot": hinge("crank", origin, -0.05),
-        "crank pin": play("crank", "coupler", 0.05, -0.15),
-        "rocker pin": play("coupler", "rocker", 0.15, 0.125),
-        "rocker foot": hinge("rocker", (0.3, 0.0, 0.0), -0.125),
-    }
-
-    def between(start: np.ndarray, end: np.ndarray) -> cj.BodyState:
-        half = 0.5 * math.atan2(end[1] - start[1], end[0] - start[0])
-        return cj.body_state(0.5 * (start + end), (math.cos(half), 0.0, 0.0, math.sin(half)))
-
-    ends = {"crank": (np.zeros(3), crank), "coupler": (crank, tip), "rocker": (foot, tip)}
-    state = cj.State({name: between(*points) for name, points in ends.items()})
-    return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), state
-
-
 MECHANISMS: dict[str, tuple[Callable[[], tuple[cj.Scene, cj.State]], str, str]] = {
     "double pendulum": (lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
     "four-bar": (four_bar, "crank pin", "coupler"),
+    "eight bodies": (lambda: chain(RODS), "joint 1", f"rod {RODS}"),
 }
 """By name what makes it, and a joint and a body of it."""
-CALLS = ("simulate", "sweep", "sensitivities")
 
 
-def first_calls(repeats: int) -> list[dict[str, Any]]:
-    """Times of each first call with an empty cache folder, and the least with that filled."""
-    return [
-        {"mechanism": mechanism, "call": call, "cache": cache, **times}
-        for mechanism in MECHANISMS
-        for call in CALLS
-        for cache, times in _with_a_cache(mechanism, call, repeats)
+@dataclass(frozen=True)
+class FirstCall:
+    """A call of a mechanism, and how much processor time it should take, s: with an empty cache
+    folder, and, unless there is no aim for that, with a filled one."""
+
+    mechanism: str
+    call: str
+    cold: float
+    warm: float | None = None
+
+
+QUICK = (FirstCall("double pendulum", "simulate", 4.0, 1.0),)
+CALLS = (
+    *QUICK,
+    FirstCall("double pendulum", "sweep", 10.0, 1.5),
+    FirstCall("double pendulum", "sensitivities", 12.0, 2.0),
+    FirstCall("four-bar", "simulate", 6.0, 1.0),
+    FirstCall("four-bar", "sweep", 15.0, 2.0),
+    FirstCall("four-bar", "sensitivities", 15.0, 2.0),
+    FirstCall("eight bodies", "sweep", 25.0),
+)
+
+
+def first_calls(repeats: int, quick: bool = False) -> list[Record]:
+    """Times of the import, of each first call and of the paper's study, beside what they should be.
+
+    Those with an empty folder are measured once, the others `repeats` times, of which the least is
+    taken. `quick`: the import and the pendulum's first run alone.
+    """
+    imports: list[Record] = []
+    calls = [
+        record
+        for first in (QUICK if quick else CALLS)
+        for record in _with_a_cache(first, repeats, imports)
     ]
+    studies = [] if quick else [_record("paper's study", "empty", _study(), STUDY_AIM, "s")]
+    return [_record("import", "", _least(imports), IMPORT_AIM), *calls, *studies]
 
 
-def _with_a_cache(mechanism: str, call: str, repeats: int) -> list[tuple[str, Record]]:
+def _record(what: str, cache: str, times: Record, aim: float, of: str = "processor s") -> Record:
+    ratio = {"aim": aim, "times the aim": times[of] / aim}
+    return {"what": what, "cache": cache, **times, **ratio}
+
+
+def _with_a_cache(first: FirstCall, repeats: int, imports: list[Record]) -> Iterator[Record]:
+    """The call's records; times of the imports are added to `imports`."""
+    what = f"{first.mechanism}, {first.call}"
+    runs = repeats + 1 if first.warm is not None else 1
     with tempfile.TemporaryDirectory() as folder:
-        cold, *warm = (in_process(FRESH, folder, mechanism, call)[1] for _ in range(repeats + 1))
-        least = {name: min(times[name] for times in warm) for name in cold}
-        return [("empty", cold), ("filled", least)]
+        found = [in_process(FRESH, folder, first.mechanism, first.call)[1] for _ in range(runs)]
+    imports += [times["import"] for times in found]
+    cold, *warm = (times["call"] for times in found)
+    yield _record(what, "empty", cold, first.cold)
+    if first.warm is not None:
+        yield _record(what, "filled", _least(warm), first.warm)
+
+
+def _least(times: list[Record]) -> Record:
+    return {name: min(one[name] for one in times) for name in times[0]}
+
+
+def _study() -> Record:
+    """Times of the paper's study with an empty cache folder, all of its process."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "studies.double_pendulum", "--output", folder]
+        variables = os.environ | {"CLEARJOINT_CACHE": f"{folder}/cache"}
+        begun, worked = time.perf_counter(), _processor_time_of_children()
+        subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, check=True)
+        wall, processor = time.perf_counter() - begun, _processor_time_of_children() - worked
+    return {"s": wall, "processor s": processor}
+
+
+def _processor_time_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def print_first_call(mechanism: str, call: str, wall: float, processor: float) -> None:
@@ -114,13 +129,8 @@ def print_first_call(mechanism: str, call: str, wall: float, processor: float) -
     scene, state = make()
     begun, worked = time.perf_counter(), time.process_time()
     _call(call, scene, state, joint, body)
-    times = {
-        "import, s": wall,
-        "import, processor s": processor,
-        "call, s": time.perf_counter() - begun,
-        "call, processor s": time.process_time() - worked,
-    }
-    print(json.dumps(times))
+    took = {"s": time.perf_counter() - begun, "processor s": time.process_time() - worked}
+    print(json.dumps({"import": {"s": wall, "processor s": processor}, "call": took}))
 
 
 def _call(call: str, scene: cj.Scene, state: cj.State, joint: str, body: str) -> None:

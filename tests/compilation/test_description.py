@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation.description import Description, UndescribedError, described
+from clearjoint.compilation.description import Description, described
+from clearjoint.compilation.words import UndescribedError
 
 MAIN = """
 import functools
@@ -208,7 +209,8 @@ PACKAGE = """
 import json
 from unittest.mock import Mock, patch
 import clearjoint as cj
-from clearjoint.compilation.description import UndescribedError, described
+from clearjoint.compilation.description import described
+from clearjoint.compilation.words import UndescribedError
 from clearjoint.compilation.package_state import held
 from clearjoint.simulation import stepping
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...math.functions import polar_angle, where
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
 from ..bodies import Motion, Wrench
@@ -102,7 +103,7 @@ def turning_angle(
     )
     rate = (c * s_rate - s * c_rate) * inverse
     swing = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
-    return Row(jnp.arctan2(s, c), jacobian, swing * inverse)
+    return Row(polar_angle(s, c), jacobian, swing * inverse)
 
 
 def turning_about_axes(
@@ -114,7 +115,7 @@ def turning_about_axes(
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
-    b = b * jnp.where(a.dot(b) < 0.0, -1.0, 1.0)
+    b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
 

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
-
+from ...math.functions import where
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion
 
@@ -73,7 +72,7 @@ class JournalBases:
 
     def facing(self) -> Scalar:
         """1 where the journal's axis points along the bearing's, -1 where against it."""
-        return jnp.where(self._arm.dot(self._axis) < 0.0, -1.0, 1.0)
+        return where(self._arm.dot(self._axis) < 0.0, -1.0, 1.0)
 
 
 def _across(vector: Vector, axis: Vector) -> Vector:

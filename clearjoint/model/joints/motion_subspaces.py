@@ -10,9 +10,11 @@ import abc
 from dataclasses import dataclass
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...math.functions import cosine as cosine_of
+from ...math.functions import polar_angle, where
+from ...math.functions import sine as sine_of
 from ...math.rotations import (
     composed,
     conjugate,
@@ -181,19 +183,19 @@ class Hinge(AbstractFreedom):
         """
         turn = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(turn.e1, turn.e2, turn.e3)
-        angle = 2.0 * jnp.arctan2(vector.dot(self.axis), turn.e0)
+        angle = 2.0 * polar_angle(vector.dot(self.axis), turn.e0)
         return JointState(angle, (relative.twist.turn.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
         """The reference, turned by the angle about the axis."""
-        vector = self.axis * jnp.sin(0.5 * position)
-        turn = EulerParameters(jnp.cos(0.5 * position), vector.x, vector.y, vector.z)
+        vector = self.axis * sine_of(0.5 * position)
+        turn = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, turn)
 
     def rotation(self, position: Scalar) -> Matrix:
         """R (b b^T + cos (1 - b b^T) + sin ~b) with constant R, so that two products an entry are
         left, and none where they are zeros and ones."""
-        b, cosine, sine = self.axis, jnp.cos(position), jnp.sin(position)
+        b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
         def row(reference: Vector) -> Vector:
             along = b * reference.dot(b)
@@ -308,7 +310,7 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     if isinstance(axis.z, int | float):
         return _forwards(axis) if axis.z >= 0.0 else _backwards(axis)
     both = zip(_parts(_forwards(axis)), _parts(_backwards(axis)), strict=True)
-    return EulerParameters(*(jnp.where(axis.z >= 0.0, a, b) for a, b in both))
+    return EulerParameters(*(where(axis.z >= 0.0, a, b) for a, b in both))
 
 
 def _forwards(axis: Vector) -> EulerParameters:

@@ -1,0 +1,83 @@
+"""What is computed once a run is computed by numpy, and compiled only where it needs JAX."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.compilation import HostFirst
+from clearjoint.dynamics import assembly, constraint_report, journals
+from clearjoint.math.functions import cosine, polar_angle, sine, where
+from clearjoint.simulation.run_checks import check_structure
+from studies.benchmark.four_bar import four_bar
+
+CHECKS = (
+    constraint_report._constraints_first_on_host,
+    assembly._round_trip,
+    journals._depths,
+)
+
+
+def kinked(x, y):
+    return {"angle": polar_angle(sine(x), cosine(x)) / y, "part": where(x > 1.0, x, -x)}
+
+
+def test_nothing_is_compiled_for_what_numpy_can_compute():
+    function = HostFirst(kinked)
+    found = function(jnp.asarray(0.25), y=2.0)
+    assert function.programs() == 0
+    assert found["angle"] == pytest.approx(0.125) and found["part"] == -0.25
+    assert all(isinstance(leaf, np.ndarray | np.generic) for leaf in jax.tree.leaves(found))
+
+
+def test_numpy_says_nothing_of_what_is_not_finite(recwarn):
+    found = HostFirst(kinked)(np.asarray(0.25), y=np.asarray(0.0))
+    assert np.isinf(found["angle"]) and not recwarn
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: jax.jvp(jnp.sin, (x,), (jnp.ones_like(x),))[1],
+        lambda x: x.at[()].set(jnp.cos(x)),
+    ],
+    ids=["a derivative", "a method of JAX's arrays"],
+)
+def test_what_needs_jax_is_compiled_once(function):
+    asked = []
+
+    def counted(x):
+        asked.append(x)
+        return function(x)
+
+    first = HostFirst(counted)
+    for x in (0.5, 0.75):
+        assert first(jnp.asarray(x)) == pytest.approx(np.cos(x))
+    assert first.programs() == 1 and len(asked) == 2
+
+
+def test_where_under_vmap_takes_each_lane_its_own():
+    x = jnp.linspace(-1.0, 1.0, 5)
+    np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))
+
+
+@pytest.mark.parametrize("mechanism", [cj.double_pendulum, four_bar])
+def test_a_start_is_checked_without_compiling(mechanism):
+    scene, state = mechanism()
+    before = [check.programs() for check in CHECKS]
+    assert check_structure(scene, state, 0.0, cj.Settings().coordinates) is not None
+    assert [check.programs() for check in CHECKS] == before
+
+
+def test_constraints_by_numpy_are_those_compiled():
+    scene, state = four_bar()
+    by_numpy = constraint_report._constraints_first_on_host(
+        scene, cj.AbsoluteCoordinates(), state, jnp.asarray(0.0)
+    )
+    compiled = jax.jit(
+        lambda state: constraint_report._constraints(scene, cj.AbsoluteCoordinates(), state, 0.0)
+    )(state)
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled
+    )
