@@ -17,6 +17,10 @@ REFINEMENTS = 3
 MARGIN = 0.05
 """Of the distance between the outer two of three places: how near to them, at least, a refinement
 stays, so that what follows it divides by no small number."""
+GUESS_MARGIN = 0.1
+"""The same of a place that is guessed from points outside."""
+LARGEST_SHIFT = 0.25
+"""By which the cubic through four points may move the vertex of a parabola, on that distance."""
 
 
 class Slope(NamedTuple):
@@ -154,6 +158,47 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
     slope = left + bend * (middle.place - first.place)
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
     return jnp.clip(middle.place + shift, first.place, last.place)
+
+
+def highest_after(
+    value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
+) -> Point:
+    """The largest value of a function between two of its points, with one more point before them
+    and two more evaluations: at the vertex of the parabola through the three, and at that of the
+    cubic through the four.
+
+    As in `highest` the value is one of the function. The place is the last parabola's vertex, which
+    is nearer to the peak than any place of an evaluation.
+    """
+    margin = GUESS_MARGIN * (last.place - first.place)
+    bends = _bend(before, first, last) < 0.0
+    guess = jnp.where(bends, vertex(before, first, last), 0.5 * (first.place + last.place))
+    guess = jnp.clip(guess, first.place + margin, last.place - margin)
+    middle = Point(guess, value_at(guess))
+    place = _cubic_vertex(before, first, middle, last)
+    one, two, three = _nearest_three(first, middle, last, Point(place, value_at(place)))
+    peaks = (two.value >= one.value) & (two.value >= three.value)
+    top = higher(higher(first, last), two)
+    return Point(jnp.where(peaks, vertex(one, two, three), top.place), top.value)
+
+
+def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
+    """Place of the largest value of the cubic through four points, between the last three: by a
+    Newton step from the vertex of their parabola."""
+    x = vertex(first, middle, last)
+    bend = _bend(first, middle, last)
+    twist = (bend - _bend(before, first, middle)) / _positive(last.place - before.place)
+    a, b, c = x - first.place, x - middle.place, x - last.place
+    slope = twist * (a * b + b * c + c * a)
+    slope_rate = 2.0 * (bend + twist * (a + b + c))
+    limit = LARGEST_SHIFT * (last.place - first.place)
+    shift = -slope / jnp.where(slope_rate < 0.0, slope_rate, -jnp.inf)
+    return jnp.clip(x + jnp.clip(shift, -limit, limit), first.place, last.place)
+
+
+def _bend(first: Point, middle: Point, last: Point) -> Scalar:
+    """Half the second derivative of the parabola through three points."""
+    return (_slope(middle, last) - _slope(first, middle)) / _positive(last.place - first.place)
 
 
 def highest(

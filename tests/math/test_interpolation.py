@@ -14,6 +14,7 @@ from clearjoint.math.interpolation import (
     hermite_root,
     hermite_value,
     highest,
+    highest_after,
     secant_root,
     vertex,
 )
@@ -79,6 +80,47 @@ def test_the_highest_value_of_a_lopsided_hill_is_found_wherever_it_is(top):
     assert float(found.value) == pytest.approx(float(value(place)), rel=1e-9)
     assert float(found.place) == pytest.approx(place, abs=1e-2)
     assert float(found.value) == pytest.approx(float(value(found.place)), rel=1e-14)
+
+
+@pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
+@pytest.mark.parametrize("before", [-0.2, -1.0, -1.5])
+def test_two_evaluations_find_it_with_a_point_before(top, before):
+    """To a hundred-thousandth, and its place to a hundredth of a step."""
+
+    def value(x):
+        angle = 0.3 * (x - top)
+        return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
+
+    places = []
+
+    def counted(x):
+        places.append(float(x))
+        return value(x)
+
+    found = highest_after(counted, *(Point(x, value(x)) for x in (before, 0.0, 1.0)))
+    place = min(max(top, 0.0), 1.0)
+    assert float(found.value) == pytest.approx(float(value(place)), rel=1e-5)
+    assert float(found.place) == pytest.approx(place, abs=1e-2)
+    assert len(places) == 2
+    assert float(found.value) in [float(value(x)) for x in (0.0, *places, 1.0)]
+
+
+@pytest.mark.parametrize("before", [-5.0, 0.0, 0.6, 5.0])
+@pytest.mark.parametrize("top", [0.02, 0.37, 0.5, 0.98])
+def test_nothing_above_a_kink_is_reported_whatever_was_before(top, before):
+    """The point before may lie beyond a jump; of the kink's height little is missed."""
+
+    def value(x):
+        return 1.0 - jnp.abs(x - top)
+
+    found = highest_after(value, Point(-1.0, before), *(Point(x, value(x)) for x in (0.0, 1.0)))
+    assert 0.75 < float(found.value) <= 1.0
+    assert 0.0 <= float(found.place) <= 1.0
+
+
+def test_a_function_of_one_value_and_a_step_without_length_have_their_peak_at_hand():
+    flat = highest_after(lambda x: jnp.ones(()), *(Point(x, 1.0) for x in (0.0, 0.0, 1.0)))
+    assert (float(flat.value), 0.0 <= float(flat.place) <= 1.0) == (1.0, True)
 
 
 def test_nothing_above_a_kink_is_reported():

@@ -15,7 +15,7 @@ from jaxtyping import PyTree
 from ...compilation import traced_once
 from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
-from ...math.interpolation import Parabola, Point, highest
+from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
@@ -81,12 +81,15 @@ class AbstractReduction(AbstractConverting):
 
 
 class PeakTally(NamedTuple):
-    """The highest value so far and its time, s; the value at the latest instant, and that, s."""
+    """The highest value so far and its time, s; the value at the latest instant and that, s; both
+    at the instant before."""
 
     highest: Scalar
     time: Scalar
     last: Scalar
     now: Scalar
+    last_before: Scalar
+    before: Scalar
 
 
 class Peak(AbstractReduction):
@@ -104,21 +107,25 @@ class Peak(AbstractReduction):
     def start(self, now: Instant) -> PeakTally:
         """The value at the start, the highest so far."""
         value = self._value(now)
-        return PeakTally(value, now.time, value, now.time)
+        return PeakTally(value, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
         """The highest value of the step, if it is higher than those before."""
-        start, end = Point(0.0, tally.last), Point(1.0, self._value(now))
+        length = now.time - tally.now
+        earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
+        before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
+        end = Point(1.0, self._value(now))
         value_of = traced_once(self._value)
-        middle = Point(0.5, value_of(now.middle))
-        peak = highest(lambda x: value_of(now.inside(x)), start, middle, end)
-        time = tally.now + peak.place * (now.time - tally.now)
+        peak = highest_after(lambda x: value_of(now.inside(x)), before, start, end)
+        time = tally.now + peak.place * length
         rises = peak.value > tally.highest
         return PeakTally(
             jnp.where(rises, peak.value, tally.highest),
             jnp.where(rises, time, tally.time),
             end.value,
             now.time,
+            start.value,
+            tally.now,
         )
 
     def _value(self, now: Instant) -> Scalar:
