@@ -113,6 +113,9 @@ from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
+from .scene_files.files import load as load
+from .scene_files.files import save as save
+from .scene_files.schema import scene_schema as scene_schema
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount

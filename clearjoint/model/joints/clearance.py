@@ -6,6 +6,8 @@ is small, so that the bases' circles are taken in the bearing's cross-section (a
 contact of an edge along the wall is not modelled.
 """
 
+from typing import Annotated
+
 import equinox as eqx
 import numpy as np
 
@@ -87,7 +89,7 @@ class ClearanceJoint(AbstractContactJoint):
         journal_point: TripleLike = (0.0, 0.0, 0.0),
         journal_axis: TripleLike = (0.0, 0.0, 1.0),
         bearing_radius: Scalar,
-        journal_radius: Scalar | None = None,
+        journal_radius: Annotated[Scalar | None, "m"] = None,
         clearance: Scalar | None = None,
         journal_length: Scalar,
         law: AbstractContactLaw,

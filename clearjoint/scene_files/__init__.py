@@ -1,0 +1,1 @@
+"""Scenes and states as files, TOML or JSON, whose form follows from the classes and their units."""
