@@ -103,6 +103,7 @@ class ClearanceJoint(AbstractContactJoint):
             "given if and only if `journal_radius` is not",
             "pass one of the two, in m",
         )
+        difference = as_number(clearance)
         if clearance is None:
             difference = as_number(bearing_radius) - as_number(journal_radius)
             number = concrete(difference)
@@ -117,7 +118,7 @@ class ClearanceJoint(AbstractContactJoint):
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = as_number(bearing_point), as_number(bearing_axis)
         self.journal_point, self.journal_axis = as_number(journal_point), as_number(journal_axis)
-        self.bearing_radius, self.clearance = as_number(bearing_radius), as_number(clearance)
+        self.bearing_radius, self.clearance = as_number(bearing_radius), difference
         self.journal_length = as_number(journal_length)
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
