@@ -8,16 +8,16 @@ LONGEST = 60
 """Letters of what was found that are shown."""
 
 
-class Place:
+class FilePlace:
     """Where a value stands: a file and the keys that lead there."""
 
     def __init__(self, file: str, keys: tuple[str, ...] = ()):
         self.file = file
         self.keys = keys
 
-    def at(self, key: str | int) -> "Place":
+    def at(self, key: str | int) -> "FilePlace":
         """The place of an entry."""
-        return Place(self.file, (*self.keys, str(key)))
+        return FilePlace(self.file, (*self.keys, str(key)))
 
     def __str__(self) -> str:
         shown = [key if key.replace("-", "_").isidentifier() else repr(key) for key in self.keys]

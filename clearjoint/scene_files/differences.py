@@ -6,12 +6,12 @@ from dataclasses import fields, is_dataclass
 import jax
 import numpy as np
 
-from .complaints import Place
+from .complaints import FilePlace
 
 ARRAYS = np.ndarray | np.generic | jax.Array
 
 
-def first_difference(one: object, other: object, place: Place) -> Place | None:
+def first_difference(one: object, other: object, place: FilePlace) -> FilePlace | None:
     """Where two trees differ first; ``None`` if they are the same. Arrays of numpy and of JAX are
     the same if type and bits of their numbers are."""
     if isinstance(one, ARRAYS):
@@ -31,7 +31,7 @@ def first_difference(one: object, other: object, place: Place) -> Place | None:
     return None if one == other else place
 
 
-def _first(ones: dict, others: dict, place: Place) -> Place | None:
+def _first(ones: dict, others: dict, place: FilePlace) -> FilePlace | None:
     if list(ones) != list(others):
         return place
     for key in ones:

@@ -9,7 +9,7 @@ from ..dynamics.assembly import assemble, check_names
 from ..fields.cautions import quiet
 from ..model.bodies import State
 from ..model.scene import Scene
-from .complaints import Place, listed, nearest
+from .complaints import FilePlace, listed, nearest
 from .differences import first_difference
 from .formats import Document, parsed, suffix_of, text_of
 from .guesses import guessed
@@ -41,7 +41,7 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     object whose constructor does not make it anew from its fields.
     """
     path = Path(path)
-    suffix, writer, place = suffix_of(path), Writer(), Place(str(path))
+    suffix, writer, place = suffix_of(path), Writer(), FilePlace(str(path))
     check_names(scene, state)
     document = {VERSION: FORMAT, **writer.table(scene, place)}
     document[STATE] = writer.table(state, place.at(STATE))
@@ -114,14 +114,12 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     """
     path = Path(path)
     text = path.read_text(encoding="utf-8-sig")
-    return _read(parsed(text, suffix_of(path), str(path)), classes, Place(str(path)))
+    return _read(parsed(text, suffix_of(path), str(path)), classes, FilePlace(str(path)))
 
 
-def _require_exact(
-    text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath
-) -> None:
+def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath) -> None:
     """Check that a text gives what was saved."""
-    place = Place(str(path))
+    place = FilePlace(str(path))
     with quiet():
         read = _read(parsed(text, suffix_of(Path(path)), str(path)), classes, place)
     for one, other, at in zip(saved, read, (place, place.at(STATE)), strict=True):
@@ -134,7 +132,7 @@ def _require_exact(
             )
 
 
-def _read(document: Document, classes: Classes, place: Place) -> tuple[Scene, State]:
+def _read(document: Document, classes: Classes, place: FilePlace) -> tuple[Scene, State]:
     """The scene and its whole state, of a file's tables."""
     _require_known_version(document.get(VERSION, FORMAT), place.at(VERSION))
     reader = Reader(classes)
@@ -152,7 +150,7 @@ def _read(document: Document, classes: Classes, place: Place) -> tuple[Scene, St
     return scene, _completed(scene, state, place.at(STATE))
 
 
-def _require_known_version(found: object, place: Place) -> None:
+def _require_known_version(found: object, place: FilePlace) -> None:
     expected = f"a whole number from 1 to {FORMAT}"
     if isinstance(found, bool) or not isinstance(found, int) or found < 1:
         place.refuse(found, expected, f"write {VERSION} = {FORMAT}, or leave it out")
@@ -160,7 +158,7 @@ def _require_known_version(found: object, place: Place) -> None:
         place.refuse(found, expected, "a newer clearjoint wrote this: update yours to read it")
 
 
-def _completed(scene: Scene, state: State, place: Place) -> State:
+def _completed(scene: Scene, state: State, place: FilePlace) -> State:
     """The state as it was given, or one assembled where it says nothing of some body."""
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:

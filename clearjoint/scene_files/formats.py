@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from .complaints import Place
+from .complaints import FilePlace
 
 if TYPE_CHECKING:
     from tomlkit.items import Array, Item, Table
@@ -27,7 +27,7 @@ def suffix_of(path: Path) -> str:
     **Raises:** `ValueError` for any but .toml and .json.
     """
     if path.suffix not in SUFFIXES:
-        Place(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
+        FilePlace(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
     return path.suffix
 
 
@@ -43,7 +43,7 @@ def parsed(text: str, suffix: str, file: str) -> Document:
     except ValueError as error:
         raise ValueError(f"{file}: {error}; mend the {suffix[1:].upper()} there.") from error
     if not isinstance(found, dict):
-        Place(file).refuse(found, "an object with `bodies`", "write {...}")
+        FilePlace(file).refuse(found, "an object with `bodies`", "write {...}")
     return {key: item for key, item in found.items() if key != SCHEMA}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from typing import TypeAlias
 
 from ..fields.readable import AbstractReadable
-from .complaints import Place, listed, nearest
+from .complaints import FilePlace, listed, nearest
 
 PACKAGE = __name__.split(".")[0]
 MAIN = "__main__"
@@ -38,7 +38,7 @@ def is_abstract(kind: type) -> bool:
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
-def find_kind(name: object, families: tuple[type, ...], given: Classes, place: Place) -> type:
+def find_kind(name: object, families: tuple[type, ...], given: Classes, place: FilePlace) -> type:
     """The class that a file names.
 
     **Raises:** `ValueError` for a class of another family, or one that nobody handed over.
@@ -59,7 +59,7 @@ def find_kind(name: object, families: tuple[type, ...], given: Classes, place: P
             f"one of the classes that are handed over, {listed(map(name_of, given))}",
             f"pass classes=[{short.split('.')[-1]}], imported by yourself; a file imports nothing",
         )
-    place.refuse(
+    return place.refuse(
         name,
         f"one of {listed(known)}",
         nearest(name, known, "a class of your own is named module:Class, and handed over"),

@@ -5,12 +5,12 @@ import re
 from decimal import Decimal
 
 from ..measurements.units import to_si
-from .complaints import Place
+from .complaints import FilePlace
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
 
 
-def number_of_text(text: str, unit: str | None, place: Place) -> float:
+def number_of_text(text: str, unit: str | None, place: FilePlace) -> float:
     """The number in the SI unit, rounded once: "0.3 mm" is 3e-4 m to the last bit.
 
     **Raises:** `ValueError` for text without a number, a unit of another dimension, and for a

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
-from .complaints import Place, listed, nearest
-from .expectations import ANYTHING, MAKERS, Argument, Expectation, arguments
+from jaxtyping import PyTree
+
+from .complaints import FilePlace, listed, nearest
+from .expectations import ANYTHING, MAKERS, Expectation, arguments
 from .kinds import Classes, find_kind, is_abstract
 from .numbers import number_of_text
 
-T = TypeVar("T")
 KIND = "kind"
 """The key by which a table names its class."""
 ABSENT = "none"
@@ -23,7 +23,7 @@ class Reader:
 
     classes: Classes
 
-    def value(self, found: object, expected: Expectation, place: Place) -> object:
+    def value(self, found: object, expected: Expectation, place: FilePlace) -> object:
         """The object, container, number or name that stands at a place."""
         if isinstance(found, Mapping):
             return self._table(found, expected, place)
@@ -38,17 +38,18 @@ class Reader:
             return found
         return place.refuse(found, "a number, text, list or table", "write one of these")
 
-    def _table(self, found: Mapping, expected: Expectation, place: Place) -> object:
+    def _table(self, found: Mapping, expected: Expectation, place: FilePlace) -> object:
         if expected.by_name is not None:
             inner = expected.by_name
             return {key: self.value(item, inner, place.at(key)) for key, item in found.items()}
         if expected.classes or KIND in found:
             return self.instance(self._kind(found, expected, place), found, place)
-        if expected != ANYTHING:
-            place.refuse(dict(found), "a number", "write it in place of the table")
+        if not expected.is_anything:
+            simple = "a text" if expected.is_text else "a number"
+            place.refuse(dict(found), simple, "write it in place of the table")
         return {key: self.value(item, ANYTHING, place.at(key)) for key, item in found.items()}
 
-    def _kind(self, found: Mapping, expected: Expectation, place: Place) -> type:
+    def _kind(self, found: Mapping, expected: Expectation, place: FilePlace) -> type:
         if KIND in found:
             return find_kind(found[KIND], expected.classes, self.classes, place.at(KIND))
         if len(expected.classes) == 1 and not is_abstract(expected.classes[0]):
@@ -59,8 +60,8 @@ class Reader:
         )
 
     def instance(
-        self, kind: type[T], found: Mapping, place: Place, beside: tuple[str, ...] = ()
-    ) -> T:
+        self, kind: type, found: Mapping, place: FilePlace, beside: tuple[str, ...] = ()
+    ) -> PyTree:
         """An object of a class, made of a table of its constructor's arguments.
 
         **Arguments:** `beside`: other keys that the file may have there, for messages.
@@ -75,7 +76,7 @@ class Reader:
                 remedy = nearest(name, keys, "leave it out")
                 place.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
             given[name] = self.value(item, known[name].expected, place.at(name))
-        _require_complete(kind, known, given, place)
+        _require_complete(kind, given, place)
         try:
             made = MAKERS.get(kind, kind)(**given)
         except (ValueError, TypeError) as error:
@@ -85,8 +86,9 @@ class Reader:
         return made
 
 
-def _require_complete(kind: type, known: dict[str, Argument], given: dict, place: Place) -> None:
+def _require_complete(kind: type, given: dict[str, object], place: FilePlace) -> None:
     """Check that nothing is missing that the constructor needs."""
+    known = arguments(kind)
     missing = [name for name, argument in known.items() if argument.is_required]
     missing = [name for name in missing if name not in given]
     if missing:
@@ -95,14 +97,14 @@ def _require_complete(kind: type, known: dict[str, Argument], given: dict, place
         place.refuse(sorted(given), f"{', '.join(named)} too", f"a {kind.__name__} needs them: add")
 
 
-def _require_kind(stored: object, given: object, expected: Expectation, place: Place) -> None:
+def _require_kind(stored: object, given: object, expected: Expectation, place: FilePlace) -> None:
     """Check that an element is one, whatever the constructor made of what was given."""
     if expected.classes and stored is not None and not isinstance(stored, expected.classes):
         family = " or ".join(kind.__name__ for kind in expected.classes)
         place.refuse(given, f"a table whose `{KIND}` is a {family}", "write one")
 
 
-def _text(found: str, expected: Expectation, place: Place) -> object:
+def _text(found: str, expected: Expectation, place: FilePlace) -> object:
     if expected.options is not None:
         names = list(expected.options.__members__)
         if found not in names:

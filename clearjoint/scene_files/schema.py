@@ -5,13 +5,13 @@ from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
-from .expectations import ANYTHING, Argument, Expectation, arguments
+from .expectations import Argument, Expectation, arguments
 from .kinds import Classes, is_abstract, known_kinds, name_of
 from .reading import KIND
 
 Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-NUMBER = {"type": ["number", "string"]}
+NUMBER: Schema = {"type": ["number", "string"]}
 ROWS = "numbers"
 """The name of what describes rows of rows of numbers."""
 
@@ -57,7 +57,7 @@ class Catalogue:
 
     def _value(self, expected: Expectation) -> Schema:
         """What may stand at a place."""
-        if expected == ANYTHING:
+        if expected.is_anything:
             return {}
         if expected.options is not None:
             return {"enum": list(expected.options.__members__)}
@@ -81,9 +81,10 @@ class Catalogue:
         return [_reference(name) for name in kinds.values()]
 
     def _definition(self, kind: type, name: str, implied: bool) -> Schema:
-        names = {KIND: {"enum": sorted({name, kind.__name__})}}
+        properties: Schema = {KIND: {"enum": sorted({name, kind.__name__})}}
+        properties |= self.properties(kind)
         needed = [key for key, argument in arguments(kind).items() if argument.is_required]
-        table = _table({**names, **self.properties(kind)}, needed if implied else [KIND, *needed])
+        table = _table(properties, needed if implied else [KIND, *needed])
         summary = (kind.__doc__ or "").strip().split("\n")[0]
         return {**table, "description": summary}
 
@@ -112,7 +113,7 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
     described = []
     for shape in shapes:
-        one: Schema = NUMBER
+        one = NUMBER
         for size in reversed(shape):
             one = _list_of(one, size)
         described.append(one)

@@ -4,19 +4,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import PyTree
 
-from .complaints import Place
+from .complaints import FilePlace
 from .expectations import ANYTHING, Argument, Expectation, arguments
 from .kinds import is_of_the_package, name_of
 from .reading import ABSENT, KIND
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class Writer:
     units: dict[tuple[str, ...], str] = field(default_factory=dict)
     own_classes: set[type] = field(default_factory=set)
 
-    def table(self, instance: "DataclassInstance", place: Place) -> dict[str, object]:
+    def table(self, instance: PyTree, place: FilePlace) -> dict[str, object]:
         """The arguments that make an object anew; numbers and texts first, then tables."""
         if not is_of_the_package(type(instance)):
             self.own_classes.add(type(instance))
@@ -42,7 +39,7 @@ class Writer:
                 entries[name] = self._value(value, argument.expected, place.at(name))
         return dict(sorted(entries.items(), key=lambda entry: _is_table(entry[1])))
 
-    def _value(self, value: object, expected: Expectation, place: Place) -> object:
+    def _value(self, value: object, expected: Expectation, place: FilePlace) -> object:
         """Numbers, texts, lists and tables for a value."""
         if isinstance(value, Tracer):
             place.refuse(value, "a number", "save outside of functions that JAX transforms")
@@ -83,13 +80,13 @@ def _is_table(plain: object) -> bool:
     )
 
 
-def _name(key: object, place: Place) -> str:
+def _name(key: object, place: FilePlace) -> str:
     if not isinstance(key, str):
         place.refuse(key, "a name", "use text for the keys of dictionaries")
     return key
 
 
-def _atom(value: object, place: Place) -> object:
+def _atom(value: object, place: FilePlace) -> object:
     if value is None:
         return ABSENT
     if isinstance(value, bool | int | str):
