@@ -37,11 +37,12 @@ THIRD_PARTY = {
     "matplotlib": {"plot"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification"},
+    "scipy": {"identification", "scene_files"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"information", "measurements"},
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
+    "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},
 }
