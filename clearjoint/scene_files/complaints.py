@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import NoReturn
+from typing import NoReturn, TypeAlias
 
+Keys: TypeAlias = tuple[str | int, ...]
+"""Keys of tables, and indices in lists, that lead to a place."""
 LONGEST = 60
 """Letters of what was found that are shown."""
 
@@ -11,23 +13,29 @@ LONGEST = 60
 class FilePlace:
     """Where a value stands: a file and the keys that lead there."""
 
-    def __init__(self, file: str, keys: tuple[str, ...] = ()):
+    def __init__(self, file: str, keys: Keys = ()):
         self.file = file
         self.keys = keys
 
     def at(self, key: str | int) -> "FilePlace":
         """The place of an entry."""
-        return FilePlace(self.file, (*self.keys, str(key)))
+        return FilePlace(self.file, (*self.keys, key))
 
     def __str__(self) -> str:
-        shown = [key if key.replace("-", "_").isidentifier() else repr(key) for key in self.keys]
-        return f"{self.file}, `{'.'.join(shown) or 'top level'}`"
+        shown = "".join(map(_step, self.keys)).removeprefix(".")
+        return f"{self.file}, `{shown or 'top level'}`"
 
     def refuse(self, found: object, expected: str, remedy: str) -> NoReturn:
         """Raise the ``ValueError`` of a value that can't stand here."""
         text = repr(found)
         text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
         raise ValueError(f"{self}: found {text}, expected {expected}: {remedy}.")
+
+
+def _step(key: str | int) -> str:
+    if isinstance(key, int):
+        return f"[{key}]"
+    return f".{key}" if key.replace("-", "_").isidentifier() else f".{key!r}"
 
 
 def nearest(name: str, known: Iterable[str], otherwise: str) -> str:

@@ -14,7 +14,7 @@ ARRAYS = np.ndarray | np.generic | jax.Array
 def first_difference(one: object, other: object, place: FilePlace) -> FilePlace | None:
     """Where two trees differ first; ``None`` if they are the same. Arrays of numpy and of JAX are
     the same if type and bits of their numbers are."""
-    if isinstance(one, ARRAYS):
+    if isinstance(one, ARRAYS) and isinstance(other, ARRAYS):
         return None if _bits(one) == _bits(other) else place
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return _first(dict(one), dict(other), place)
@@ -32,7 +32,7 @@ def first_difference(one: object, other: object, place: FilePlace) -> FilePlace 
 
 
 def _first(ones: dict, others: dict, place: FilePlace) -> FilePlace | None:
-    if list(ones) != list(others):
+    if set(ones) != set(others):
         return place
     for key in ones:
         found = first_difference(ones[key], others[key], place.at(key))

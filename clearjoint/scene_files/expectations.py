@@ -8,6 +8,9 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import jax
+import numpy as np
+
 from ..model.bodies import BodyState, body_state
 
 MAKERS: dict[type, Callable[..., object]] = {BodyState: body_state}
@@ -20,6 +23,7 @@ class Expectation:
 
     - `unit`: of its numbers, if it is declared.
     - `shapes`: of its numbers, those known.
+    - `is_array`: whether its numbers are an array, also where there is but one.
     - `classes`: of which it is an instance, if of any.
     - `options`: an enumeration that it is a member of.
     - `is_text`: whether it may be a text that stands for itself.
@@ -30,6 +34,7 @@ class Expectation:
 
     unit: str | None = None
     shapes: tuple[tuple[int, ...], ...] = ()
+    is_array: bool = False
     classes: tuple[type, ...] = ()
     options: type[Enum] | None = None
     is_text: bool = False
@@ -103,6 +108,7 @@ def expectation(annotation: object) -> Expectation:
     parts = [_of_one(kind) for kind in kinds if kind is not NoneType]
     return Expectation(
         shapes=tuple(shape for part in parts for shape in part.shapes),
+        is_array=any(part.is_array for part in parts),
         classes=tuple(kind for part in parts for kind in part.classes),
         options=next((part.options for part in parts if part.options), None),
         is_text=any(part.is_text for part in parts),
@@ -127,7 +133,11 @@ def _of_one(annotation: object) -> Expectation:
         return Expectation(classes=(annotation,))
     if annotation is Any or isinstance(annotation, str | TypeVar):
         return ANYTHING
-    return Expectation(shapes=_shapes(annotation), is_text=annotation is str)
+    return Expectation(
+        shapes=_shapes(annotation),
+        is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
+        is_text=annotation is str,
+    )
 
 
 def _shapes(annotation: object) -> tuple[tuple[int, ...], ...]:

@@ -13,7 +13,7 @@ from .complaints import FilePlace, listed, nearest
 from .differences import first_difference
 from .formats import Document, parsed, suffix_of, text_of
 from .guesses import guessed
-from .kinds import Classes
+from .kinds import Classes, require_classes
 from .reading import Reader
 from .schema import scene_schema
 from .writing import Writer
@@ -112,6 +112,7 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
     **Raises:** `ValueError` with file, place, what was found and expected, and a remedy.
     """
+    require_classes(classes)
     path = Path(path)
     text = path.read_text(encoding="utf-8-sig")
     return _read(parsed(text, suffix_of(path), str(path)), classes, FilePlace(str(path)))
@@ -126,9 +127,9 @@ def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path
         found = first_difference(one, other, at)
         if found is not None:
             found.refuse(
-                "what a constructor does not make anew from its arguments",
-                "fields that are its arguments, and are stored as they are given",
-                "give the class such fields, or save the scene without it",
+                "what its class does not make anew from the arguments",
+                "a field that its constructor fills with the argument of that name",
+                "declare numbers by `quantity`, which stores arrays, and take tuples for lists",
             )
 
 

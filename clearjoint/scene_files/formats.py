@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from .complaints import FilePlace
+from .complaints import FilePlace, Keys
 
 if TYPE_CHECKING:
     from tomlkit.items import Array, Item, Table
 
 Document: TypeAlias = dict[str, object]
-Units: TypeAlias = Mapping[tuple[str, ...], str]
+Units: TypeAlias = Mapping[Keys, str]
 """The unit of the numbers at a place, by its keys."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
@@ -70,7 +70,7 @@ def text_of(document: Document, suffix: str, units: Units, schema: str | None) -
     return text if schema is None else f"#:schema ./{schema}\n{text}"
 
 
-def _toml_table(plain: Mapping[str, object], keys: tuple[str, ...], units: Units) -> "Table":
+def _toml_table(plain: Mapping[str, object], keys: Keys, units: Units) -> "Table":
     import tomlkit
 
     table = tomlkit.table(is_super_table=bool(plain) and all(map(_is_mapping, plain.values())))
@@ -84,7 +84,7 @@ def _toml_table(plain: Mapping[str, object], keys: tuple[str, ...], units: Units
     return table
 
 
-def _toml_item(value: object, keys: tuple[str, ...], units: Units) -> "Item":
+def _toml_item(value: object, keys: Keys, units: Units) -> "Item":
     import tomlkit
 
     if isinstance(value, Mapping):
@@ -92,7 +92,7 @@ def _toml_item(value: object, keys: tuple[str, ...], units: Units) -> "Item":
     if isinstance(value, list) and value and all(map(_is_mapping, value)):
         tables = tomlkit.aot()
         for k, entry in enumerate(value):
-            tables.append(_toml_table(entry, (*keys, str(k)), units))
+            tables.append(_toml_table(entry, (*keys, k), units))
         return tables
     if isinstance(value, list):
         return _toml_array(value)

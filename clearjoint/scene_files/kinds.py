@@ -5,12 +5,21 @@ import inspect
 from collections.abc import Collection, Iterator
 from typing import TypeAlias
 
+from ..fields.checks import require
 from ..fields.readable import AbstractReadable
 from .complaints import FilePlace, listed, nearest
 
 PACKAGE = __name__.split(".")[0]
 MAIN = "__main__"
 Classes: TypeAlias = Collection[type]
+
+
+def require_classes(given: Classes) -> None:
+    """Check that classes are handed over as such."""
+    remedy = "pass for example classes=[MyLaw]"
+    require(not isinstance(given, type | str), "classes", given, "a list of classes", remedy)
+    for kind in given:
+        require(isinstance(kind, type), "classes", kind, "a list of classes", remedy)
 
 
 def name_of(kind: type) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from jaxtyping import PyTree
 
+from ..fields.checks import as_number
 from .complaints import FilePlace, listed, nearest
 from .expectations import ANYTHING, MAKERS, Expectation, arguments
 from .kinds import Classes, find_kind, is_abstract
@@ -24,12 +25,21 @@ class Reader:
     classes: Classes
 
     def value(self, found: object, expected: Expectation, place: FilePlace) -> object:
-        """The object, container, number or name that stands at a place."""
+        """The object, container, numbers or name that stand at a place."""
+        read = self._item(found, expected, place)
+        if not expected.is_array or not isinstance(read, int | float | tuple):
+            return read
+        try:
+            return as_number(read)
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from error
+
+    def _item(self, found: object, expected: Expectation, place: FilePlace) -> object:
         if isinstance(found, Mapping):
             return self._table(found, expected, place)
         if isinstance(found, list):
             inner = expected.item or expected
-            return tuple(self.value(item, inner, place.at(k)) for k, item in enumerate(found))
+            return tuple(self._item(item, inner, place.at(k)) for k, item in enumerate(found))
         if isinstance(found, str):
             return _text(found, expected, place)
         if isinstance(found, float) and math.isnan(found):
@@ -69,7 +79,7 @@ class Reader:
         known = arguments(kind)
         given = {}
         for name, item in found.items():
-            if name == KIND and KIND not in known:
+            if name == KIND:
                 continue
             if name not in known:
                 keys = [KIND, *known, *beside]

@@ -6,7 +6,7 @@ from typing import TypeAlias
 from ..model.bodies import State
 from ..model.scene import Scene
 from .expectations import Argument, Expectation, arguments
-from .kinds import Classes, is_abstract, known_kinds, name_of
+from .kinds import Classes, is_abstract, known_kinds, name_of, require_classes
 from .reading import KIND
 
 Schema: TypeAlias = dict[str, object]
@@ -26,6 +26,7 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
     **Returns:** a dictionary for `json.dump`.
     """
+    require_classes(classes)
     catalogue = Catalogue(classes)
     properties: Schema = {
         "$schema": {"type": "string"},

@@ -10,7 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from .complaints import FilePlace
+from .complaints import FilePlace, Keys
 from .expectations import ANYTHING, Argument, Expectation, arguments
 from .kinds import is_of_the_package, name_of
 from .reading import ABSENT, KIND
@@ -21,14 +21,16 @@ class Writer:
     """Writes objects as tables, and notes the `units` of numbers by their keys, and the classes
     that are not the package's."""
 
-    units: dict[tuple[str, ...], str] = field(default_factory=dict)
+    units: dict[Keys, str] = field(default_factory=dict)
     own_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, place: FilePlace) -> dict[str, object]:
-        """The arguments that make an object anew; numbers and texts first, then tables."""
+        """The arguments that make an object anew."""
         if not is_of_the_package(type(instance)):
             self.own_classes.add(type(instance))
         entries: dict[str, object] = {}
+        if KIND in arguments(type(instance)):
+            place.at(KIND).refuse(KIND, "another name of the argument", "it names classes: rename")
         stored = {entry.name: getattr(instance, entry.name) for entry in fields(instance)}
         for name, argument in arguments(type(instance)).items():
             if name not in stored and argument.is_required:
@@ -37,7 +39,7 @@ class Writer:
             value = stored.get(name)
             if name in stored and not _may_be_left_out(value, argument):
                 entries[name] = self._value(value, argument.expected, place.at(name))
-        return dict(sorted(entries.items(), key=lambda entry: _is_table(entry[1])))
+        return _tables_last(entries)
 
     def _value(self, value: object, expected: Expectation, place: FilePlace) -> object:
         """Numbers, texts, lists and tables for a value."""
@@ -51,10 +53,11 @@ class Writer:
             return value.name
         if isinstance(value, Mapping):
             inner = expected.by_name or ANYTHING
-            return {
+            entries = {
                 _name(key, place): self._value(item, inner, place.at(key))
                 for key, item in value.items()
             }
+            return _tables_last(entries)
         if isinstance(value, tuple | list):
             inner = expected.item or expected
             return [self._value(item, inner, place.at(k)) for k, item in enumerate(value)]
@@ -71,6 +74,11 @@ def _may_be_left_out(value: object, argument: Argument) -> bool:
     if value is None:
         return argument.default is None
     return isinstance(value, Mapping) and not value and not argument.default
+
+
+def _tables_last(entries: dict[str, object]) -> dict[str, object]:
+    """Numbers and texts first, which TOML would else count to the table before them."""
+    return dict(sorted(entries.items(), key=lambda entry: _is_table(entry[1])))
 
 
 def _is_table(plain: object) -> bool:

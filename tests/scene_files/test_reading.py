@@ -148,6 +148,12 @@ def test_a_class_is_named_with_its_module_or_without(read, name):
     assert type(scene.joints["pin"].law) is Doubled
 
 
+@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"]])
+def test_classes_are_handed_over_as_a_list(read, classes):
+    with pytest.raises(ValueError, match=r"Argument `classes` must be a list of classes"):
+        read(classes=classes)
+
+
 def test_a_unit_that_is_not_declared_is_refused(read):
     change = ('"LankaraniNikravesh"', '"Doubled", depth = "1 mm"')
     with pytest.raises(ValueError, match=r"`joints.pin.law.depth`.*plain number in SI units"):

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from jaxtyping import Float
 
 import clearjoint as cj
 from clearjoint.scene_files.complaints import FilePlace
@@ -184,7 +185,12 @@ def test_containers_options_and_absent_values_of_ones_own_class_come_back(suffix
         Polynomial((0.1, 2.0)),
         (0.0, 1.0, 0.0),
         parts=(Polynomial((1.0,)), Polynomial((1 / 3,))),
-        limits={"low = high": (1, 2), "deep": {"x": ((1.0, 2.0), (3.0,))}},
+        limits={
+            "first": {"z": 1},
+            "low = high": (1, 2),
+            "deep": {"x": ((1.0, 2.0), (3.0,))},
+            "mass": 3,
+        },
         offset=None,
         is_on=False,
         way=Way.HARD,
@@ -224,12 +230,39 @@ def test_functions_are_refused_by_name(tmp_path):
 
 def test_nan_is_refused(tmp_path):
     push = Push("a", Polynomial((1.0,)), (0, 0, 1), limits=(1.0, math.nan))
-    with pytest.raises(ValueError, match=r"`forces.push.limits.'1'`: found nan.*NaN is not saved"):
+    with pytest.raises(ValueError, match=r"`forces.push.limits\[1\]`: found nan.*NaN is not saved"):
         saving(push, tmp_path)
 
 
 class Doubling(Push):
     limits: Any = eqx.field(converter=lambda value: 2 * value, default=1)
+
+
+class Kinds(Push):
+    kind: str = "strong"
+
+
+class Unconverted(eqx.Module):
+    """An array that nothing makes of a file's numbers."""
+
+    rates: Any
+
+    def __call__(self, t):
+        return t
+
+
+class Converted(eqx.Module):
+    """One whose annotations say what is an array."""
+
+    rates: np.ndarray
+    start: Float[np.ndarray, ""]
+
+
+def test_arrays_that_are_annotated_come_back(tmp_path):
+    arrays = Converted(np.ones((2, 2)) / 3, np.array(0.1))
+    push = Push("a", Polynomial((1.0,)), (0, 0, 1), limits=arrays)
+    given = [Push, Polynomial, Converted]
+    exact(tmp_path / "a.toml", cj.Scene(BODIES, forces={"p": push}), STATE, classes=given)
 
 
 class Forgetful(Push):
@@ -241,6 +274,16 @@ class Forgetful(Push):
     ("element", "complaint"),
     [
         (Doubling("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.limits`.*not make anew"),
+        (Kinds("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.kind`.*rename"),
+        (Doubling("a", Polynomial((1.0,)), (0, 0, 1), limits=[1, [2]]), r"`forces.push.limits`"),
+        (
+            Push("a", Unconverted(np.ones(2)), (0, 0, 1)),  # pyright: ignore[reportArgumentType]
+            r"`forces.push.over_time.kind`.*take a subclass of Polynomial",
+        ),
+        (
+            Push("a", Polynomial((1.0,)), (0, 0, 1), limits=Unconverted(np.ones(2))),
+            r"`forces.push.limits.rates`.*declare numbers by `quantity`",
+        ),
         (Forgetful(3.0), r"`forces.push.size`.*store it in a field"),
     ],
 )
