@@ -39,7 +39,7 @@ class Writer:
             value = stored.get(name)
             if name in stored and not _may_be_left_out(value, argument):
                 entries[name] = self._value(value, argument.expected, place.at(name))
-        return _tables_last(entries)
+        return entries
 
     def _value(self, value: object, expected: Expectation, place: FilePlace) -> object:
         """Numbers, texts, lists and tables for a value."""
@@ -53,11 +53,10 @@ class Writer:
             return value.name
         if isinstance(value, Mapping):
             inner = expected.by_name or ANYTHING
-            entries = {
+            return {
                 _name(key, place): self._value(item, inner, place.at(key))
                 for key, item in value.items()
             }
-            return _tables_last(entries)
         if isinstance(value, tuple | list):
             inner = expected.item or expected
             return [self._value(item, inner, place.at(k)) for k, item in enumerate(value)]
@@ -74,18 +73,6 @@ def _may_be_left_out(value: object, argument: Argument) -> bool:
     if value is None:
         return argument.default is None
     return isinstance(value, Mapping) and not value and not argument.default
-
-
-def _tables_last(entries: dict[str, object]) -> dict[str, object]:
-    """Numbers and texts first, which TOML would else count to the table before them."""
-    return dict(sorted(entries.items(), key=lambda entry: _is_table(entry[1])))
-
-
-def _is_table(plain: object) -> bool:
-    """Whether a value is a table of the file, or a list of such."""
-    return isinstance(plain, dict) or (
-        isinstance(plain, list) and len(plain) > 0 and all(map(_is_table, plain))
-    )
 
 
 def _name(key: object, place: FilePlace) -> str:

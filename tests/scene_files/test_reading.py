@@ -55,7 +55,7 @@ def test_a_file_is_as_short_as_the_python(read):
     ("written", "number"),
     [
         ("0.3 mm", 3e-4),
-        ("0.7 mm", 0.0007),
+        ("0.9 mm", 0.0009),
         (" 5e-1mm ", 5e-4),
         ("0.03 inch", 0.000762),
         (".025 cm", 0.00025),

@@ -24,14 +24,10 @@ from clearjoint.scene_files.kinds import is_abstract
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}
 STATE = cj.State({"a": cj.body_state((0.1, 0.2, 0.3)), "b": cj.body_state((1e-300, -0.0, 1 / 3))})
-FAMILIES = (
-    cj.AbstractConstraint,
-    cj.AbstractContactJoint,
-    cj.AbstractForce,
-    cj.AbstractContactLaw,
-    cj.AbstractFriction,
-    cj.AbstractStiffness,
-    cj.AbstractAxialPolicy,
+FAMILIES = tuple(
+    kind
+    for name, kind in vars(cj).items()
+    if name.startswith("Abstract") and kind.__module__.startswith("clearjoint.model")
 )
 ELEMENTS = {
     name: kind
@@ -96,7 +92,7 @@ def example(name: str) -> Any:
         return EXAMPLES[name]()
     try:
         return made_at_random(ELEMENTS[name], rising_numbers())
-    except ValueError as error:
+    except (KeyError, ValueError) as error:
         raise AssertionError(f"give an instance of {name} in EXAMPLES") from error
 
 
@@ -114,6 +110,7 @@ def scene_with(element: Any) -> cj.Scene:
     elif isinstance(element, cj.AbstractFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
     else:
+        assert isinstance(element, cj.AbstractAxialPolicy), "say where in a scene it may stand"
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
     return cj.Scene(BODIES, joints)
 
@@ -215,6 +212,17 @@ def test_the_file_reads_well(tmp_path):
     assert '[bodies."arm 2"]\nmass = 7.02 # kg\ninertia = [0.001, 0.5855, 0.5855] # kg m^2' in text
     assert '[joints.shoulder.law]\nkind = "LankaraniNikravesh"\nrestitution = 0.9\n' in text
     assert tomllib.loads(text)["format"] == 1
+
+
+def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
+    push = Push("a", Polynomial((1.0,)), (0, 0, 1))
+    path = tmp_path / "push.json"
+    cj.save(cj.Scene(BODIES, forces={"p": push}), STATE, path)
+    document = json.loads(path.read_text())
+    document["forces"]["p"]["over_time"] = 3
+    path.write_text(json.dumps(document))
+    with pytest.raises(ValueError, match=r"`forces.p.over_time`: found 3, .* `kind` is a Polynom"):
+        cj.load(path, [Push, Polynomial])
 
 
 def saving(element: Any, tmp_path) -> None:
