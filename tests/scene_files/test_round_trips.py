@@ -225,6 +225,13 @@ def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
         cj.load(path, [Push, Polynomial])
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_was_warned_of_is_not_warned_of_again(tmp_path):
+    with pytest.warns(cj.UnusualValueWarning):
+        scene = cj.Scene(BODIES, gravity=(0.0, 0.0, -9810.0))
+    cj.save(scene, STATE, tmp_path / "heavy.toml")
+
+
 def saving(element: Any, tmp_path) -> None:
     cj.save(cj.Scene(BODIES, forces={"push": element}), STATE, tmp_path / "scene.toml")
 
