@@ -23,6 +23,7 @@ from .dynamics.stabilisation import Baumgarte as Baumgarte
 from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
+from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity
 from .identification.fit import Fit as Fit
@@ -113,6 +114,10 @@ from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
+from .scene_files.files import load as load
+from .scene_files.files import save as save
+from .scene_files.schema import scene_schema as scene_schema
+from .scene_files.urdf import load_urdf as load_urdf
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount

@@ -26,7 +26,7 @@ FLOORS = (
     ("quantities",),
     ("simulation",),
     ("information", "measurements", "sweeps"),
-    ("identification", "testing"),
+    ("identification", "scene_files", "testing"),
     ("plot",),
 )
 """A room may import from those on floors below."""
@@ -37,10 +37,12 @@ THIRD_PARTY = {
     "matplotlib": {"plot"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification"},
+    "scipy": {"identification", "scene_files"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"information", "measurements"},
     "pint": {"measurements"},
+    "tomlkit": {"scene_files"},
+    "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},
 }
@@ -154,7 +156,16 @@ assert not xla_bridge.backends_are_initialized(), "an import started a backend"
 """
 
 
-LOADED_WHEN_FIRST_USED = {"matplotlib", "optax", "pandas", "pint", "scipy", "xarray", "zarr"}
+LOADED_WHEN_FIRST_USED = {
+    "matplotlib",
+    "optax",
+    "pandas",
+    "pint",
+    "scipy",
+    "tomlkit",
+    "xarray",
+    "zarr",
+}
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
 IMPORT_PLAINLY = """
 import sys

@@ -27,6 +27,14 @@ class LeftBearingWarning(UserWarning):
     """
 
 
+class NotCarriedOverWarning(UserWarning):
+    """A file says more than a scene has a place for.
+
+    Silence it with
+    ``warnings.filterwarnings("ignore", category=clearjoint.NotCarriedOverWarning)``.
+    """
+
+
 def caution(message: str, category: type[Warning]) -> None:
     """Warn at the line of the caller outside the package, and tell how not to be warned."""
     if _QUIET.get():

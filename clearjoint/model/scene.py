@@ -72,40 +72,14 @@ class Scene(AbstractReadable):
         _check_kinds("forces", self.forces, AbstractForce)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
-                self._check_names(f"{family}[{name!r}]", element)
-                self._check_distances(f"{family}[{name!r}]", element)
+                _check_names(f"{family}[{name!r}]", element, self.bodies)
+                _check_distances(f"{family}[{name!r}]", element, self.bodies)
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
             size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
             if size is not None:
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
-
-    def _check_names(self, argument: str, element: AbstractElement) -> None:
-        known = {GROUND, *self.bodies}
-        for name in element.body_names():
-            require(
-                name in known,
-                argument,
-                name,
-                f"between known bodies {sorted(known)}",
-                "correct the name, or add the body to the scene",
-            )
-
-    def _check_distances(self, argument: str, element: AbstractElement) -> None:
-        for name, body, point in element.attachments():
-            numbers = (self.bodies[body], point) if body in self.bodies else ()
-            if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
-                continue
-            distance, radius = float(np.linalg.norm(point)), self.bodies[body].gyration_radius()
-            caution_unless(
-                distance <= FARTHEST * radius,
-                f"{argument}.{name}",
-                distance,
-                "m from the centre of mass",
-                f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
-                "give points in m, and inertias in kg m^2",
-            )
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """The joints that have contacts, by name."""
@@ -128,4 +102,35 @@ def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) ->
             type(element).__name__,
             "one of " + ", ".join(kind.__name__ for kind in kinds),
             "pass an element of that kind",
+        )
+
+
+def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
+    """Check that an element names bodies of the scene. A function, since to look a method up is to
+    flatten the whole scene while it is made."""
+    known = {GROUND, *bodies}
+    for name in element.body_names():
+        require(
+            name in known,
+            argument,
+            name,
+            f"between known bodies {sorted(known)}",
+            "correct the name, or add the body to the scene",
+        )
+
+
+def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
+    """Warn of points so far from their bodies' centres of mass that a unit is mistaken."""
+    for name, body, point in element.attachments():
+        numbers = (bodies[body], point) if body in bodies else ()
+        if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
+            continue
+        distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
+        caution_unless(
+            distance <= FARTHEST * radius,
+            f"{argument}.{name}",
+            distance,
+            "m from the centre of mass",
+            f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
+            "give points in m, and inertias in kg m^2",
         )

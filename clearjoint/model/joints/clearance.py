@@ -6,6 +6,8 @@ is small, so that the bases' circles are taken in the bearing's cross-section (a
 contact of an edge along the wall is not modelled.
 """
 
+from typing import Annotated
+
 import equinox as eqx
 import numpy as np
 
@@ -87,7 +89,7 @@ class ClearanceJoint(AbstractContactJoint):
         journal_point: TripleLike = (0.0, 0.0, 0.0),
         journal_axis: TripleLike = (0.0, 0.0, 1.0),
         bearing_radius: Scalar,
-        journal_radius: Scalar | None = None,
+        journal_radius: Annotated[Scalar | None, "m"] = None,
         clearance: Scalar | None = None,
         journal_length: Scalar,
         law: AbstractContactLaw,
@@ -101,6 +103,7 @@ class ClearanceJoint(AbstractContactJoint):
             "given if and only if `journal_radius` is not",
             "pass one of the two, in m",
         )
+        difference = as_number(clearance)
         if clearance is None:
             difference = as_number(bearing_radius) - as_number(journal_radius)
             number = concrete(difference)
@@ -115,7 +118,7 @@ class ClearanceJoint(AbstractContactJoint):
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = as_number(bearing_point), as_number(bearing_axis)
         self.journal_point, self.journal_axis = as_number(journal_point), as_number(journal_axis)
-        self.bearing_radius, self.clearance = as_number(bearing_radius), as_number(clearance)
+        self.bearing_radius, self.clearance = as_number(bearing_radius), difference
         self.journal_length = as_number(journal_length)
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial

@@ -1,0 +1,174 @@
+"""A scene and its state on disk."""
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import TypeAlias
+
+from ..dynamics.assembly import assemble, check_names
+from ..fields.cautions import quiet
+from ..model.bodies import State
+from ..model.scene import Scene
+from .complaints import FilePlace, listed, nearest
+from .differences import first_difference
+from .formats import Document, parsed, suffix_of, text_of
+from .guesses import guessed
+from .kinds import Classes, require_classes
+from .reading import Reader
+from .schema import scene_schema
+from .writing import Writer
+
+FORMAT = 1
+"""The version of the form of files."""
+VERSION, STATE = "format", "state"
+FilePath: TypeAlias = str | PathLike[str]
+
+
+def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) -> None:
+    """Write a scene and a state of it to a file, TOML or JSON by its suffix, as `load` reads it.
+
+    What is read back is the same to the last bit, which is verified before anything is written.
+    Numbers are in SI units; TOML says the units in comments. Objects of classes of your own are
+    written with their module's and their own name ("my_laws:Quadratic") and their arguments.
+
+    **Arguments:**
+
+    - `path`: overwritten if it exists.
+    - `schema`: whether to write the JSON Schema of such files beside it (`scene_schema`), by which
+      editors complete and check: "pendulum.schema.json" for "pendulum.toml".
+
+    **Raises:** `ValueError` that names the place of what a file can't hold: a function, NaN, or an
+    object whose constructor does not make it anew from its fields.
+    """
+    path = Path(path)
+    suffix, writer, place = suffix_of(path), Writer(), FilePlace(str(path))
+    check_names(scene, state)
+    document = {VERSION: FORMAT, **writer.table(scene, place)}
+    document[STATE] = writer.table(state, place.at(STATE))
+    beside = path.with_suffix(".schema.json")
+    text = text_of(document, suffix, writer.units, beside.name if schema else None)
+    _require_exact(text, (scene, state), writer.own_classes, path)
+    path.write_text(text, encoding="utf-8")
+    if schema:
+        described = json.dumps(scene_schema(writer.own_classes), indent=2)
+        beside.write_text(described + "\n", encoding="utf-8")
+
+
+def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
+    """Read a scene and its state from a file, TOML or JSON by its suffix.
+
+    ```toml
+    gravity = [0, 9.81, 0]
+
+    [bodies.arm]
+    mass = "7020 g"
+    inertia = [0.001, 0.5855, 0.5855]
+
+    [joints.pin]
+    kind = "ClearanceJoint"
+    bearing_body = "ground"
+    journal_body = "arm"
+    journal_point = ["-50 cm", 0, 0]
+    bearing_radius = "10 mm"
+    clearance = "0.5 mm"
+    journal_length = "20 mm"
+    law = { kind = "Quadratic", stiffness = 1e9 }
+
+    [state.bodies.arm]
+    position = [0.5, 0, 0]
+    ```
+
+    Tables have the names and defaults of the Python classes' arguments, and `kind` names the class.
+    Numbers are in SI units; as text they may have another, of which pint knows. "none" stands for
+    ``None``. Bodies whose state is left out are placed at rest by following the joints from the
+    ground, and the state is then assembled.
+
+    A class of your own is handed over: a file never imports or runs code by itself. Its fields'
+    units may be declared by `quantity`. The file above goes with
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Quadratic(cj.AbstractContactLaw):
+        stiffness: float = cj.quantity("N/m^2", positive=True)
+        has_memory = False
+        force_jumps = False
+
+        def elastic_force(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+        def force(self, gap, entry_speed):
+            return self.elastic_force(gap)
+
+        def stored_energy(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0) ** 3 / 3
+
+    scene, state = cj.load("pendulum.toml", classes=[Quadratic])
+    ```
+
+    **Arguments:** `classes`: those of your own that the file may name, "Quadratic" or
+    "my_laws:Quadratic".
+
+    **Raises:** `ValueError` with file, place, what was found and expected, and a remedy.
+    """
+    require_classes(classes)
+    path = Path(path)
+    text = path.read_text(encoding="utf-8-sig")
+    return _read(parsed(text, suffix_of(path), str(path)), classes, FilePlace(str(path)))
+
+
+def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath) -> None:
+    """Check that a text gives what was saved."""
+    place = FilePlace(str(path))
+    with quiet():
+        read = _read(parsed(text, suffix_of(Path(path)), str(path)), classes, place)
+    for one, other, at in zip(saved, read, (place, place.at(STATE)), strict=True):
+        found = first_difference(one, other, at)
+        if found is not None:
+            found.refuse(
+                "what its class does not make anew from the arguments",
+                "a field that its constructor fills with the argument of that name",
+                "declare numbers by `quantity`, which stores arrays, and take tuples for lists",
+            )
+
+
+def _read(document: Document, classes: Classes, place: FilePlace) -> tuple[Scene, State]:
+    """The scene and its whole state, of a file's tables."""
+    _require_known_version(document.get(VERSION, FORMAT), place.at(VERSION))
+    reader = Reader(classes)
+    sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
+    given = document.get(STATE, {})
+    if not isinstance(given, dict):
+        place.at(STATE).refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    scene = reader.instance(Scene, sections, place, beside=(VERSION, STATE))
+    state = reader.instance(State, {"bodies": {}} | given, place.at(STATE))
+    known = list(scene.bodies)
+    for name in state.bodies:
+        if name not in known:
+            at, remedy = place.at(STATE).at("bodies"), "add the body, or leave its state out"
+            at.refuse(name, f"one of the scene's {listed(known)}", nearest(name, known, remedy))
+    return scene, _completed(scene, state, place.at(STATE))
+
+
+def _require_known_version(found: object, place: FilePlace) -> None:
+    expected = f"a whole number from 1 to {FORMAT}"
+    if isinstance(found, bool) or not isinstance(found, int) or found < 1:
+        place.refuse(found, expected, f"write {VERSION} = {FORMAT}, or leave it out")
+    if found > FORMAT:
+        place.refuse(found, expected, "a newer clearjoint wrote this: update yours to read it")
+
+
+def _completed(scene: Scene, state: State, place: FilePlace) -> State:
+    """The state as it was given, or one assembled where it says nothing of some body."""
+    missing = sorted(set(scene.bodies) - set(state.bodies))
+    if not missing:
+        return state
+    try:
+        return assemble(scene, guessed(scene, state))
+    except ValueError as error:
+        raise ValueError(
+            f"{place}: found no state of {listed(missing)} by following the joints from the "
+            f"ground, expected one in the file: give [state.bodies.<name>] a `position` (m) and "
+            f"an `orientation` that nearly fit the joints. {error}"
+        ) from error

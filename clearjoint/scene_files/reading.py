@@ -1,0 +1,126 @@
+"""From the tables of a file to objects, by the expectations of their classes' constructors."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from jaxtyping import PyTree
+
+from ..fields.checks import as_number
+from .complaints import FilePlace, listed, nearest
+from .expectations import ANYTHING, MAKERS, Expectation, arguments
+from .kinds import Classes, find_kind, is_abstract
+from .numbers import number_of_text
+
+KIND = "kind"
+"""The key by which a table names its class."""
+ABSENT = "none"
+"""The text that stands for ``None``, where that is not the default."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads with the package's classes, and those that the caller hands over."""
+
+    classes: Classes
+
+    def value(self, found: object, expected: Expectation, place: FilePlace) -> object:
+        """The object, container, numbers or name that stand at a place."""
+        read = self._item(found, expected, place)
+        if not expected.is_array or not isinstance(read, int | float | tuple):
+            return read
+        try:
+            return as_number(read)
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from error
+
+    def _item(self, found: object, expected: Expectation, place: FilePlace) -> object:
+        if isinstance(found, Mapping):
+            return self._table(found, expected, place)
+        if isinstance(found, list):
+            inner = expected.item or expected
+            return tuple(self._item(item, inner, place.at(k)) for k, item in enumerate(found))
+        if isinstance(found, str):
+            return _text(found, expected, place)
+        if isinstance(found, float) and math.isnan(found):
+            place.refuse(found, "a number", "replace it: no value may be NaN")
+        if found is None or isinstance(found, bool | int | float):
+            return found
+        return place.refuse(found, "a number, text, list or table", "write one of these")
+
+    def _table(self, found: Mapping, expected: Expectation, place: FilePlace) -> object:
+        if expected.by_name is not None:
+            inner = expected.by_name
+            return {key: self.value(item, inner, place.at(key)) for key, item in found.items()}
+        if expected.classes or KIND in found:
+            return self.instance(self._kind(found, expected, place), found, place)
+        if not expected.is_anything:
+            simple = "a text" if expected.is_text else "a number"
+            place.refuse(dict(found), simple, "write it in place of the table")
+        return {key: self.value(item, ANYTHING, place.at(key)) for key, item in found.items()}
+
+    def _kind(self, found: Mapping, expected: Expectation, place: FilePlace) -> type:
+        if KIND in found:
+            return find_kind(found[KIND], expected.classes, self.classes, place.at(KIND))
+        if len(expected.classes) == 1 and not is_abstract(expected.classes[0]):
+            return expected.classes[0]
+        family = " or ".join(kind.__name__ for kind in expected.classes)
+        return place.refuse(
+            dict(found), f"a table whose `{KIND}` names a class", f"add it: a subclass of {family}"
+        )
+
+    def instance(
+        self, kind: type, found: Mapping, place: FilePlace, beside: tuple[str, ...] = ()
+    ) -> PyTree:
+        """An object of a class, made of a table of its constructor's arguments.
+
+        **Arguments:** `beside`: other keys that the file may have there, for messages.
+        """
+        known = arguments(kind)
+        given = {}
+        for name, item in found.items():
+            if name == KIND:
+                continue
+            if name not in known:
+                keys = [KIND, *known, *beside]
+                remedy = nearest(name, keys, "leave it out")
+                place.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
+            given[name] = self.value(item, known[name].expected, place.at(name))
+        _require_complete(kind, given, place)
+        try:
+            made = MAKERS.get(kind, kind)(**given)
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{place}: {error}") from error
+        for name, item in given.items():
+            _require_kind(getattr(made, name, None), item, known[name].expected, place.at(name))
+        return made
+
+
+def _require_complete(kind: type, given: dict[str, object], place: FilePlace) -> None:
+    """Check that nothing is missing that the constructor needs."""
+    known = arguments(kind)
+    missing = [name for name, argument in known.items() if argument.is_required]
+    missing = [name for name in missing if name not in given]
+    if missing:
+        units = {name: known[name].expected.unit for name in missing}
+        named = [f"{name} ({units[name]})" if units[name] else name for name in missing]
+        place.refuse(sorted(given), f"{', '.join(named)} too", f"a {kind.__name__} needs them: add")
+
+
+def _require_kind(stored: object, given: object, expected: Expectation, place: FilePlace) -> None:
+    """Check that an element is one, whatever the constructor made of what was given."""
+    if expected.classes and stored is not None and not isinstance(stored, expected.classes):
+        family = " or ".join(kind.__name__ for kind in expected.classes)
+        place.refuse(given, f"a table whose `{KIND}` is a {family}", "write one")
+
+
+def _text(found: str, expected: Expectation, place: FilePlace) -> object:
+    if expected.options is not None:
+        names = list(expected.options.__members__)
+        if found not in names:
+            remedy = nearest(found, names, "write one of these")
+            place.refuse(found, f"one of {listed(names)}", remedy)
+        return expected.options[found]
+    if expected.is_text:
+        return found
+    return None if found == ABSENT else number_of_text(found, expected.unit, place)

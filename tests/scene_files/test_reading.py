@@ -1,0 +1,216 @@
+"""Files written by hand: what may be left out, numbers with units, and how mistakes are told."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+PIN = """
+[bodies.arm]
+mass = 7.02
+inertia = [0.001, 0.5855, 0.5855]
+
+[joints.pin]
+kind = "ClearanceJoint"
+bearing_body = "ground"
+journal_body = "arm"
+journal_point = [-0.5, 0, 0]
+bearing_radius = "10 mm"
+journal_radius = "9.5 mm"
+journal_length = "20 mm"
+law = { kind = "LankaraniNikravesh", restitution = 0.9, stiffness = 1e9 }
+
+[state.bodies.arm]
+position = [0.5, 0, 0]
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Reads a text, with changes to it, from a file."""
+
+    def read(text=PIN, *changes, classes=(), name="pin.toml"):
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        return cj.load(tmp_path / name, classes)
+
+    return read
+
+
+def test_a_file_is_as_short_as_the_python(read):
+    scene, state = read()
+    stiffness = scene.joints["pin"].law.stiffness
+    assert isinstance(stiffness, cj.GivenStiffness) and stiffness.stiffness == 1e9
+    assert scene.joints["pin"].clearance == 0.01 - 0.0095
+    assert state.bodies["arm"].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert scene.gravity is None and scene.forces == {} and state.memory == {}
+
+
+@pytest.mark.parametrize(
+    ("written", "number"),
+    [
+        ("0.3 mm", 3e-4),
+        ("0.9 mm", 0.0009),
+        (" 5e-1mm ", 5e-4),
+        ("0.03 inch", 0.000762),
+        (".025 cm", 0.00025),
+        ("0.0001", 1e-4),
+    ],
+)
+def test_units_are_rounded_once(read, written, number):
+    scene, _ = read(PIN, ('journal_radius = "9.5 mm"', f'clearance = "{written}"'))
+    assert float(scene.joints["pin"].clearance) == number
+
+
+def test_units_of_components(read):
+    scene, _ = read(
+        PIN,
+        ("[-0.5, 0, 0]", '["-50 cm", 0, "0 in"]'),
+        ("[0.001, 0.5855, 0.5855]", '["10 kg cm^2", 0.5855, 0.5855]'),
+        ("stiffness = 1e9", 'stiffness = {kind = "RavnStiffness", young_modulus = "207 GPa", '
+         "poisson_ratio = 0.3}"),
+    )  # fmt: skip
+    assert scene.joints["pin"].journal_point.tolist() == [-0.5, 0.0, 0.0]
+    assert scene.bodies["arm"].inertia[0] == 0.001
+    assert scene.joints["pin"].law.stiffness.young_modulus == 207e9
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("mass", "mas", r"pin.toml, `bodies.arm.mas`: found 7.02, .* did you mean 'mass'\?"),
+        ("[joints.pin]", "[joint.pin]", r"`joint`: .* did you mean 'joints'\?"),
+        ('"ClearanceJoint"', '"ClearenceJoint"', r"`joints.pin.kind`.* mean 'ClearanceJoint'\?"),
+        ('kind = "ClearanceJoint"', "", r"`joints.pin`.*a table whose `kind` names a class"),
+        ('"LankaraniNikravesh"', '"Ambrosio"', r"`joints.pin.law.kind`.*AbstractContactLaw"),
+        ('"LankaraniNikravesh"', "3", r"`joints.pin.law.kind`: found 3, expected the name of"),
+        ('"10 mm"', '"10 kg"', r"`joints.pin.bearing_radius`: found '10 kg', expected a number in"),
+        ('"9.5 mm"', '"9.5 kg"', r"`joints.pin.journal_radius`: found '9.5 kg', expected .* in m"),
+        ('"10 mm"', '"10 mn"', r"`joints.pin.bearing_radius`: found '10 mn', expected a number in"),
+        ('"10 mm"', '"wide"', r"`joints.pin.bearing_radius`: found 'wide', expected a number in m"),
+        ('"10 mm"', "nan", r"`joints.pin.bearing_radius`: found nan"),
+        ('"10 mm"', "-1", r"`joints.pin`: Argument `journal_radius` must be smaller"),
+        ('"10 mm"', "2021-01-01", r"`joints.pin.bearing_radius`: found datetime.date"),
+        ('"10 mm"', "{x = 1}", r"`joints.pin.bearing_radius`: found {'x': 1}, expected a number"),
+        ("mass = 7.02", "mass = -1", r"`bodies.arm`: Argument `mass` must be positive"),
+        ("mass = 7.02", "", r"`bodies.arm`: .* expected mass \(kg\) too: a Body needs them: add"),
+        ("law = {", "law = 3 #", r"`joints.pin`: Argument `law` must be an AbstractContactLaw"),
+        ("[state.bodies.arm]", "[state.bodies.arn]", r"`state.bodies`: found 'arn', .* 'arm'\?"),
+        ("position", "position =", r"pin.toml: .*line 17"),
+        ("[0.5, 0, 0]", "[0.5, 0]", r"`state.bodies.arm`: Argument `position` must be an array"),
+        ('"arm"', '"arn"', r"top level`: Argument `joints\['pin'\]` must be between known bodies"),
+        ("\n[bodies", "format = 2\n[bodies", r"`format`: found 2, .*newer clearjoint.* update"),
+        ("\n[bodies", 'format = "a"\n[bodies', r"`format`: found 'a', expected a whole number"),
+        ("\n[bodies", "forces = 3\n[bodies", r"Argument `forces` must be a dictionary"),
+        ("[state.bodies.arm]\nposition", "[s]\nposition", r"`s`: found .*one of the keys"),
+    ],
+)
+def test_mistakes_are_told_by_place_and_remedy(read, old, new, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read(PIN, (old, new))
+
+
+def test_mistakes_in_json_and_suffixes(read):
+    with pytest.raises(ValueError, match=r"'bodies' stands twice"):
+        read('{"bodies": {}, "bodies": {}}', name="a.json")
+    with pytest.raises(ValueError, match=r"found \[1\], expected an object"):
+        read("[1]", name="a.json")
+    with pytest.raises(ValueError, match=r"the suffix .toml or .json"):
+        read(name="a.yaml")
+
+
+def test_a_file_imports_nothing(read, tmp_path, monkeypatch):
+    (tmp_path / "my_laws.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("my_laws:Quadratic", "os:system", "clearjoint.model.contact.laws:Hertz"):
+        with pytest.raises(ValueError, match=r"handed over, none: pass classes=\["):
+            read(PIN, ("LankaraniNikravesh", name))
+    assert "my_laws" not in sys.modules
+
+
+class Doubled(cj.AbstractDampedLaw):
+    """A law of one's own."""
+
+    depth: float = 1.0
+
+    def damping_factor(self):
+        return 2.0
+
+
+@pytest.mark.parametrize("name", ["Doubled", f"{__name__}:Doubled", "__main__:Doubled"])
+def test_a_class_is_named_with_its_module_or_without(read, name):
+    scene, _ = read(PIN, ("LankaraniNikravesh", name), classes=[Doubled])
+    assert type(scene.joints["pin"].law) is Doubled
+
+
+@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"]])
+def test_classes_are_handed_over_as_a_list(read, classes):
+    with pytest.raises(ValueError, match=r"Argument `classes` must be a list of classes"):
+        read(classes=classes)
+
+
+def test_a_unit_that_is_not_declared_is_refused(read):
+    change = ('"LankaraniNikravesh"', '"Doubled", depth = "1 mm"')
+    with pytest.raises(ValueError, match=r"`joints.pin.law.depth`.*plain number in SI units"):
+        read(PIN, change, classes=[Doubled])
+
+
+CHAIN = """
+gravity = [0, 9.81, 0]
+bodies.upper = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
+bodies.lower = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
+
+[joints.elbow]
+kind = "RevoluteJoint"
+first = "upper"
+second = "lower"
+point_first = [0.5, 0, 0]
+point_second = [-0.5, 0, 0]
+axis_first = [0, 0, 1]
+axis_second = [0, 0, 1]
+
+[joints.shoulder]
+kind = "RevoluteJoint"
+first = "ground"
+second = "upper"
+point_first = [0, 1, 0]
+point_second = [-0.5, 0, 0]
+axis_first = [0, 0, 1]
+axis_second = [0, 0, 1]
+"""
+
+
+def test_a_state_that_is_left_out_is_found(read):
+    _, state = read(CHAIN)
+    for name, x in (("upper", 0.5), ("lower", 1.5)):
+        assert np.allclose(state.bodies[name].position, (x, 1.0, 0.0), atol=1e-9)
+
+
+def test_bodies_that_are_left_out_follow_those_given(read):
+    turned = "orientation = [0.7071067811865476, 0, 0, 0.7071067811865476]"
+    _, state = read(f"{CHAIN}\n[state.bodies.upper]\nposition = [0, 1.5, 0]\n{turned}")
+    assert np.allclose(state.bodies["lower"].position, (0.5, 2.0, 0.0), atol=1e-9)
+
+
+def test_a_state_that_is_not_found_is_asked_for(read):
+    held = CHAIN.replace("elbow", "held").replace(
+        "point_first = [0.5, 0, 0]", "point_first=[9,0,0]"
+    )
+    apart = CHAIN + held.split("}\n")[-1].split("[joints.shoulder]")[0]
+    with pytest.raises(ValueError, match=r"`state`: found no state of lower, upper.*give \[state"):
+        read(apart)
+
+
+def test_a_scene_in_json(read):
+    body = {"mass": "1 kg", "inertia": [1, 1, 1]}
+    text = {"$schema": "x", "bodies": {"b": body}, "gravity": None, "state": {"bodies": {"b": {}}}}
+    with pytest.raises(ValueError, match=r"`state.bodies.b`: .* position \(m\) too"):
+        read(json.dumps(text), name="a.json")
+    text["state"]["bodies"]["b"]["position"] = [0, 0, 1]
+    scene, _ = read(json.dumps(text), name="a.json")
+    assert scene.gravity is None and scene.bodies["b"].mass == 1.0

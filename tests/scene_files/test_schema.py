@@ -1,0 +1,82 @@
+"""The JSON Schema: files of ours satisfy it, mistakes don't."""
+
+import json
+import tomllib
+from typing import Any
+
+import jsonschema
+import pytest
+
+import clearjoint as cj
+
+
+class Motor(cj.AbstractDriveTorque):
+    """A motor of one's own."""
+
+    first: str
+    second: str
+    axis: tuple[float, float, float]
+    stall_torque: Any = cj.quantity("N m", shape=())
+    orientation: Any = cj.quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def torque_at(self, angle, speed, t):
+        return self.stall_torque
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A scene as TOML, as JSON, and the schemas beside them."""
+    folder = tmp_path_factory.mktemp("files")
+    scene, state = cj.slider_crank(motor=Motor("ground", "crank", (0, 0, 1), 2.0))
+    for suffix in (".toml", ".json"):
+        (folder / suffix[1:]).mkdir()
+        cj.save(scene, state, folder / suffix[1:] / f"crank{suffix}", schema=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def schema(files):
+    schema = json.loads((files / "toml" / "crank.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return schema
+
+
+def test_editors_find_the_schema_and_the_file_satisfies_it(files, schema):
+    text = (files / "toml" / "crank.toml").read_text()
+    assert text.startswith("#:schema ./crank.schema.json\n")
+    jsonschema.validate(tomllib.loads(text), schema)
+    other = json.loads((files / "json" / "crank.json").read_text())
+    assert other["$schema"] == "crank.schema.json"
+    jsonschema.validate(other, schema)
+    assert schema == cj.scene_schema([Motor])
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("bodies", "rod", "mas"), 1.0),
+        (("bodies", "rod", "mass"), [1.0]),
+        (("bodies", "rod", "inertia"), [1.0, 2.0]),
+        (("joints", "slider pin", "kind"), "Clearance"),
+        (("joints", "slider pin", "law", "kind"), "Ambrosio"),
+        (("joints", "slider pin", "bearing_body"), 3),
+        (("forces", "motor", "stall_torque"), [1, 2]),
+        (("format",), "one"),
+    ],
+)
+def test_mistakes_are_seen(files, schema, path, value):
+    document = json.loads((files / "json" / "crank.json").read_text())
+    table = document
+    for key in path[:-1]:
+        table = table[key]
+    table[path[-1]] = value
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, schema)
+
+
+def test_units_and_summaries_are_told(schema):
+    definitions = schema["$defs"]
+    assert definitions["ClearanceJoint"]["properties"]["clearance"]["description"] == "unit: m"
+    assert definitions["Hertz"]["description"].startswith("Purely elastic contact")
+    assert f"{__name__}:Motor" in definitions and "RevoluteJoint" in definitions
+    assert not [name for name in definitions if name.startswith("Abstract")]

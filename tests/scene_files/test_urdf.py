@@ -1,0 +1,156 @@
+"""Robots of URDF files: bodies, joints, play by name, and what is left out."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.constraint_report import constraint_report
+from clearjoint.dynamics.journals import outside
+
+pytest.importorskip("yourdfpy")
+ARM = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="base"><inertial><mass value="9"/></inertial></link>
+  <link name="stand"/>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0.5 0 0"/> <mass value="2"/>
+      <inertia ixx="0.001" iyy="0.17" izz="0.17"/>
+    </inertial>
+    <visual><geometry><box size="1 0.1 0.1"/></geometry></visual>
+  </link>
+  <link name="lower">
+    <inertial>
+      <origin xyz="0 0.25 0" rpy="0 0 1.5707963267948966"/> <mass value="1"/>
+      <inertia ixx="0.001" iyy="0.02" izz="0.021"/>
+    </inertial>
+  </link>
+  <link name="rail">
+    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+  </link>
+  <link name="tool">
+    <inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>
+  </link>
+  <joint name="foot" type="fixed">
+    <parent link="base"/><child link="stand"/><origin xyz="0 0 1"/>
+  </joint>
+  <joint name="shoulder" type="continuous">
+    <parent link="stand"/><child link="upper"/><axis xyz="0 1 0"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="lower"/><axis xyz="0 0 1"/>
+    <origin xyz="1 0 0" rpy="1.5707963267948966 0 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="2"/>
+    <dynamics damping="0.1"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="lower"/><child link="rail"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0.5 0" rpy="0 0.3 0.2"/><mimic joint="elbow"/>
+  </joint>
+  <joint name="flange" type="fixed">
+    <parent link="rail"/><child link="tool"/><origin rpy="0.1 0.2 0.3"/>
+  </joint>
+  <gazebo/><material name="red"/>
+</robot>
+"""
+PLAY = {
+    "bearing_radius": 0.01,
+    "clearance": 1e-4,
+    "journal_length": 0.02,
+    "law": cj.Hertz(1e9),
+}
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Reads a robot, with a change to its text, and the warnings' texts."""
+
+    def robot(old="", new="", **options):
+        assert old in ARM
+        (tmp_path / "arm.urdf").write_text(ARM.replace(old, new) if old else ARM)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            scene, state = cj.load_urdf(tmp_path / "arm.urdf", **options)
+        return scene, state, [str(entry.message) for entry in told]
+
+    return robot
+
+
+def test_links_with_mass_are_bodies_where_the_joints_at_zero_have_them(robot):
+    scene, state, _ = robot()
+    assert list(scene.bodies) == ["upper", "lower", "rail", "tool"]
+    assert scene.bodies["upper"].inertia.tolist() == [0.001, 0.17, 0.17]
+    assert np.allclose(scene.bodies["lower"].inertia, [0.02, 0.001, 0.021])
+    assert np.allclose(state.bodies["upper"].position, (0.5, 0.0, 1.0))
+    assert np.allclose(state.bodies["lower"].position, (1.0, 0.0, 1.25))
+    assert np.allclose(
+        np.abs(state.bodies["lower"].orientation), (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+    )
+    assert scene.gravity is not None and scene.gravity.tolist() == [0.0, 0.0, -9.81]
+
+
+def test_joints_fit_the_state(robot):
+    scene, state, _ = robot()
+    kinds = {name: type(joint).__name__ for name, joint in scene.joints.items()}
+    hinge = "RevoluteJoint"
+    assert kinds == {
+        "shoulder": hinge, "elbow": hinge, "slide": "PrismaticJoint", "flange": "FixedJoint",
+    }  # fmt: skip
+    assert np.allclose(scene.joints["shoulder"].point_first, (0.0, 0.0, 1.0))
+    assert np.allclose(scene.joints["elbow"].axis_first, (0.0, -1.0, 0.0))
+    report = constraint_report(scene, state, 0.0)
+    assert np.abs(report.values).max() < 1e-14
+
+
+def test_play_takes_the_place_of_a_hinge(robot):
+    scene, state, _ = robot(play={"elbow": PLAY})
+    elbow, ideal = scene.joints["elbow"], robot()[0].joints["elbow"]
+    assert isinstance(elbow, cj.ClearanceJoint) and isinstance(elbow.axial, cj.FixedAxially)
+    assert (elbow.bearing_body, elbow.journal_body) == ("upper", "lower")
+    assert np.array_equal(elbow.bearing_point, ideal.point_first)
+    assert np.array_equal(elbow.journal_axis, ideal.axis_second)
+    assert outside(scene, state) == set()
+
+
+def test_what_is_left_out_is_told_once(robot):
+    _, _, told = robot()
+    (text,) = told
+    for left in (
+        "limits of elbow;",
+        "damping and friction of elbow;",
+        "mimics of slide;",
+        "looks of upper;",
+        "inertia of the root of base; <gazebo>.",
+    ):
+        assert left in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "play", "complaint"),
+    [
+        ("", "", {"elbo": PLAY}, r"found 'elbo', .* did you mean 'elbow'\?"),
+        ("", "", {"slide": PLAY}, r"found 'slide', expected play in one of the hinges elbow, sh"),
+        ("", "", {"elbow": PLAY | {"clearence": 1}}, r"`elbow`: .* did you mean 'clearance'\?"),
+        ("", "", {"elbow": PLAY | {"clearance": -1}}, r"`elbow`: Argument `clearance` must be pos"),
+        ('type="prismatic"', 'type="planar"', {}, r"`slide`: found 'planar', expected one of"),
+        ('<link name="stand"/>', "", {}, r"found \['foot'.*between known links"),
+        ('<joint name="foot" type="fixed"', '<joint name="foot" type="continuous"', {}, "no mass"),
+        ('<child link="tool"/>', '<child link="rail"/>', {}, r"found \['base', 'tool'\], expected"),
+        ('izz="0.021"', 'izz="0.9"', {}, r"`lower`: Argument `inertia` must be such that"),
+        ("</robot>", "", {}, r"arm.urdf: ParseError\('no element found: line"),
+        ('<parent link="upper"/>', "", {}, r"arm.urdf: AttributeError"),
+    ],
+)
+def test_mistakes_are_told_by_place(robot, old, new, play, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        robot(old, new, play=play)
+
+
+def test_a_robot_becomes_a_scene_file(robot, tmp_path):
+    scene, state, _ = robot(play={"elbow": PLAY})
+    cj.save(scene, state, tmp_path / "arm.toml")
+    read, _ = cj.load(tmp_path / "arm.toml")
+    assert read.joints["elbow"].clearance == 1e-4
