@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
+from clearjoint import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.fields.declarations import optional_quantity, quantity
-from clearjoint.model.contact.laws import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.model.joints.base import Row
 from clearjoint.testing import check_constraint, check_friction, check_law, moving
 
