@@ -91,12 +91,12 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """c K delta^n, the part that is given back, N."""
-        return self.restitution * super().elastic_force(gap)
+        """The mean of both, N: what one is above it, the other is below."""
+        return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
         """Its integral, J."""
-        return self.restitution * super().stored_energy(gap)
+        return 0.5 * (1.0 + self.restitution) * super().stored_energy(gap)
 
     def delivered_restitution(self) -> Scalar:
         """sqrt(c), for impacts much faster than the transition speed."""
