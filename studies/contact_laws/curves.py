@@ -3,6 +3,8 @@
 import warnings
 from collections.abc import Callable
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 import clearjoint as cj
@@ -66,11 +68,8 @@ def jankowski(requested: np.ndarray) -> np.ndarray:
 
 
 def loop(law: cj.AbstractContactLaw, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (N,) m and forces (N,) N of a free impact, by steps that are half a thousandth of a
-    contact long, of the classical Runge-Kutta method."""
-    import jax
-    import jax.numpy as jnp
-
+    """Depths (N,) m and forces (N,) N of a free impact, by equal steps of the classical
+    Runge-Kutta method."""
     scale = (MASS * SPEED**2 / float(law.stiffness.stiffness)) ** (1.0 / (law.exponent + 1.0))
     h = 5.0 * scale / SPEED / steps
     entry = SPEED if law.has_memory else None

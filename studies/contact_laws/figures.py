@@ -58,7 +58,7 @@ def _loops() -> dict[str, dict[str, cj.AbstractContactLaw]]:
     k, c = STIFFNESS, 0.5
     linear = 1.5e8
     return {
-        "of memory, K δ$^{1.5}$": {
+        "with memory, K δ$^{1.5}$": {
             "Hertz": cj.Hertz(k),
             "Lankarani–Nikravesh": cj.LankaraniNikravesh(c, k),
             "Hunt–Crossley": cj.HuntCrossley(c, k),
@@ -70,15 +70,15 @@ def _loops() -> dict[str, dict[str, cj.AbstractContactLaw]]:
             "Hertz": cj.Hertz(k),
             "Tsuji": cj.Tsuji(c, k, MASS),
             "Jankowski": cj.Jankowski(c, k, MASS),
-            "Kuwabara–Kono, D = 2·10⁶": cj.KuwabaraKono(k, 2e6),
-            "Ristow, D = 5·10³": cj.Ristow(k, 5e3),
-            "IMPACT, D = 10⁴, full at 3 µm": cj.ImpactFunction(k, 1e4, 3e-6),
+            "Kuwabara–Kono, D = 2·10⁶ N s/m$^{1.5}$": cj.KuwabaraKono(k, 2e6),
+            "Ristow, D = 5·10³ N s/m": cj.Ristow(k, 5e3),
+            "IMPACT, D = 10⁴ N s/m, full at 3 µm": cj.ImpactFunction(k, 1e4, 3e-6),
         },
         "without memory, K δ": {
             "spring": cj.Hertz(linear, exponent=1.0),
             "Kelvin–Voigt": cj.KelvinVoigt(c, linear, MASS),
             "Flores' variant": cj.FloresKelvinVoigt(c, linear),
-            "ElastoGap, D = 10⁴": cj.ElastoGap(linear, 1e4),
+            "ElastoGap, D = 10⁴ N s/m": cj.ElastoGap(linear, 1e4),
         },
     }
 
@@ -98,23 +98,32 @@ def loops(quick: bool) -> Figure:
         axes.set_xlim(left=0.0)
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False, fontsize=9)
-    figure.suptitle(f"free impacts of {MASS:g} kg at {SPEED:g} m/s, restitution 0.5 requested")
+    figure.suptitle(
+        f"free impacts of {MASS:g} kg at {SPEED:g} m/s; of laws that take one, 0.5 is requested"
+    )
     return figure
 
 
 def restitution(quick: bool) -> Figure:
-    """Requested against delivered restitution, of all laws."""
-    figure, axes = plt.subplots(figsize=(9.6, 6.4), layout="constrained")
+    """Requested against delivered restitution of all laws, and the difference."""
+    figure, panels = plt.subplots(1, 2, figsize=(11.0, 6.6), layout="constrained")
     requested = np.linspace(0.02, 1.0, 6 if quick else 50)
-    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=4.0, label="exact restitution")
+    panels[0].plot([0.0, 1.0], [0.0, 1.0], color="0.7", linewidth=4.0, label="exact restitution")
+    panels[1].axhline(0.0, color="0.7", linewidth=4.0)
     for k, name in enumerate((*FACTORS, *MADE)):
-        axes.plot(requested, delivered(name, requested), label=name, **_look(k))
+        found = delivered(name, requested)
+        panels[0].plot(requested, found, label=name, **_look(k))
+        panels[1].plot(requested, found - requested, **_look(k))
     if not quick:
         few = np.linspace(0.1, 0.9, 9)
-        axes.plot(few, jankowski(few), "o", color="black", markersize=4, label="Jankowski")
-    style.dress(axes, "requested restitution", "delivered restitution of a free impact")
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(0.0, 1.0)
-    axes.set_aspect("equal")
-    figure.legend(loc="outside right center", frameon=False, fontsize=9)
+        found, look = jankowski(few), {"color": "black", "marker": "o", "markersize": 4}
+        panels[0].plot(few, found, linestyle="", label="Jankowski", **look)
+        panels[1].plot(few, found - few, linestyle="", **look)
+    style.dress(panels[0], "requested restitution", "delivered restitution of a free impact")
+    style.dress(panels[1], "requested restitution", "delivered less requested")
+    for axes in panels:
+        axes.set_xlim(0.0, 1.0)
+    panels[0].set_ylim(0.0, 1.0)
+    panels[1].set_ylim(-0.06, 0.06)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
