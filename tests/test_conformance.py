@@ -4,12 +4,13 @@ import warnings
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
+from clearjoint import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.fields.declarations import optional_quantity, quantity
-from clearjoint.model.contact.laws import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.model.joints.base import Row
 from clearjoint.testing import check_constraint, check_friction, check_law, moving
 
@@ -92,9 +93,31 @@ class Generating(Pulling):
         return self.elastic_force(gap) * jnp.maximum(1 - 0.5 * gap.rate / entry_speed, 0.0)
 
 
+class Frozen(Pulling):
+    """Damping whose derivatives are cut off."""
+
+    def force(self, gap, entry_speed):
+        damped = jax.lax.stop_gradient(jnp.maximum(1 + 0.5 * gap.rate / entry_speed, 0.0))
+        return self.elastic_force(gap) * damped
+
+
+class Blind(Pulling):
+    """Damping that knows an entry speed of its own where none was seen."""
+
+    def force(self, gap, entry_speed):
+        entry_speed = jnp.minimum(entry_speed, 100.0)
+        return self.elastic_force(gap) * jnp.maximum(1 + 0.5 * gap.rate / entry_speed, 0.0)
+
+
 @pytest.mark.parametrize(
     ("law", "complaint"),
-    [(Pulling, "negative"), (Generating, "creates energy"), (SpikedDerivative, "derivative")],
+    [
+        (Pulling, "negative"),
+        (Generating, "creates energy"),
+        (SpikedDerivative, "derivative"),
+        (Frozen, "derivative by the rate is not that of the force"),
+        (Blind, "impact was not seen"),
+    ],
 )
 def test_broken_laws_are_refused(law, complaint):
     with pytest.raises(AssertionError, match=complaint):

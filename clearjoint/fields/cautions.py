@@ -35,6 +35,13 @@ class NotCarriedOverWarning(UserWarning):
     """
 
 
+class LawRangeWarning(UserWarning):
+    """A contact law is used where it does not hold, or for what it cannot give.
+
+    Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
+    """
+
+
 def caution(message: str, category: type[Warning]) -> None:
     """Warn at the line of the caller outside the package, and tell how not to be warned."""
     if _QUIET.get():

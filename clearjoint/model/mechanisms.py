@@ -7,8 +7,9 @@ import numpy as np
 from ..fields.types import TripleLike
 from ..math.vectors import Scalar
 from .bodies import GROUND, Body, BodyState, State, body_state
+from .contact.damping_factors import LankaraniNikravesh
 from .contact.friction import AbstractFriction
-from .contact.laws import AbstractContactLaw, LankaraniNikravesh
+from .contact.laws import AbstractContactLaw
 from .contact.stiffness import RavnStiffness
 from .joints.axial import AbstractAxialPolicy
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce

@@ -4,6 +4,7 @@ import diffrax
 
 from ..compilation import Compiled
 from ..dynamics.journals import warn_of_journals_outside
+from ..fields.cautions import LawRangeWarning, caution
 from ..fields.checks import require
 from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
@@ -15,6 +16,7 @@ from .aliases import Numbers
 from .dense_output import require_dense
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
+from .law_ranges import beyond_law_ranges
 from .method import Scheme
 from .run_checks import check_precision, check_start, is_traced
 from .saving import Saving, saving_or_nothing
@@ -70,11 +72,9 @@ def simulate(
     **Returns:** a `Solution`.
 
     **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
-    bearing in a state that the run keeps, and when; `UnusualValueWarning` for a start far in the
-    wall of a bearing.
-
-    **Raises:** `ValueError` for arguments that no run can use; `SimulationError`, which carries the
-    solution so far, for a run that fails.
+    bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
+    is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
+    the wall of a bearing.
     """
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
@@ -114,9 +114,13 @@ begin_compiled = Compiled(begin)
 
 
 def _warn(scene: Scene, solution: Solution) -> None:
-    """Warn of journals that are outside their bearings in what is kept."""
+    """Warn of journals that are outside their bearings in what is kept, and of laws beyond their
+    range."""
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
     warn_of_journals_outside(scene, solution.time, solution.final, kept)
+    if solution.impacts is not None:
+        for sentence in beyond_law_ranges(scene, solution.impacts):
+            caution(sentence, LawRangeWarning)
 
 
 def _check_adjoint(adjoint: object) -> None:

@@ -16,12 +16,15 @@ from ..fields.types import Single
 from ..math.interpolation import Parabola
 from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
-from ..model.contact.laws import AbstractContactLaw, AbstractHertzianLaw, contact_normal_force
+from ..model.contact.hunt_crossley import AbstractHertzianLaw
+from ..model.contact.laws import AbstractContactLaw, contact_normal_force
 
 TOLERANCE = 1e-11
 STEPS_A_CONTACT = 500
 LONGEST = 100.0
 """s that a contact may last."""
+INSIDE = 1e-300
+"""m: a depth at which a contact has begun, and the force of a law that jumps is there."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ def _contact(
         0.0,
         LONGEST,
         1e-9,
-        jnp.stack([-reach, entry_speed]),
+        jnp.stack([INSIDE - reach, entry_speed]),
         event=leaving,
         throw=False,
         max_steps=16384,

@@ -17,9 +17,10 @@ from ..math.vectors import Condition, EulerParameters, Matrix, Scalar, Vector, u
 from ..model.bodies import Motion
 from ..model.contact.friction import AbstractFriction
 from ..model.contact.gap import Gap
-from ..model.contact.laws import AbstractContactLaw
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw
 from ..model.joints.base import AbstractConstraint, Row
 from .continuity import jumps
+from .law_sensitivities import complaints_of_sensitivities
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
@@ -40,8 +41,9 @@ def _require(condition: Condition, message: str) -> None:
 def check_law(
     law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
 ) -> None:
-    """Check a normal law: sign, onset, energy, dissipation, derivatives, jumps, and behaviour under
-    vmap.
+    """Check a normal law: sign, onset, energy, dissipation, derivatives, jumps, behaviour under
+    vmap, sensitivities to rate, entry speed and each of its numbers against differences, and that
+    an unknown entry speed means elastic contact.
 
     A force may jump where contact begins or ends, as that of a parallel damper does, unless the law
     declares that it does not (`AbstractContactLaw.force_jumps`); a `UserWarning` tells of it. It
@@ -74,7 +76,24 @@ def check_law(
     _require(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
     _check_energy(elastic, energy)
     _check_derivatives(force, law, depth, rate, entry)
+    for complaint in complaints_of_sensitivities(force, law):
+        raise AssertionError(complaint)
+    if law.has_memory:
+        _check_unknown_entry(force, elastic, law)
     _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
+
+
+def _check_unknown_entry(
+    force: Callable[..., Scalar], elastic: Callable[[Scalar], Scalar], law: AbstractContactLaw
+) -> None:
+    depth, rate = _grid(DEPTHS, RATES)
+    unknown = jnp.full_like(depth, UNKNOWN_ENTRY_SPEED)
+    forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, unknown, law)
+    _require(
+        jnp.allclose(forces, jax.vmap(elastic)(depth), rtol=1e-6, atol=1e-12),
+        "The force of a contact whose impact was not seen, for which a vast entry speed stands, is "
+        "not the elastic one.",
+    )
 
 
 def _check_jumps(force: Callable[..., Places], law: AbstractContactLaw) -> None:

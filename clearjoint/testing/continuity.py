@@ -11,6 +11,8 @@ PIECES = 64
 HALVINGS = 100
 ROUNDING = 1e-9
 """Part of a function's values below which a change is none."""
+STAYS = 0.5
+"""Part of the change after half of the halvings that a jump keeps."""
 
 
 class Jumps(NamedTuple):
@@ -38,8 +40,9 @@ def jumps(
     """The largest jump of a function in each of N intervals, and where it is.
 
     Each interval is cut into pieces. A piece is halved, and the half over which the function
-    changes more is kept, until its ends are neighbours: what is left of the change is a jump. One
-    that is smaller than what the slope changes within a piece may be missed.
+    changes more is kept, until its ends are neighbours: what is left of the change is a jump if it
+    was as large halfway, which that of a root of the place is not. A jump that is smaller than what
+    the slope changes within a piece may be missed.
 
     **Arguments:** `function`: of (N,) places, one in each interval; `left`, `right`: (N,).
     """
@@ -47,7 +50,10 @@ def jumps(
     values = jax.vmap(function)
     start = _Piece(marks[:-1], marks[1:], values(marks[:-1]), values(marks[1:]))
 
-    def half(_: int, piece: _Piece) -> _Piece:
+    def half(turn: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
+        piece, halfway = state
+        change = jnp.abs(piece.value_right - piece.value_left)
+        halfway = jnp.where(turn == HALVINGS // 2, change, halfway)
         middle = 0.5 * (piece.left + piece.right)
         value = values(middle)
         first = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
@@ -55,10 +61,13 @@ def jumps(
             _Piece(piece.left, middle, piece.value_left, value),
             _Piece(middle, piece.right, value, piece.value_right),
         )
-        return jax.tree.map(lambda *pair: jnp.where(first, *pair), *halves)
+        return jax.tree.map(lambda *pair: jnp.where(first, *pair), *halves), halfway
 
-    _, places, low, high = jax.lax.fori_loop(0, HALVINGS, half, start)
+    none = jnp.zeros_like(start.value_left)
+    (_, places, low, high), halfway = jax.lax.fori_loop(0, HALVINGS, half, (start, none))
     scale = jnp.maximum(jnp.abs(start.value_left), jnp.abs(start.value_right))
-    sizes = jnp.where(jnp.abs(high - low) > ROUNDING * scale, high - low, 0.0)
+    change = jnp.abs(high - low)
+    jumps_there = (change > ROUNDING * scale) & (change > STAYS * halfway)
+    sizes = jnp.where(jumps_there, high - low, 0.0)
     largest = jnp.argmax(jnp.abs(sizes), axis=0)[None]
     return Jumps(*(jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, places)))

@@ -1,4 +1,6 @@
-"""The generalised stiffness of a contact: given, or from materials and radii."""
+"""The elastic force of a contact: a power of the penetration with a generalised stiffness, given or
+from materials and radii, or another function of it.
+"""
 
 import abc
 import math
@@ -7,23 +9,38 @@ import jax.numpy as jnp
 
 from ...fields.checks import as_number
 from ...fields.conversion import AbstractConverting
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.declarations import quantity
 from ...fields.types import Single
+from ...math.smoothing import positive_power
 from ...math.vectors import Scalar
 from .gap import Gap
+from .limits import Limit
+from .materials import AbstractMaterialPair
 
-SOLIDS = 1e9, 2e12
-"""Young's moduli, Pa, between which the materials of bearings lie: plastics and diamond."""
 SOFTEST_CONTACT = 1e6
 """Generalised stiffness, N/m^n, below which a newton presses the surfaces together by a tenth of a
 millimetre."""
 
 
-_GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
+class AbstractElasticity(AbstractConverting):
+    """The elastic force of a contact against its penetration, and the energy that it stores."""
+
+    @abc.abstractmethod
+    def force(self, gap: Gap, exponent: float) -> Scalar:
+        """Elastic force in N, zero without penetration; `exponent` is the law's."""
+
+    @abc.abstractmethod
+    def energy(self, gap: Gap, exponent: float) -> Scalar:
+        """The force's integral over the penetration, J."""
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """What of a gap it holds for, if not for all."""
+        del gap
+        return ()
 
 
-class AbstractStiffness(AbstractConverting):
-    """The generalised stiffness K of a law.
+class AbstractStiffness(AbstractElasticity):
+    """The generalised stiffness K of a law, whose elastic force is K delta^n.
 
     ```python
     import clearjoint as cj
@@ -43,6 +60,14 @@ class AbstractStiffness(AbstractConverting):
     def value(self, gap: Gap) -> Scalar:
         """The stiffness K in N/m^n for the radii of a gap."""
 
+    def force(self, gap: Gap, exponent: float) -> Scalar:
+        """K delta^n, N."""
+        return self.value(gap) * positive_power(gap.depth, exponent)
+
+    def energy(self, gap: Gap, exponent: float) -> Scalar:
+        """K delta^(n+1)/(n+1), J."""
+        return self.value(gap) * positive_power(gap.depth, exponent + 1) / (exponent + 1)
+
 
 class GivenStiffness(AbstractStiffness):
     """A stiffness known from elsewhere, N/m^n."""
@@ -56,7 +81,7 @@ class GivenStiffness(AbstractStiffness):
         return self.stiffness
 
 
-class RavnStiffness(AbstractStiffness):
+class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     """Internal contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
 
     K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E. It follows the radii, so
@@ -66,27 +91,13 @@ class RavnStiffness(AbstractStiffness):
     are the bearing's unless given.
     """
 
-    young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
-    poisson_ratio: Single = quantity("1", within=(-1.0, 0.5), remedy="give nu of the material")
-    journal_young_modulus: Single | None = optional_quantity(
-        "Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS
-    )
-    journal_poisson_ratio: Single | None = optional_quantity(
-        "1", within=(-1.0, 0.5), remedy="give nu of the material"
-    )
-
     def value(self, gap: Gap) -> Scalar:
         """The stiffness K in N/m^1.5, by the radii of bearing and journal."""
         assert gap.bearing_radius is not None and gap.clearance is not None
-        modulus = self.journal_young_modulus
-        ratio = self.journal_poisson_ratio
-        modulus = self.young_modulus if modulus is None else modulus
-        ratio = self.poisson_ratio if ratio is None else ratio
-        compliance = (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus
         radii = gap.bearing_radius * gap.journal_radius
-        return 4.0 / (3.0 * compliance) * jnp.sqrt(radii / gap.clearance)
+        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(radii / gap.clearance)
 
 
-def as_stiffness(value: object) -> AbstractStiffness:
-    """The stiffness given, or a `GivenStiffness` of a number in N/m^n."""
-    return value if isinstance(value, AbstractStiffness) else GivenStiffness(as_number(value))
+def as_stiffness(value: object) -> AbstractElasticity:
+    """The elasticity given, or a `GivenStiffness` of a number in N/m^n."""
+    return value if isinstance(value, AbstractElasticity) else GivenStiffness(as_number(value))

@@ -8,7 +8,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, AbstractHertzianLaw
+from ..contact.laws import AbstractContactLaw, AbstractElasticLaw
 from ..contact.stiffness import GivenStiffness
 
 
@@ -86,7 +86,7 @@ class EndPlay(AbstractAxialPolicy):
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
-        if isinstance(self.law, AbstractHertzianLaw):
+        if isinstance(self.law, AbstractElasticLaw):
             require(
                 isinstance(self.law.stiffness, GivenStiffness),
                 "law",

@@ -19,6 +19,7 @@ from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
+from ..contact.limits import Limit
 from .motion_subspaces import AbstractFreedom
 
 T = TypeVar("T")
@@ -248,6 +249,12 @@ class AbstractContactJoint(AbstractElement):
         """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
         run ends there. None by default."""
         return {}
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """What the law of a contact holds for, with what it is at a penetration, m; a run that
+        keeps its impacts warns of penetrations beyond. None by default."""
+        del name, depth
+        return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
         """How far the second body has slid out of the first along the axis, m, negative inside.

@@ -26,7 +26,9 @@ from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
 from ..contact.friction import AbstractFriction
+from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
+from ..contact.limits import Limit, caution_beyond
 from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
@@ -161,6 +163,7 @@ class ClearanceJoint(AbstractContactJoint):
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
+            caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
 
     @property
     def journal_radius(self) -> Single:
@@ -187,6 +190,11 @@ class ClearanceJoint(AbstractContactJoint):
     def deepest(self) -> dict[str, Scalar]:
         """The journal's radius at both bases: deeper, its axis has left the bearing."""
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Those of the law of a base, or of a shoulder, which is flat."""
+        radii = (self.bearing_radius, self.clearance) if name in BASES else ()
+        return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry at both bases, and at both shoulders if there are any."""

@@ -1,0 +1,172 @@
+"""Laws of the Hunt-Crossley family with a requested restitution c: each is its factor chi(c).
+
+What each delivers for what is requested, `delivered_restitution` tells; `ExactRestitution` delivers
+what is requested.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.cautions import LawRangeWarning, caution
+from ...fields.checks import concrete, require
+from ...math.vectors import Scalar
+from .hunt_crossley import AbstractDampedLaw
+from .restitution import exact_damping_factor
+
+
+class HuntCrossley(AbstractDampedLaw):
+    """chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999 have
+    the same)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/2."""
+        return 1.5 * (1.0 - self.restitution)
+
+
+class HerbertMcWhannell(AbstractDampedLaw):
+    """chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 6 (1 - c)/((2 c - 1)^2 + 3)."""
+        return 6.0 * (1.0 - self.restitution) / ((2.0 * self.restitution - 1.0) ** 2 + 3.0)
+
+
+class LeeWang(AbstractDampedLaw):
+    """chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983): near c = 1 it loses half of what it should,
+    and at c = 0 it still delivers 0.66."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/4."""
+        return 0.75 * (1.0 - self.restitution)
+
+
+class LankaraniNikravesh(AbstractDampedLaw):
+    """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c^2)/4."""
+        return 0.75 * (1.0 - self.restitution**2)
+
+
+class ZhiyingQishao(AbstractDampedLaw):
+    """chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3/4 (1 - c^2) exp(2 (1 - c))."""
+        return 0.75 * (1.0 - self.restitution**2) * jnp.exp(2.0 * (1.0 - self.restitution))
+
+
+class CarvalhoMartins(AbstractDampedLaw):
+    """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019): to four digits
+    exact from c = 0.5 on."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c))."""
+        c = self.restitution
+        return 1.5 * (1.0 - c) * (11.0 - c) / (1.0 + 9.0 * c)
+
+
+class AbstractReboundingLaw(AbstractDampedLaw):
+    """A law whose damping is infinite for a requested restitution of zero, which is refused."""
+
+    def __check_init__(self):
+        restitution = concrete(self.restitution)
+        if restitution is not None:
+            require(
+                bool(restitution > 0),
+                "restitution",
+                float(restitution),
+                "positive for this law",
+                "its damping is infinite at 0; use a small value such as 0.01",
+            )
+
+
+class Flores2011(AbstractReboundingLaw):
+    """chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011).
+
+    K. Ye et al. 2009 have the same for an exponent of 1.5.
+    """
+
+    def damping_factor(self) -> Scalar:
+        """chi = 8 (1 - c)/(5 c)."""
+        return 1.6 * (1.0 - self.restitution) / self.restitution
+
+
+class Gonthier(AbstractReboundingLaw):
+    """chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = (1 - c^2)/c."""
+        return (1.0 - self.restitution**2) / self.restitution
+
+
+class GharibHurmuzlu(AbstractReboundingLaw):
+    """chi = 1/c (M. Gharib, Y. Hurmuzlu 2012), for nearly plastic impacts: it never delivers more
+    than 0.594."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 1/c."""
+        return 1.0 / self.restitution
+
+
+class HuGuo(AbstractReboundingLaw):
+    """chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/(2 c)."""
+        return 1.5 * (1.0 - self.restitution) / self.restitution
+
+
+class SafaeifarFarshidianfar(AbstractReboundingLaw):
+    """chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020)."""
+
+    def damping_factor(self) -> Scalar:
+        """chi = 5 (1 - c)/(4 c)."""
+        return 1.25 * (1.0 - self.restitution) / self.restitution
+
+
+class YePounding(AbstractReboundingLaw):
+    """chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound."""
+
+    exponent: float = eqx.field(default=1.0, static=True)
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/(2 c)."""
+        return 1.5 * (1.0 - self.restitution) / self.restitution
+
+
+class PantWijeyewickrema(AbstractReboundingLaw):
+    """chi = 3 (1 - c^2)/(2 c^2) with a linear spring (D. R. Pant, A. C. Wijeyewickrema 2012).
+
+    Unusable as a law of restitution: for 0.5 it delivers 0.22, for 0.9 it delivers 0.81. It is here
+    to reproduce papers, and warns.
+
+    **Warns:** `LawRangeWarning` for any restitution below 1.
+    """
+
+    exponent: float = eqx.field(default=1.0, static=True)
+
+    def _check_together(self) -> None:
+        requested = concrete(self.restitution)
+        if requested is not None and requested < 1.0:
+            caution(
+                f"`PantWijeyewickrema` delivers far less than the requested restitution of "
+                f"{float(requested):g}, for 0.5 for instance 0.22: take `ExactRestitution`.",
+                LawRangeWarning,
+            )
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c^2)/(2 c^2)."""
+        return 1.5 * (1.0 - self.restitution**2) / self.restitution**2
+
+
+class ExactRestitution(AbstractReboundingLaw):
+    """The chi for which a free impact delivers the requested restitution c, for every stiffness.
+
+    It solves chi (1 + c) = ln[(1 + chi)/(1 - chi c)], the relation of Y. Gonthier et al. 2004 and
+    J. Zhang, I. Sharf 2009.
+    """
+
+    def damping_factor(self) -> Scalar:
+        """chi with chi (1 + c) = ln[(1 + chi)/(1 - chi c)]."""
+        return exact_damping_factor(self.restitution)

@@ -1,0 +1,225 @@
+"""Laws with a dashpot beside the spring, F = K delta^n + D delta^m rate, clamped at zero.
+
+None keeps a memory. The contact ends where the surfaces part, at delta = 0; before that a dashpot
+would pull, where the clamp lets go. What is delivered for a requested restitution depends on that
+rule: without the clamp the first two would deliver it exactly, with it they deliver
+`clamped_restitution`. The first also jumps at touch.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.checks import concrete, require
+from ...fields.declarations import quantity
+from ...fields.types import Single
+from ...math.vectors import Scalar
+from .gap import Gap
+from .laws import AbstractElasticLaw
+from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
+
+
+class AbstractDashpotLaw(AbstractElasticLaw):
+    """F = max(0, K delta^n + D delta^m rate) where delta > 0, with n and m of the class.
+
+    A subclass declares `exponent` n and `damping_exponent` m, and gives the `damping`. With m = 0
+    the force jumps at touch, which it must declare as ``force_jumps = True``.
+
+    ```python
+    import clearjoint as cj
+
+    class Foam(cj.AbstractDashpotLaw):
+        stiffness: cj.AbstractStiffness
+        viscosity: float  # N s/m^2
+        exponent = 1.5
+        damping_exponent = 1.0
+
+        def damping(self, gap):
+            return self.viscosity
+
+    law = Foam(stiffness=1e9, viscosity=1e6)
+    ```
+    """
+
+    exponent: eqx.AbstractClassVar[float]
+    damping_exponent: eqx.AbstractClassVar[float]
+    has_memory = False
+    force_jumps = False
+
+    @abc.abstractmethod
+    def damping(self, gap: Gap) -> Scalar:
+        """D in N s/m^(1+m)."""
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """K delta^n, N."""
+        return self.stiffness.force(gap, self.exponent)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """K delta^(n+1)/(n+1), J."""
+        return self.stiffness.energy(gap, self.exponent)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force in N."""
+        del entry_speed
+        closed = gap.depth > 0.0
+        depth = jnp.where(closed, gap.depth, 1.0)
+        dashpot = self.damping(gap) * depth**self.damping_exponent * self._damped_rate(gap)
+        return jnp.where(closed, jnp.maximum(self.elastic_force(gap) + dashpot, 0.0), 0.0)
+
+    def _damped_rate(self, gap: Gap) -> Scalar:
+        """The rate on which the dashpot acts, m/s."""
+        return gap.rate
+
+
+def damping_ratio(restitution: Scalar) -> Scalar:
+    """Damping over critical damping of an oscillator whose speed falls to a part in half a period:
+    -ln c/sqrt(pi^2 + ln^2 c)."""
+    logarithm = jnp.log(restitution)
+    return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
+
+
+def clamped_restitution(ratio: Scalar) -> Scalar:
+    """Rebound over entry speed of a damped oscillator that is let go where its force vanishes.
+
+    exp(-2 z acos z/sqrt(1 - z^2)) with the damping ratio z < 1 (T. Schwager, T. Poeschel 2007).
+    """
+    return jnp.exp(-2.0 * ratio * jnp.arccos(ratio) / jnp.sqrt(1.0 - ratio**2))
+
+
+class AbstractTunedDashpotLaw(AbstractDashpotLaw):
+    """A dashpot tuned to a requested restitution of impacts of an effective mass.
+
+    **Arguments:** `restitution` in (0, 1]; `stiffness` K, a number in N/m^n or an
+    `AbstractStiffness`; `effective_mass`: kg, of two bodies that collide m1 m2/(m1 + m2), of one
+    against a wall its own.
+    """
+
+    restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
+    stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
+    effective_mass: Single = quantity("kg", positive=True, remedy="give the mass that rebounds")
+
+    def _check_together(self) -> None:
+        require(
+            isinstance(self.stiffness, AbstractStiffness),
+            "stiffness",
+            type(self.stiffness).__name__,
+            "a number or an AbstractStiffness",
+            "the damping of this law follows the factor of a power of the penetration",
+        )
+        restitution = concrete(self.restitution)
+        if restitution is not None:
+            require(
+                bool(restitution > 0.0),
+                "restitution",
+                float(restitution),
+                "positive for this law",
+                "its logarithm or inverse is in the damping; use a small value such as 0.01",
+            )
+
+    def _root(self, gap: Gap) -> Scalar:
+        """sqrt(K m)."""
+        assert isinstance(self.stiffness, AbstractStiffness)
+        return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
+
+
+class KelvinVoigt(AbstractTunedDashpotLaw):
+    """Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
+
+    S. A. Anagnostopoulos 1988 has the same for buildings that pound. z is the `damping_ratio` of
+    the requested restitution, which an impact delivers that ends where the surfaces part and pulls
+    before. This one does not pull: for 0.1, 0.5 and 0.9 it delivers 0.253, 0.550 and 0.902. At
+    touch the force jumps to D times the entry speed.
+    """
+
+    exponent = 1.0
+    damping_exponent = 0.0
+    force_jumps = True
+
+    def damping(self, gap: Gap) -> Scalar:
+        """2 z sqrt(K m), N s/m."""
+        return 2.0 * damping_ratio(self.restitution) * self._root(gap)
+
+    def delivered_restitution(self) -> Scalar:
+        """Rebound over entry speed of a free impact of the effective mass."""
+        return clamped_restitution(damping_ratio(self.restitution))
+
+
+class Tsuji(AbstractTunedDashpotLaw):
+    """F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
+
+    z is the `damping_ratio` (J. Antypov, J. A. Elliott 2011): it would deliver the requested
+    restitution if it pulled before the end; clamped, it delivers what `KelvinVoigt` does.
+    """
+
+    exponent = 1.5
+    damping_exponent = 0.25
+
+    def damping(self, gap: Gap) -> Scalar:
+        """sqrt(5) z sqrt(m K), N s/m^(5/4)."""
+        return 5.0**0.5 * damping_ratio(self.restitution) * self._root(gap)
+
+    def delivered_restitution(self) -> Scalar:
+        """Rebound over entry speed of a free impact of the effective mass."""
+        return clamped_restitution(damping_ratio(self.restitution))
+
+
+class Jankowski(AbstractTunedDashpotLaw):
+    """F = K delta^1.5 + 2 z sqrt(K m) delta^(1/4) rate on the approach, K delta^1.5 on the rebound
+    (R. Jankowski 2005). It never pulls, and delivers nearly what is requested.
+
+    z = (9 sqrt(5)/2) (1 - c^2)/(c (c (9 pi - 16) + 16)).
+    """
+
+    exponent = 1.5
+    damping_exponent = 0.25
+
+    def damping(self, gap: Gap) -> Scalar:
+        """2 z sqrt(K m), N s/m^(5/4)."""
+        c = self.restitution
+        ratio = 4.5 * 5.0**0.5 * (1.0 - c**2) / (c * (c * (9.0 * jnp.pi - 16.0) + 16.0))
+        return 2.0 * ratio * self._root(gap)
+
+    def _damped_rate(self, gap: Gap) -> Scalar:
+        return jnp.maximum(gap.rate, 0.0)
+
+
+class AbstractGivenDashpotLaw(AbstractDashpotLaw):
+    """A dashpot whose damping D is given, in N s/m^(1+m)."""
+
+    stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
+    damping_coefficient: Single = quantity(
+        "N s/m^(1+m)", positive=True, zero=True, remedy="give D in N, m and s"
+    )
+
+    def damping(self, gap: Gap) -> Scalar:
+        """The given one."""
+        del gap
+        return self.damping_coefficient
+
+
+class KuwabaraKono(AbstractGivenDashpotLaw):
+    """F = K delta^1.5 + D delta^(1/2) rate (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
+    1996): spheres of a viscous material.
+
+    The restitution falls with the speed, as that of metals does. D in N s/m^1.5. The slope of the
+    damping grows without bound towards touch, where the force is zero.
+    """
+
+    exponent = 1.5
+    damping_exponent = 0.5
+
+
+class BordbarHyppanen(AbstractGivenDashpotLaw):
+    """F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65."""
+
+    exponent = 1.5
+    damping_exponent = 0.65
+
+
+class Ristow(AbstractGivenDashpotLaw):
+    """F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m."""
+
+    exponent = 1.5
+    damping_exponent = 0.0
+    force_jumps = True

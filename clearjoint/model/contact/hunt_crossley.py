@@ -1,0 +1,188 @@
+"""The Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed): what its laws share, and those
+that are told by more than a requested restitution.
+"""
+
+import abc
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.checks import concrete, require, require_positive, require_range
+from ...fields.declarations import optional_quantity, quantity
+from ...fields.types import Single
+from ...math.smoothing import positive_power, ramp
+from ...math.vectors import Scalar
+from .gap import Gap
+from .laws import AbstractElasticLaw
+from .restitution import delivered_restitution
+from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
+
+
+class AbstractHertzianLaw(AbstractElasticLaw):
+    """F = K delta^n (1 + chi rate/entry speed), clamped at zero.
+
+    A subclass declares the fields below and implements `damping_factor`. Its rebound of a free mass
+    then has the restitution that `delivered_restitution` reports, which differs from the requested.
+
+    - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
+      of the depth then stands for K delta^n.
+    - `exponent`: n, at least 1; a static field makes 1 and 1.5 cheap. A cylinder has its own.
+    - `smoothing`: width w in m, or ``None``. With it the penetration becomes a ramp that begins at
+      delta = -w, and the clamp a ramp of relative width w/(w + delta).
+
+    ```python
+    import clearjoint as cj
+    import equinox as eqx
+
+    class Damped(cj.AbstractHertzianLaw):
+        stiffness: cj.AbstractStiffness
+        factor: float
+        exponent: float = eqx.field(default=1.5, static=True)
+        smoothing: float | None = None
+        has_memory = True
+
+        def damping_factor(self):
+            return self.factor
+
+    law = Damped(stiffness=1e9, factor=0.2)
+    ```
+    """
+
+    exponent: eqx.AbstractVar[float]
+    smoothing: eqx.AbstractVar[Single | None]
+    force_jumps = False
+
+    @abc.abstractmethod
+    def damping_factor(self) -> Scalar:
+        """chi, the hysteresis damping factor times the entry speed over K."""
+
+    def __check_init__(self):
+        exponent = concrete(self.exponent)
+        if exponent is not None:
+            least = bool(exponent >= 1.0)
+            require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
+        if self.smoothing is not None:
+            require_positive("smoothing", self.smoothing, "give a width in m, or None")
+            require(
+                isinstance(self.stiffness, AbstractStiffness),
+                "smoothing",
+                self.smoothing,
+                f"None with {type(self.stiffness).__name__}",
+                "it smooths a power of the penetration",
+            )
+
+    def reach(self) -> Scalar:
+        """Distance ahead of the surface at which the force begins, m."""
+        return 0.0 if self.smoothing is None else self.smoothing
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """K delta^n, the force without damping, N."""
+        if self.smoothing is not None:
+            gap = replace(gap, depth=ramp(gap.depth, self.smoothing))
+        return self.stiffness.force(gap, self.exponent)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """K delta^(n+1)/(n+1), J; with smoothing, the integral over the ramp as well."""
+        n, w = self.exponent, self.smoothing
+        if w is None:
+            return self.stiffness.energy(gap, n)
+        assert isinstance(self.stiffness, AbstractStiffness)
+        inside = jnp.clip(gap.depth, -w, w) + w
+        below = positive_power(inside, 2 * n + 1) / ((4 * w) ** n * (2 * n + 1))
+        above = (positive_power(jnp.maximum(gap.depth, w), n + 1) - w ** (n + 1)) / (n + 1)
+        return self.stiffness.value(gap) * (below + above)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force in N (eq. 24)."""
+        if entry_speed is None:
+            return self.elastic_force(gap)
+        factor = 1.0 + self.damping_factor() * gap.rate / entry_speed
+        return self.elastic_force(gap) * ramp(factor, self._clamp_width(gap))
+
+    def _clamp_width(self, gap: Gap) -> Scalar | None:
+        if self.smoothing is None:
+            return None
+        return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
+
+    def delivered_restitution(self) -> Scalar:
+        """Rebound over entry speed of a free impact, by the exact relation."""
+        return delivered_restitution(self.damping_factor())
+
+
+class Hertz(AbstractHertzianLaw):
+    """Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory."""
+
+    stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
+    exponent: float = eqx.field(default=1.5, static=True)
+    smoothing: Single | None = optional_quantity("m")
+    has_memory = False
+
+    def damping_factor(self) -> Scalar:
+        """chi = 0: nothing is lost."""
+        return 0.0
+
+
+class MemorylessHuntCrossley(AbstractHertzianLaw):
+    """F = K delta^n (1 + a rate) with a given damping a (K. H. Hunt, F. R. E. Crossley 1975).
+
+    Keeps no memory: a = 3 (1 - c)/(2 v) is what `HuntCrossley` has at one entry speed v, the
+    `design_speed`, m/s. There the `restitution` c is requested, and the one that
+    `delivered_restitution` reports is delivered. Slower impacts lose less and faster ones more, as
+    metals do, and a contact that begins slowly isn't stiff.
+    """
+
+    restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic, 0 is plastic")
+    stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
+    design_speed: Single = quantity(
+        "m/s", positive=True, remedy="give a typical entry speed in m/s"
+    )
+    exponent: float = eqx.field(default=1.5, static=True)
+    smoothing: Single | None = optional_quantity("m")
+    has_memory = False
+    force_jumps = False
+
+    def damping_factor(self) -> Scalar:
+        """chi = 3 (1 - c)/2, at the design speed."""
+        return 1.5 * (1.0 - self.restitution)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force in N, with the damping of the design speed at every entry speed."""
+        return super().force(gap, self.design_speed)
+
+
+class AbstractDampedLaw(AbstractHertzianLaw):
+    """A law of the family with a requested restitution and a floor on the entry speed.
+
+    Its fields are those of all such laws; a subclass says the `damping_factor`. At low entry speed
+    the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
+
+    ```python
+    import clearjoint as cj
+
+    class Gonthier(cj.AbstractDampedLaw):
+        def damping_factor(self):
+            return (1.0 - self.restitution**2) / self.restitution
+
+    law = Gonthier(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
+    ```
+    """
+
+    restitution: Single = quantity("1")
+    stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
+    exponent: float = eqx.field(default=1.5, static=True)
+    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    smoothing: Single | None = optional_quantity("m")
+    has_memory = True
+    force_jumps = False
+
+    def __check_init__(self):
+        require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
+        require_positive(
+            "entry_speed_floor", self.entry_speed_floor, "give a small speed in m/s, e.g. 1e-6"
+        )
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Normal force in N, with the entry speed floored."""
+        assert entry_speed is not None
+        return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))

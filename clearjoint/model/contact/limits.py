@@ -1,0 +1,43 @@
+"""Where a law holds: limits of its quantities, and the warning beyond them."""
+
+from typing import NamedTuple
+
+from ...fields.cautions import LawRangeWarning, caution
+from ...fields.checks import concrete
+from ...math.vectors import Scalar
+
+
+class Limit(NamedTuple):
+    """A quantity of a contact, and the least and the most for which a law was made.
+
+    `law` and `quantity`: names; `value`, `least` and `most` in the `unit`.
+    """
+
+    law: str
+    quantity: str
+    unit: str
+    value: Scalar
+    least: Scalar
+    most: Scalar
+
+
+def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
+    """What is beyond the limits of a quantity, in sentences; nothing of numbers that JAX traces."""
+    sentences = []
+    for limit in limits:
+        numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
+        if limit.quantity != quantity or any(number is None for number in numbers):
+            continue
+        value, least, most = (float(number) for number in numbers if number is not None)
+        if not least <= value <= most:
+            sentences.append(
+                f"`{limit.law}` holds for a {quantity} from {least:.4g} {limit.unit} to "
+                f"{most:.4g} {limit.unit}, but it is {value:.4g} {limit.unit}."
+            )
+    return sentences
+
+
+def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
+    """Warn of a quantity beyond a law's limits."""
+    for sentence in exceeded(limits, quantity):
+        caution(sentence, LawRangeWarning)

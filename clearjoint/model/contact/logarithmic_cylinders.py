@@ -1,0 +1,140 @@
+"""Line contacts whose penetration is given by the load: delta = P S [ln(A/P) + k].
+
+P is the force over length, S = 1/(pi E*); the laws differ in the load A and the number k. The
+penetration has a largest value, at the load A exp(k - 1), beyond which the formula makes no sense.
+With u = ln(A/P) + k, the force is L delta/(S u), and u follows from the part d of the largest
+penetration that is reached: u - 1 - ln u = -ln d, for every law alike.
+"""
+
+import abc
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...math.vectors import Scalar
+from .cylinders import AbstractCylinder, radii_of
+from .gap import Gap
+
+_STEPS = 5
+"""Of Newton's method, which converges from above; four leave rounding alone."""
+
+
+@jax.custom_jvp
+def inverse_of_load(part: Scalar) -> Scalar:
+    """The u > 1 of u exp(1 - u) = part, for parts between zero and one."""
+    q = -jnp.log(part)
+    u = 1.0 + jnp.sqrt(2.0 * q) + q
+    for _ in range(_STEPS):
+        u = u * (q + jnp.log(u)) / (u - 1.0)
+    return u
+
+
+@inverse_of_load.defjvp
+def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    (part,), (along,) = primals, tangents
+    u = inverse_of_load(part)
+    return u, -u / ((u - 1.0) * part) * along
+
+
+class AbstractLogarithmicCylinder(AbstractCylinder):
+    """delta = P S [ln(A/P) + k], solved for P; a subclass gives A and k."""
+
+    @abc.abstractmethod
+    def reference_load(self, gap: Gap) -> Scalar:
+        """A, force over length, N/m."""
+
+    @abc.abstractmethod
+    def constant(self) -> float:
+        """k."""
+
+    def _flatness(self) -> Scalar:
+        """S = 1/(pi E*), 1/Pa."""
+        return self.compliance() / jnp.pi
+
+    def deepest(self, gap: Gap) -> Scalar:
+        """The largest penetration that the formula has, m."""
+        return self.reference_load(gap) * np.exp(self.constant() - 1.0) * self._flatness()
+
+    def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
+        """Force over length, N/m, at a depth below the largest."""
+        return depth / (self._flatness() * inverse_of_load(depth / self.deepest(gap)))
+
+    def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
+        """P delta less the integral of the penetration over the load, J/m."""
+        u = inverse_of_load(depth / self.deepest(gap))
+        return (depth / u) ** 2 * (0.5 * u - 0.25) / self._flatness()
+
+
+class JohnsonCylinder(AbstractLogarithmicCylinder):
+    """delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR."""
+
+    def reference_load(self, gap: Gap) -> Scalar:
+        """4 pi E* dR, N/m."""
+        return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
+
+    def constant(self) -> float:
+        """-1."""
+        return -1.0
+
+
+class EsduCylinder(AbstractLogarithmicCylinder):
+    """delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR."""
+
+    def reference_load(self, gap: Gap) -> Scalar:
+        """4 pi E* dR, N/m."""
+        return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
+
+    def constant(self) -> float:
+        """1."""
+        return 1.0
+
+
+class RadzimovskyCylinder(AbstractLogarithmicCylinder):
+    """delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] with b = 1.60 sqrt(P R/E*) and the
+    relative radius R = R_i R_j/dR (E. I. Radzimovsky 1953), as it is printed.
+
+    Roark's 1.60 goes with diameters: with 2.26 in its place the penetration is smaller by
+    P/(pi E*) ln 2.
+    """
+
+    def reference_load(self, gap: Gap) -> Scalar:
+        """16 E* dR/1.60^2, N/m."""
+        return 6.25 * radii_of(gap)[2] / self.compliance()
+
+    def constant(self) -> float:
+        """2/3."""
+        return 2.0 / 3.0
+
+
+class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
+    """delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971)."""
+
+    def reference_load(self, gap: Gap) -> Scalar:
+        """L^2 dR/(R_i R_j S), N/m."""
+        return _load_by_length(self.length, gap, self._flatness())
+
+    def constant(self) -> float:
+        """1."""
+        return 1.0
+
+
+class GoldsmithCylinder(AbstractLogarithmicCylinder):
+    """delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
+
+    The exponent of L is printed as 1, which no units make sense of. With 3 the law is that of
+    Dubowsky and Freudenstein.
+    """
+
+    def reference_load(self, gap: Gap) -> Scalar:
+        """L^2/(R S), N/m."""
+        return _load_by_length(self.length, gap, self._flatness())
+
+    def constant(self) -> float:
+        """1."""
+        return 1.0
+
+
+def _load_by_length(length: Scalar, gap: Gap, flatness: Scalar) -> Scalar:
+    bearing, journal, clearance = radii_of(gap)
+    return length**2 * clearance / (bearing * journal * flatness)

@@ -1,0 +1,1 @@
+"""Contact laws: force against penetration, hysteresis, and what they deliver."""
