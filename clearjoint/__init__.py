@@ -58,7 +58,9 @@ from .model.bodies import Wrench as Wrench
 from .model.bodies import body_state as body_state
 from .model.contact.friction import AbstractFriction as AbstractFriction
 from .model.contact.friction import Ambrosio as Ambrosio
+from .model.contact.friction import LinearCoulomb as LinearCoulomb
 from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
+from .model.contact.friction import Threlfall as Threlfall
 from .model.contact.gap import Gap as Gap
 from .model.contact.laws import AbstractContactLaw as AbstractContactLaw
 from .model.contact.laws import AbstractDampedLaw as AbstractDampedLaw
@@ -72,6 +74,9 @@ from .model.contact.restitution import delivered_restitution as delivered_restit
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
 from .model.contact.stiffness import GivenStiffness as GivenStiffness
 from .model.contact.stiffness import RavnStiffness as RavnStiffness
+from .model.contact.stribeck import BengisuAkay as BengisuAkay
+from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
+from .model.contact.stribeck import Stribeck as Stribeck
 from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially

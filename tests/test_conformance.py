@@ -189,7 +189,19 @@ def test_jumps_where_no_step_lands_are_refused(law, complaint):
         check_law(law(STEEL))
 
 
-@pytest.mark.parametrize("friction", [cj.RegularisedCoulomb(0.1), cj.Ambrosio(0.1)])
+@pytest.mark.parametrize(
+    "friction",
+    [
+        cj.RegularisedCoulomb(0.1),
+        cj.LinearCoulomb(0.1),
+        cj.Threlfall(0.1),
+        cj.Ambrosio(0.1),
+        cj.Stribeck(0.15, 0.1, stribeck_speed=1e-2),
+        cj.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
+        cj.BengisuAkay(0.15, 0.1),
+        cj.BrownMcPhee(0.15, 0.1),
+    ],
+)
 def test_friction_conforms(friction):
     check_friction(friction)
 

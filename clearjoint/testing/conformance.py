@@ -163,7 +163,8 @@ def _check_derivatives(
 
 
 def check_friction(friction: AbstractFriction) -> None:
-    """Check a friction law: against the slip, zero without it, finite derivatives at rest."""
+    """Check a friction law: against the slip, zero without it, finite derivatives at rest, by its
+    parameters too, and behaviour under vmap."""
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
     ratios = ratio(speeds)
@@ -172,6 +173,14 @@ def check_friction(friction: AbstractFriction) -> None:
     sizes, places = jumps(ratio, speeds[:-1], speeds[1:])
     k = int(jnp.argmax(jnp.abs(sizes)))
     _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
+    one = jnp.stack([jnp.asarray(friction.ratio(speed)) for speed in speeds])
+    _require(jnp.allclose(one, ratios), "ratio() under vmap differs from that of one lane.")
+    by_friction = eqx.filter_vmap(
+        eqx.filter_grad(lambda law, speed: law.force(1.0, Vector(speed, 0.0, 0.0)).x),
+        in_axes=(None, 0),
+    )(jax.tree.map(jnp.asarray, friction), speeds)
+    for leaf in jax.tree.leaves(by_friction):
+        _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
 
     def force(slip: jax.Array) -> Scalar:
         return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x
