@@ -56,6 +56,10 @@ from .model.bodies import Motion as Motion
 from .model.bodies import State as State
 from .model.bodies import Wrench as Wrench
 from .model.bodies import body_state as body_state
+from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
+from .model.contact.bristles import Dahl as Dahl
+from .model.contact.bristles import ElastoPlastic as ElastoPlastic
+from .model.contact.bristles import LuGre as LuGre
 from .model.contact.friction import AbstractFriction as AbstractFriction
 from .model.contact.friction import Ambrosio as Ambrosio
 from .model.contact.friction import LinearCoulomb as LinearCoulomb

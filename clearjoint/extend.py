@@ -47,6 +47,7 @@ from .math.vectors import unpack as unpack
 from .model.bodies import NO_WRENCH as NO_WRENCH
 from .model.bodies import Motion as Motion
 from .model.bodies import Wrench as Wrench
+from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
 from .model.contact.friction import AbstractFriction as AbstractFriction
 from .model.contact.gap import Gap as Gap
 from .model.contact.gap import slip_velocity as slip_velocity
