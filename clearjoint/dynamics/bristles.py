@@ -5,6 +5,7 @@ step has bristles that were dragged for that long: tau is zero to rounding, but 
 isn't, so that the deflection is given as slip times tau there.
 """
 
+import jax
 import jax.numpy as jnp
 
 from ..math.vectors import Scalar, Vector
@@ -15,17 +16,10 @@ from .contact_forces import Bristles
 from .equations_of_motion import Dynamics
 
 
-def initial_bristles(scene: Scene, given: Bristles, start: Reaches) -> Bristles:
-    """The deflections given, and zero where there are none, for contacts as they are at the
-    start."""
-    bristles: Bristles = {}
-    for name, family in scene.bristle_laws().items():
-        known = given.get(name, {})
-        bristles[name] = {
-            label: known.get(label, _constant(jnp.zeros_like(start[name][label].depth)))
-            for label in family
-        }
-    return bristles
+def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
+    """The deflections given, and zero where there are none."""
+    bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
+    return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 
 def bristle_rates(dynamics: Dynamics) -> Bristles:
@@ -44,7 +38,10 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 def full_deflections(scene: Scene) -> Bristles:
     """What errors of deflections are judged against, m, in the form of deflections."""
     return {
-        name: {label: _constant(law.full_deflection()) for label, law in family.items()}
+        name: {
+            label: _constant(jnp.asarray(law.full_deflection(), float))
+            for label, law in family.items()
+        }
         for name, family in scene.bristle_laws().items()
     }
 

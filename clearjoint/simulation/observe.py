@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compilation import Compiled
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.bristles import initial_bristles
 from ..dynamics.energy import mechanical_energy
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.formulation import Formulation
@@ -186,7 +187,7 @@ def observe_compiled(
             system.encode(unpack(state.bodies)),
             state.memory,
             t,
-            bristles=unpack(state.bristles),
+            bristles=initial_bristles(scene, unpack(state.bristles)),
         )
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())

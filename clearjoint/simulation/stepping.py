@@ -66,7 +66,7 @@ def start(
     """
     reaches = system.reaches(y.motion)
     memory = memory or initial_memory(system.scene, reaches)
-    y = replace(y, bristles=initial_bristles(system.scene, y.bristles, reaches))
+    y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
     y = replace(y, work=_ledger(system, t0, y, memory, derivatives))
     term, args = term_of(method), (system, memory)
     t_next, controller_state = method.controller.wrap(1).init(

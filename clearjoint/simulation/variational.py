@@ -31,8 +31,7 @@ def start_with_tangents(
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, Memory], None]:
         state = family.start(values)
         motion = system.encode(state.bodies)
-        reaches = system.reaches(motion)
-        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles, reaches))
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.memory)), None
 
     count = len(family.values)

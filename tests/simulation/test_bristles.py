@@ -162,6 +162,25 @@ def test_run_without_bristles_has_none():
     assert dynamics.contact_forces["floor"]["belt"].bristle_rate is None
 
 
+def test_rigid_contacts_take_the_friction_of_long_slip():
+    """The block slows down at mu_C g, since it slides far above the Stribeck speed; what is
+    observed of such runs has bristles at rest."""
+    scene, state = block(LUGRE, velocity=(1.0, 0.0, 0.0), height=0.0)
+    times = np.array([0.1, 0.2])
+    run = cj.simulate_nonsmooth(
+        scene, state, 0.21, step=1e-3, restitution=0.0, save=cj.Saving(times)
+    )
+    np.testing.assert_allclose(along(run)[1], 1.0 - 0.15 * 10.0 * times, rtol=1e-6)
+    assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
+
+
+def test_windows_that_would_lose_bristles_are_refused():
+    times = np.linspace(1e-4, 1e-3, 10)
+    position = cj.Series(Q.Position("block", "x"), times, times, 1e-3)
+    with pytest.raises(ValueError, match=r"scene.*floor.*without bristles"):
+        cj.identify_by_shots(*falling(), cj.Measurements({"x": position}), {}, [5e-4])
+
+
 @pytest.mark.slow
 def test_alike_joints_and_lanes_have_what_each_has_alone():
     """Two blocks are computed as a group, and lanes side by side."""

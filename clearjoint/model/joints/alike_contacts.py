@@ -4,6 +4,7 @@ What a joint or its law says of one element is applied to each, so that both may
 """
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
@@ -138,4 +139,8 @@ class SeveralBristleLaws(AbstractBristleFriction):
 
     def full_deflection(self) -> Scalar:
         """The deflections that errors are judged against, m."""
-        return each(lambda joint: joint.bristle_laws()[self.label].full_deflection(), self.joint)
+
+        def of(joint: AbstractContactJoint) -> Scalar:
+            return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)
+
+        return each(of, self.joint)
