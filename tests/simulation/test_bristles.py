@@ -177,7 +177,7 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
 def test_windows_that_would_lose_bristles_are_refused():
     times = np.linspace(1e-4, 1e-3, 10)
     position = cj.Series(Q.Position("block", "x"), times, times, 1e-3)
-    with pytest.raises(ValueError, match=r"scene.*floor.*without bristles"):
+    with pytest.raises(ValueError, match="scene.*without bristles.*floor"):
         cj.identify_by_shots(*falling(), cj.Measurements({"x": position}), {}, [5e-4])
 
 
