@@ -61,6 +61,10 @@ from .model.bodies import body_state as body_state
 from .model.contact.bounded_damping import ElastoGap as ElastoGap
 from .model.contact.bounded_damping import FloresKelvinVoigt as FloresKelvinVoigt
 from .model.contact.bounded_damping import ImpactFunction as ImpactFunction
+from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
+from .model.contact.bristles import Dahl as Dahl
+from .model.contact.bristles import ElastoPlastic as ElastoPlastic
+from .model.contact.bristles import LuGre as LuGre
 from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
 from .model.contact.cylinders import LiuCylinder as LiuCylinder
 from .model.contact.cylinders import PereiraCylinder as PereiraCylinder
@@ -89,7 +93,9 @@ from .model.contact.dashpots import Tsuji as Tsuji
 from .model.contact.dashpots import clamped_restitution as clamped_restitution
 from .model.contact.friction import AbstractFriction as AbstractFriction
 from .model.contact.friction import Ambrosio as Ambrosio
+from .model.contact.friction import LinearCoulomb as LinearCoulomb
 from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
+from .model.contact.friction import Threlfall as Threlfall
 from .model.contact.gap import Gap as Gap
 from .model.contact.hunt_crossley import AbstractDampedLaw as AbstractDampedLaw
 from .model.contact.hunt_crossley import AbstractHertzianLaw as AbstractHertzianLaw
@@ -108,6 +114,9 @@ from .model.contact.restitution import exact_damping_factor as exact_damping_fac
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
 from .model.contact.stiffness import GivenStiffness as GivenStiffness
 from .model.contact.stiffness import RavnStiffness as RavnStiffness
+from .model.contact.stribeck import BengisuAkay as BengisuAkay
+from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
+from .model.contact.stribeck import Stribeck as Stribeck
 from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially

@@ -47,6 +47,7 @@ from .math.vectors import unpack as unpack
 from .model.bodies import NO_WRENCH as NO_WRENCH
 from .model.bodies import Motion as Motion
 from .model.bodies import Wrench as Wrench
+from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
 from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
 from .model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
 from .model.contact.friction import AbstractFriction as AbstractFriction

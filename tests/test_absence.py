@@ -13,6 +13,7 @@ from clearjoint import (
     Baumgarte,
     Body,
     ClearanceJoint,
+    Dahl,
     EndPlay,
     FixedAxially,
     Hertz,
@@ -26,6 +27,7 @@ from clearjoint import (
     body_state,
 )
 from clearjoint.dynamics import equations_of_motion as dynamics
+from clearjoint.dynamics.bristles import initial_bristles
 from clearjoint.dynamics.contact_events import has_memory
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.stabilisation import Unstabilised
@@ -65,6 +67,7 @@ DAMPED, ELASTIC = LankaraniNikravesh(0.9, 1e9), Hertz(1e9)
 FREE = scene()
 FORCED = pin(ELASTIC)
 ROUGH = pin(ELASTIC, friction=RegularisedCoulomb(0.1))
+BRISTLED = pin(ELASTIC, friction=Dahl(0.1))
 BALL = SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))
 DRIVER = PrescribedRotation("ground", "rod", AXIS, 3.0)
 HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
@@ -75,7 +78,9 @@ def operations(of, memory=None, **formulation):
 
     def rates(scene, state, memory):
         absolute = Formulation(AbsoluteCoordinates(), **formulation)
-        return System(unpack(scene), absolute).rates(unpack(state.bodies), memory, 0.0)
+        bristles = initial_bristles(unpack(scene), {})
+        system = System(unpack(scene), absolute)
+        return system.rates(unpack(state.bodies), memory, 0.0, bristles=bristles)
 
     return primitives(jax.make_jaxpr(rates)(of, STATE, memory or {}).jaxpr)
 
@@ -105,6 +110,7 @@ ADDED = {
     "clearance joint": (FREE, scene(FORCED), {}),
     "damping": (scene(FORCED), scene(pin(DAMPED)), BASES),
     "friction": (scene(FORCED), scene(ROUGH), {}),
+    "bristles": (scene(FORCED), scene(BRISTLED), {}),
     "smoothing": (scene(FORCED), scene(pin(Hertz(1e9, smoothing=1e-6))), {}),
     "end play": (scene(FORCED), scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))), {}),
     "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=FixedAxially())), {}),
@@ -182,6 +188,14 @@ def test_scene_without_memory_has_none_in_its_state():
     assert started(scene(FORCED)).memory == {}
     memory = started(scene(pin(DAMPED))).memory
     assert {name: set(family) for name, family in memory.items()} == {"pin": {"V", "W"}}
+
+
+def test_bristles_are_in_the_state_of_their_contacts_alone():
+    """Shoulders have no friction, and other laws no bristles."""
+    assert started(scene(ROUGH)).y.bristles == {}
+    axial = EndPlay(0.01, ELASTIC)
+    bristles = started(scene(pin(ELASTIC, friction=Dahl(0.1), axial=axial))).y.bristles
+    assert {name: set(family) for name, family in bristles.items()} == {"pin": {"V", "W"}}
 
 
 def test_shoulder_without_memory_has_none_beside_bases_that_have():

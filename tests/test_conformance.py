@@ -12,7 +12,7 @@ import clearjoint as cj
 from clearjoint import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.fields.declarations import optional_quantity, quantity
 from clearjoint.model.joints.base import Row
-from clearjoint.testing import check_constraint, check_friction, check_law, moving
+from clearjoint.testing import check_bristles, check_constraint, check_friction, check_law, moving
 
 STEEL = cj.RavnStiffness(207e9, 0.3)
 
@@ -212,9 +212,49 @@ def test_jumps_where_no_step_lands_are_refused(law, complaint):
         check_law(law(STEEL))
 
 
-@pytest.mark.parametrize("friction", [cj.RegularisedCoulomb(0.1), cj.Ambrosio(0.1)])
+@pytest.mark.parametrize(
+    "friction",
+    [
+        cj.RegularisedCoulomb(0.1),
+        cj.LinearCoulomb(0.1),
+        cj.Threlfall(0.1),
+        cj.Ambrosio(0.1),
+        cj.Stribeck(0.15, 0.1, stribeck_speed=1e-2),
+        cj.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
+        cj.BengisuAkay(0.15, 0.1),
+        cj.BrownMcPhee(0.15, 0.1),
+    ],
+)
 def test_friction_conforms(friction):
     check_friction(friction)
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        cj.Dahl(0.1),
+        cj.LuGre(0.15, 0.1, stribeck_speed=1e-2, damping=100.0, viscosity=0.1),
+        cj.ElastoPlastic(0.15, 0.1, stribeck_speed=1e-2, elastic_deflection=5e-7),
+    ],
+)
+def test_bristles_conform(friction):
+    check_bristles(friction)
+
+
+class Creeping(cj.Dahl):
+    def rate(self, deflection, slip):
+        return slip - deflection * 1e3
+
+
+class Endless(cj.Dahl):
+    def rate(self, deflection, slip):
+        return slip
+
+
+@pytest.mark.parametrize(("kind", "complaint"), [(Creeping, "creeps"), (Endless, "shrink")])
+def test_bristles_that_creep_or_never_slide_are_refused(kind, complaint):
+    with pytest.raises(AssertionError, match=complaint):
+        check_bristles(kind(0.1))
 
 
 def test_friction_with_a_step_is_refused():

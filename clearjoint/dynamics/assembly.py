@@ -57,7 +57,7 @@ def check_names(scene: Scene, state: State) -> None:
             "Euler parameters of about unit norm, scalar part first",
             "make states with body_state(...), which checks them",
         )
-    for part in ("memory", "work"):
+    for part in ("memory", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
 
@@ -121,7 +121,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
-    return State(bodies, state.memory, state.work)
+    return State(bodies, state.memory, state.work, state.bristles)
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:

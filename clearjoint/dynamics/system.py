@@ -12,7 +12,14 @@ from ..model.bodies import BodyState
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_events import Reach, Reaches, reaches
-from .contact_forces import Closed, LoadedContact, Memory, contact_forces
+from .contact_forces import (
+    NO_BRISTLES,
+    Bristles,
+    Closed,
+    LoadedContact,
+    Memory,
+    contact_forces,
+)
 from .coordinates import AbstractMechanics, MotionVariables
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
@@ -89,12 +96,17 @@ class System(eqx.Module):
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
-        self, variables: MotionVariables, memory: Memory, t: Scalar, closed: Closed | None = None
+        self,
+        variables: MotionVariables,
+        memory: Memory,
+        t: Scalar,
+        closed: Closed | None = None,
+        bristles: Bristles = NO_BRISTLES,
     ) -> Dynamics:
         """The equations of motion solved. Only `closed` contacts push, if they are given; otherwise
-        those that penetrate."""
+        those that penetrate. A scene with bristle laws needs its `bristles`."""
         mechanics = self.mechanics(variables)
-        forces = contact_forces(self.scene, mechanics.motions, memory, closed)
+        forces = contact_forces(self.scene, mechanics.motions, memory, closed, bristles)
         return self._solved(mechanics, forces, t)
 
     def dynamics_under(
@@ -115,10 +127,15 @@ class System(eqx.Module):
         return solved(self.formulation, mechanics, forces, rows, rates)
 
     def rates(
-        self, variables: MotionVariables, memory: Memory, t: Scalar, closed: Closed | None = None
+        self,
+        variables: MotionVariables,
+        memory: Memory,
+        t: Scalar,
+        closed: Closed | None = None,
+        bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
         """Time derivatives of the variables, and of the energy ledger's integrals in W."""
-        dynamics = self.dynamics(variables, memory, t, closed)
+        dynamics = self.dynamics(variables, memory, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
@@ -149,9 +166,11 @@ class System(eqx.Module):
 
         return jax.jvp(rates, (variables,), (variable_rates,))[1]
 
-    def contact_forces(self, variables: MotionVariables, memory: Memory) -> ByLabel[LoadedContact]:
+    def contact_forces(
+        self, variables: MotionVariables, memory: Memory, bristles: Bristles = NO_BRISTLES
+    ) -> ByLabel[LoadedContact]:
         """Geometry and forces of all contacts, by joint and contact."""
-        return contact_forces(self.scene, self.motions(variables), memory)
+        return contact_forces(self.scene, self.motions(variables), memory, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """The variables with positions, and then velocities, on the constraints."""

@@ -142,21 +142,26 @@ class State(AbstractReadable):
     `memory[joint][contact]` is the entry speed of the present contact in m/s, or zero in flight;
     the dictionary is empty for scenes whose laws keep no memory. `work` holds the integrals of the
     energy ledger in J by name, and is empty unless the ledger is asked for.
+    `bristles[joint][contact]`, (3,) m, are deflections of bristles, in the axes of the joint's
+    first body, zero in flight; the dictionary is empty for scenes without bristle laws.
     """
 
     bodies: dict[str, BodyState]
     memory: dict[str, dict[str, Single]]
     work: dict[str, Single]
+    bristles: dict[str, dict[str, Triple]]
 
     def __init__(
         self,
         bodies: Mapping[str, BodyState],
         memory: dict[str, dict[str, Single]] | None = None,
         work: dict[str, Single] | None = None,
+        bristles: dict[str, dict[str, Triple]] | None = None,
     ):
         self.bodies = named("bodies", bodies, "pass State({name: body_state(...)})")
         self.memory = {} if memory is None else memory
         self.work = {} if work is None else work
+        self.bristles = {} if bristles is None else bristles
 
 
 @jax.tree_util.register_dataclass

@@ -7,6 +7,7 @@ import numpy as np
 from ..fields.types import TripleLike
 from ..math.vectors import Scalar
 from .bodies import GROUND, Body, BodyState, State, body_state
+from .contact.bristles import AbstractBristleFriction
 from .contact.damping_factors import LankaraniNikravesh
 from .contact.friction import AbstractFriction
 from .contact.laws import AbstractContactLaw
@@ -30,7 +31,7 @@ def double_pendulum(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
     """The paper's double pendulum (section 6, Tables 1 and 2), and its state at rest.
@@ -90,7 +91,7 @@ def slider_crank(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
     """The slider-crank of the clearance literature, and its state in the ideal joint's motion.

@@ -17,6 +17,7 @@ from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
 from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
+from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
 
@@ -88,6 +89,11 @@ class Scene(AbstractReadable):
             for name, joint in self.joints.items()
             if isinstance(joint, AbstractContactJoint)
         }
+
+    def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
+        """The laws of the contacts whose friction comes from bristles, by joint and contact."""
+        laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
+        return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
         """The normal law of each contact, by joint and contact."""

@@ -23,6 +23,7 @@ from .bodies import PointPosition as PointPosition
 from .bodies import PointVelocity as PointVelocity
 from .bodies import Position as Position
 from .bodies import Velocity as Velocity
+from .joints import BristleDeflection as BristleDeflection
 from .joints import ContactForce as ContactForce
 from .joints import Eccentricity as Eccentricity
 from .joints import EntrySpeed as EntrySpeed

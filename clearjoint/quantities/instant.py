@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.contact_events import Reaches, reaches
-from ..dynamics.contact_forces import LoadedContact, Memory, contact_forces
+from ..dynamics.contact_forces import NO_BRISTLES, Bristles, LoadedContact, Memory
 from ..dynamics.coordinates import Motions
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.system import System
@@ -38,16 +38,19 @@ class Instant:
         variables: PyTree,
         memory: Memory,
         work: dict[str, Scalar],
+        bristles: Bristles = NO_BRISTLES,
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
         self._own_time = own_time
         self._system, self._memory, self._variables = system, memory, variables
+        self._bristles = bristles
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
         """What JAX sees of it."""
-        return (self._system, self.time, self._variables, self._memory, self.work), None
+        parts = self._system, self.time, self._variables, self._memory, self.work, self._bristles
+        return parts, None
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
@@ -63,6 +66,12 @@ class Instant:
     def memory(self) -> Memory:
         """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
         return by_name(self._memory)
+
+    @cached_property
+    def bristles(self) -> Bristles:
+        """Deflections of the contacts' bristles, m, in the axes of each one's first body, by joint
+        and contact; zero in flight."""
+        return by_name(self._bristles)
 
     def inside(self, place: Scalar) -> "Instant":
         """An instant of the step that ends here, by the solver's dense output: `place` is the part
@@ -96,7 +105,8 @@ class Instant:
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
         """Geometry and forces of all contacts, by joint and contact."""
-        return by_name(contact_forces(self._system.scene, self._motions, self._memory))
+        forces = self._system.contact_forces(self._variables, self._memory, self._bristles)
+        return by_name(forces)
 
     @cached_property
     def reaches(self) -> Reaches:
@@ -106,7 +116,9 @@ class Instant:
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
-        solved = self._system.dynamics(self._variables, self._memory, self._own_time)
+        solved = self._system.dynamics(
+            self._variables, self._memory, self._own_time, bristles=self._bristles
+        )
         return replace(solved, contact_forces=by_name(solved.contact_forces))
 
     @cached_property
@@ -118,4 +130,4 @@ class Instant:
         formulation = replace(formulation, coordinates=coordinates)
         absolute = System(self.scene, formulation, self._system.origin)
         variables = absolute.encode(by_name(self._system.decode(self._variables)))
-        return absolute.dynamics(variables, self.memory, self._own_time)
+        return absolute.dynamics(variables, self.memory, self._own_time, bristles=self.bristles)

@@ -116,6 +116,28 @@ class EntrySpeed(AbstractContactQuantity):
         return now.memory[self.joint][self.contact]
 
 
+class BristleDeflection(AbstractContactQuantity):
+    """Size of the deflection of a contact's bristles, m; zero in flight. Only contacts whose
+    friction is an `AbstractBristleFriction` have it."""
+
+    joint: str = eqx.field(static=True)
+    contact: str = eqx.field(static=True)
+    unit: ClassVar[str | None] = "m"
+
+    def joints(self, scene: Scene) -> Collection[str]:
+        """Names of the joints with bristles."""
+        return scene.bristle_laws()
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that the contact has bristles."""
+        super().check(scene)
+        require_known("contact", self.contact, scene.bristle_laws()[self.joint])
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The size of the deflection, m."""
+        return norm_and_direction(now.bristles[self.joint][self.contact])[0]
+
+
 class AbstractJournalQuantity(AbstractJointQuantity):
     """A quantity of the journal of a clearance joint, or of one of its bases, "V" or "W"."""
 

@@ -1,6 +1,7 @@
 """What a run is like inside a step, and on the constraints."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import diffrax
 import equinox as eqx
@@ -49,7 +50,7 @@ def correct(system: System, y: Variables, t: Scalar) -> Variables:
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """The variables as they are saved inside a step: corrected too, but nothing is booked."""
-    return Variables(correct(system, y, t).motion, y.work)
+    return replace(y, motion=correct(system, y, t).motion)
 
 
 def _project(system: System, y: Variables, t: Scalar) -> Variables:
@@ -57,7 +58,7 @@ def _project(system: System, y: Variables, t: Scalar) -> Variables:
     if system.formulation.ledger and "stabilisation" in work:
         loss = _energy(system, y.motion, t) - _energy(system, motion, t)
         work = {**work, "stabilisation": work["stabilisation"] + loss}
-    return Variables(motion, work)
+    return replace(y, motion=motion, work=work)
 
 
 def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
@@ -90,7 +91,7 @@ class Snapshot(eqx.Module):
     ) -> Instant:
         """The system at this row; `inside` gives that at a place of the step that ends here."""
         motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.memory, work, inside)
+        return Instant(system, self.t, motion, self.memory, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """What is reported of the row: its time, s, and quantities by name."""

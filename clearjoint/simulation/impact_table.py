@@ -101,10 +101,11 @@ def contact_histories(
     def at(t: Scalar, state: State) -> dict[str, dict[str, ContactInstant]]:
         variables = system.encode(state.bodies)
         memory = by_group(state.memory, system.scene.joints)
-        rates, _ = system.rates(variables, memory, t)
+        bristles = by_group(state.bristles, system.scene.joints)
+        rates, _ = system.rates(variables, memory, t, bristles=bristles)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
         seconds = by_name(system.second_rates(variables, rates))
-        forces = by_name(system.contact_forces(variables, memory))
+        forces = by_name(system.contact_forces(variables, memory, bristles))
         return contact_instants(forces, seconds, state.memory)
 
     instants = jax.vmap(at)(times, states)
@@ -142,7 +143,7 @@ class ImpactCollector:
 
     def add(self, times: np.ndarray, states: State) -> None:
         """Take in a piece of the record, in scalar form."""
-        rows = (times, State(states.bodies, states.memory))
+        rows = (times, State(states.bodies, states.memory, bristles=states.bristles))
         if self._last_row is not None:
             rows = jax.tree.map(lambda a, b: np.concatenate([a, b]), self._last_row, rows)
         # Pieces share a row, since a history looks from each row to the next.

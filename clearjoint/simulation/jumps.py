@@ -116,7 +116,10 @@ def _surface_forces(
             depth = jnp.maximum(contact.gap.depth, INSIDE - law.reach())
             contact = replace(contact, gap=replace(contact.gap, depth=depth))
             entry_speed = memory[name][label] if law.has_memory else None
-            forces[name][label] = contact_force(joints[name], label, law, contact, entry_speed)
+            bristles = y.bristles.get(name, {})
+            forces[name][label] = contact_force(
+                joints[name], label, law, contact, entry_speed, None, motions, bristles
+            )
     return forces
 
 
@@ -128,4 +131,5 @@ def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
 
 def _changed_by(y: Variables, change: Variables) -> Variables:
     motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
-    return Variables(motion, {name: e + change.work.get(name, 0.0) for name, e in y.work.items()})
+    work = {name: e + change.work.get(name, 0.0) for name, e in y.work.items()}
+    return replace(y, motion=motion, work=work)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compilation import Compiled
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.bristles import initial_bristles
 from ..dynamics.energy import mechanical_energy
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.formulation import Formulation
@@ -144,7 +145,10 @@ def observe(
     assert trajectory is not None
     ran, states = solution.formulation, trajectory.states
     absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
-    rows = np.asarray(trajectory.times), State(states.bodies, states.memory)
+    rows = (
+        np.asarray(trajectory.times),
+        State(states.bodies, states.memory, bristles=states.bristles),
+    )
     form, unique = structured(scene), not solution.redundant_constraints
     observation = _in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
@@ -179,7 +183,12 @@ def observe_compiled(
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
-        dynamics = system.dynamics(system.encode(unpack(state.bodies)), state.memory, t)
+        dynamics = system.dynamics(
+            system.encode(unpack(state.bodies)),
+            state.memory,
+            t,
+            bristles=initial_bristles(scene, unpack(state.bristles)),
+        )
         energies = mechanical_energy(scene, dynamics.motions, t)
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)

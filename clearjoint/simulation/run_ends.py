@@ -13,22 +13,23 @@ from .stepping import start
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """The run before its first step, from a state in packed form whose memory and ledger it goes on
-    with."""
+    """The run before its first step, from a state in packed form whose memory, ledger and bristles
+    it goes on with."""
     motion = system.encode(unpack(state.bodies))
-    y = Variables(motion, state.work if system.formulation.ledger else {})
+    bristles = by_group(unpack(state.bristles), system.scene.joints)
+    y = Variables(motion, state.work if system.formulation.ledger else {}, bristles)
     memory = by_group(state.memory, system.scene.joints)
     return start(method, system, t0, t_end, first_step, y, memory)
 
 
 def state_of(system: System, y: Variables, memory: Memory) -> State:
     """The state in scalar form, as the system names its elements."""
-    return State(system.decode(y.motion), memory, y.work)
+    return State(system.decode(y.motion), memory, y.work, y.bristles)
 
 
 def named(state: State) -> State:
     """A state of a system by the elements' own names."""
-    return State(by_name(state.bodies), by_name(state.memory), state.work)
+    return State(by_name(state.bodies), by_name(state.memory), state.work, by_name(state.bristles))
 
 
 def final_state(system: System, step: Step) -> State:

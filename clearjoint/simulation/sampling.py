@@ -202,7 +202,7 @@ def _looked_at(
 
     def observed(system: System, y: Variables, memory: Memory) -> tuple[dict[str, Scalar], None]:
         y = correct(system, y, time)
-        now = Instant(system, time, y.motion, memory, y.work)
+        now = Instant(system, time, y.motion, memory, y.work, y.bristles)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
 
     values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))

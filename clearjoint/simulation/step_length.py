@@ -1,14 +1,18 @@
 """How long steps are: up to the next event, on from there, and what errors are judged against."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..dynamics.breakpoints import next_breakpoint
+from ..dynamics.bristles import full_deflections
 from ..dynamics.contact_events import Reaches, begins
 from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar, Vector
 from ..model.bodies import BodyState
+from ..model.scene import Scene
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
@@ -67,6 +71,8 @@ def magnitudes(y: Variables) -> Variables:
 
     A journal that rolls along the wall hardly moves along one axis. Judged against that, its
     velocity would take a third more steps, for nothing, and their number would depend on the axes.
+    Deflections of bristles, as parts of a full one, count as such ones at least: friction is wrong
+    by the same where they pass through zero.
     """
 
     def largest(vector: Vector) -> Vector:
@@ -80,4 +86,11 @@ def magnitudes(y: Variables) -> Variables:
             largest(node.position), node.orientation, largest(node.velocity), node.spin
         )
 
-    return jax.tree.map(magnitude, y, is_leaf=lambda node: isinstance(node, BodyState))
+    sizes = jax.tree.map(magnitude, y, is_leaf=lambda node: isinstance(node, BodyState))
+    return replace(sizes, bristles=jax.tree.map(lambda z: jnp.maximum(jnp.abs(z), 1.0), y.bristles))
+
+
+def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
+    """The variables, or their errors, with deflections of bristles as parts of a full one."""
+    full = full_deflections(scene)
+    return replace(y, bristles=jax.tree.map(lambda z, one: z / one, y.bristles, full))

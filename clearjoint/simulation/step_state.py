@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reaches
-from ..dynamics.contact_forces import Memory
+from ..dynamics.contact_forces import Bristles, Memory
 from ..dynamics.coordinates import MotionVariables
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
@@ -32,10 +32,12 @@ class Method(eqx.Module):
 
 
 class Variables(eqx.Module):
-    """What the solver integrates: the coordinates' variables, and the ledger's integrals in J."""
+    """What the solver integrates: the coordinates' variables, the ledger's integrals in J, and the
+    deflections of bristles in m, none in scenes without bristle laws."""
 
     motion: MotionVariables
     work: dict[str, Scalar]
+    bristles: Bristles = eqx.field(default_factory=dict)
 
 
 class Tangents(eqx.Module):

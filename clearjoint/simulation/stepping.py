@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.breakpoints import breakpoints, seen
+from ..dynamics.bristles import initial_bristles, updated_bristles
 from ..dynamics.contact_events import (
     Reach,
     Reaches,
@@ -23,7 +24,7 @@ from ..dynamics.contact_events import (
     initial_memory,
     updated_memory,
 )
-from ..dynamics.contact_forces import Memory
+from ..dynamics.contact_forces import Bristles, Memory
 from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
@@ -65,7 +66,8 @@ def start(
     """
     reaches = system.reaches(y.motion)
     memory = memory or initial_memory(system.scene, reaches)
-    y = Variables(y.motion, _ledger(system, t0, y, memory, derivatives))
+    y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
+    y = replace(y, work=_ledger(system, t0, y, memory, derivatives))
     term, args = term_of(method), (system, memory)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
@@ -106,7 +108,9 @@ def _ledger(
     system: System, t: Scalar, y: Variables, memory: Memory, derivatives: bool
 ) -> dict[str, Scalar]:
     """The ledger's integrals at the start: those given, and zero for the others the scene has."""
-    _, powers = shapes_of(lambda: system.rates(y.motion, memory, t), derivatives)
+    _, powers = shapes_of(
+        lambda: system.rates(y.motion, memory, t, bristles=y.bristles), derivatives
+    )
     return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
 
 
@@ -198,7 +202,7 @@ def _across_jumps(
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
     contacts = method.landing is not None and contacts_jump(system.scene)
     switches = bool(breakpoints(system.scene))
-    if not contacts and not switches:
+    if not contacts and not switches and not y1.bristles:
         return y1, y_tangents
     t1 = trial.t1
 
@@ -208,6 +212,8 @@ def _across_jumps(
             y = across_contacts(system, step.reaches, y, memory, time, keep)
         if switches:
             y = across_breakpoints(system, step.t, y, memory, t1, keep)
+        if y.bristles:
+            y = replace(y, bristles=_bristles_after(method, system, step, y))
         return y, None
 
     if family is None:
@@ -216,6 +222,13 @@ def _across_jumps(
     tangents = y_tangents, step.tangents.memory
     y1, _, y_tangents = family.pushed(across, (y1, step.memory), tangents)
     return y1, y_tangents
+
+
+def _bristles_after(method: Method, system: System, step: Step, y: Variables) -> Bristles:
+    """The deflections of bristles if the step is accepted."""
+    after, motions = system.reaches(y.motion), system.motions(y.motion)
+    lands = method.landing is not None
+    return updated_bristles(system.scene, y.bristles, motions, step.reaches, after, lands)
 
 
 def _tangents_after(

@@ -7,6 +7,7 @@ velocities jump by an impulse of the constraints, with least kinetic energy.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import equinox as eqx
@@ -20,6 +21,7 @@ from ..math.vectors import Condition, Scalar
 from ..model.bodies import NO_WRENCH, Wrench
 from ..model.joints.base import AbstractForce, Motions
 from ..model.scene import Scene
+from .rates import rates_of
 from .step_state import Variables
 
 T = TypeVar("T")
@@ -76,7 +78,7 @@ def across_breakpoints(
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         between = _with_shares(system, before, after, shares)
-        return jax.tree.map(jnp.asarray, Variables(*between.rates(y.motion, memory, time)))
+        return jax.tree.map(jnp.asarray, rates_of(between, y, memory, time))
 
     none = {name: jnp.zeros(()) for name in forces}
 
@@ -128,7 +130,7 @@ def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     if "supplied" in work:
         after, before = (system.energies(at, t)["kinetic"] for at in (motion, y.motion))
         work = {**work, "supplied": work["supplied"] + (after - before)}
-    return Variables(motion, work)
+    return replace(y, motion=motion, work=work)
 
 
 def joints_have_breakpoints(scene: Scene) -> bool:

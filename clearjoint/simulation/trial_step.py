@@ -1,5 +1,7 @@
 """One trial of the solver: a step, and its derivatives, before it is accepted or rejected."""
 
+from dataclasses import replace
+
 import diffrax
 import equinox as eqx
 import jax
@@ -19,6 +21,7 @@ from .aliases import DenseInformation, SolverState
 from .dense_output import correct
 from .grading import AbstractGrading, FromBegin, WithinContact
 from .jumps import contacts_jump
+from .rates import rates_of
 from .step_state import Method, Step, Variables, choose
 from .systems import SystemFamily
 from .unrolled_runge_kutta import UnrolledExplicit
@@ -34,14 +37,14 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     are traced once for all stages of a step; and anew for another term, since what they read
     outside of their arguments may have changed.
     """
-    rates_of = traced_once(_rates)
+    traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.reaches) if step is not None and lands else None
 
     def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
         system, memory = args
         t = seen(system, t if step is None else step.t, t)
-        return rates_of(system, y, memory, t, closed_contacts)
+        return traced_rates(system, y, memory, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
 
@@ -49,7 +52,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 def _rates(
     system: System, y: Variables, memory: Memory, t: Single, closed_contacts: Closed | None
 ) -> Variables:
-    rates = Variables(*system.rates(y.motion, memory, t, closed_contacts))
+    rates = rates_of(system, y, memory, t, closed_contacts)
     return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
 
@@ -151,10 +154,11 @@ def _without_drift(
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
             return node
-        return Variables(jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1], node.work)
+        motion = jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1]
+        return replace(node, motion=motion)
 
     state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
-    return Variables(system.without_drift(y.motion), y.work), state
+    return replace(y, motion=system.without_drift(y.motion)), state
 
 
 def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
@@ -169,12 +173,13 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
 def may_jump(method: Method, scene: Scene) -> bool:
     """Whether the rates at the start of a step may differ from those at the end of the last one.
 
-    A new memory changes them, and a force that jumps does; but where steps land on the begin of
-    contacts, memory changes where the force is still zero.
+    A new memory changes them, a force that jumps does, and bristles begin to be dragged with the
+    contact; but where steps land on the begin of contacts, memory changes where the force is still
+    zero.
     """
-    if method.landing is None:
-        return has_memory(scene) or bool(breakpoints(scene))
-    return contacts_jump(scene) or bool(breakpoints(scene))
+    if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
+        return True
+    return has_memory(scene) if method.landing is None else contacts_jump(scene)
 
 
 def _all_finite(tree: PyTree[Scalar]) -> Condition:

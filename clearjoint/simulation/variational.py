@@ -10,6 +10,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
+from ..dynamics.bristles import initial_bristles
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.vectors import Scalar
@@ -30,7 +31,8 @@ def start_with_tangents(
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, Memory], None]:
         state = family.start(values)
         motion = system.encode(state.bodies)
-        return (Variables(motion, {}), jax.tree.map(jnp.asarray, state.memory)), None
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        return jax.tree.map(jnp.asarray, (y, state.memory)), None
 
     count = len(family.values)
     (y, memory), _, (y_along, memory_along) = family.pushed(
@@ -43,7 +45,7 @@ def start_with_tangents(
         return method.solver.init(term_of(method), t0, t_end, y, (system, memory)), None
 
     none = jnp.zeros(count)
-    y_along = Variables(y_along.motion, dict.fromkeys(step.y.work, none))
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
     memory_along = memory_along or jax.tree.map(lambda _: none, step.memory)
     _, _, state_along = family.pushed(solver_state, (step.y, step.memory), (y_along, memory_along))
     return replace(step, tangents=Tangents(y_along, memory_along, state_along))

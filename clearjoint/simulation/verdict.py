@@ -12,8 +12,13 @@ from ..fields.types import Single
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
 from .aliases import Flag
-from .step_length import length_after_breakpoints, lengths_after_contacts, magnitudes
-from .step_state import Method, Proposal, Step, choose
+from .step_length import (
+    length_after_breakpoints,
+    lengths_after_contacts,
+    magnitudes,
+    with_relative_bristles,
+)
+from .step_state import Method, Proposal, Step, Variables, choose
 from .trial_step import Trial, error_order, may_jump
 from .unseen_jumps import jumped_unseen, may_jump_unseen
 
@@ -97,13 +102,17 @@ def _since_begin(step: Step, after: Reaches, t1: Scalar, keep: Condition) -> Sca
 
 
 def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:
-    before, after, error = magnitudes(step.y), magnitudes(trial.outcome.y), trial.outcome.error
+    def judged(y: Variables) -> Variables:
+        return with_relative_bristles(y, system.scene)
+
+    before, after = (magnitudes(judged(y)) for y in (step.y, trial.outcome.y))
+    error = judged(trial.outcome.error)
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
-        before = before, magnitudes(step.tangents.y)
-        after = after, magnitudes(trial.tangents.y)
-        error = error, jax.tree.map(lambda e: e / tolerance, trial.tangents.error)
+        before = before, magnitudes(judged(step.tangents.y))
+        after = after, magnitudes(judged(trial.tangents.y))
+        error = error, jax.tree.map(lambda e: e / tolerance, judged(trial.tangents.error))
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,

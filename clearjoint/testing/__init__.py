@@ -1,14 +1,16 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
-`check_law`, `check_friction` and `check_constraint` are for authors of new elements. The others are
-for who measures what a step costs, counts its operations, or wants to know that a change leaves
-programs as they were: what a run does at a step (`RunProgram`, `Stepper`), what a sweep compiles
-(`programs_of_sweeps`), the compiled run of `sensitivities`, contexts in which the code of a feature
-is missing (`without`) or the equations of motion are another's, and the runtime's settings.
+`check_law`, `check_friction`, `check_bristles` and `check_constraint` are for authors of new
+elements. The others are for who measures what a step costs, counts its operations, or wants to know
+that a change leaves programs as they were: what a run does at a step (`RunProgram`, `Stepper`),
+what a sweep compiles (`programs_of_sweeps`), the compiled run of `sensitivities`, contexts in which
+the code of a feature is missing (`without`) or the equations of motion are another's, and the
+runtime's settings.
 """
 
 from ..runtime import settings as runtime_settings
 from ..runtime import xla_flags as xla_flags
+from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
@@ -27,6 +29,7 @@ __all__ = [
     "RunProgram",
     "Stepper",
     "SweepProgram",
+    "check_bristles",
     "check_constraint",
     "check_friction",
     "check_law",

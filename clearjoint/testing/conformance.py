@@ -15,6 +15,7 @@ from ..dynamics.multipliers import row_rate
 from ..math.rotations import normalised, rotation_matrix
 from ..math.vectors import Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from ..model.bodies import Motion
+from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.friction import AbstractFriction
 from ..model.contact.gap import Gap
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw
@@ -182,7 +183,8 @@ def _check_derivatives(
 
 
 def check_friction(friction: AbstractFriction) -> None:
-    """Check a friction law: against the slip, zero without it, finite derivatives at rest."""
+    """Check a friction law: against the slip, zero without it, finite derivatives at rest, by its
+    parameters too, and behaviour under vmap."""
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
     ratios = ratio(speeds)
@@ -191,6 +193,14 @@ def check_friction(friction: AbstractFriction) -> None:
     sizes, places = jumps(ratio, speeds[:-1], speeds[1:])
     k = int(jnp.argmax(jnp.abs(sizes)))
     _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
+    one = jnp.stack([jnp.asarray(friction.ratio(speed)) for speed in speeds])
+    _require(jnp.allclose(one, ratios), "ratio() under vmap differs from that of one lane.")
+    by_friction = eqx.filter_vmap(
+        eqx.filter_grad(lambda law, speed: law.force(1.0, Vector(speed, 0.0, 0.0)).x),
+        in_axes=(None, 0),
+    )(jax.tree.map(jnp.asarray, friction), speeds)
+    for leaf in jax.tree.leaves(by_friction):
+        _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
 
     def force(slip: jax.Array) -> Scalar:
         return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x
@@ -198,6 +208,60 @@ def check_friction(friction: AbstractFriction) -> None:
     for slip in ([0.0, 0.0, 0.0], [1e-4, 0.0, 0.0], [0.3, -0.2, 0.1]):
         slope = jax.jacfwd(force)(jnp.asarray(slip))
         _require(jnp.isfinite(slope), f"The force's derivative is not finite at slip {slip} m/s.")
+
+
+def check_bristles(friction: AbstractBristleFriction) -> None:
+    """Check a bristle law: it sticks without slip, sliding bounds the deflection, derivatives are
+    finite at rest, by its parameters too, and vmap gives what one lane does."""
+    full = jnp.asarray(friction.full_deflection(), float)
+    _require(full > 0.0, "full_deflection() is not positive.")
+    shares = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
+    speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
+    deflection, speed = (
+        axis.ravel() for axis in jnp.meshgrid(shares * full, speeds, indexing="ij")
+    )
+
+    def along(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
+        bristles, slip = Vector(z * 0.6, z * 0.8, 0.0), Vector(v, 0.0, 0.0)
+        rate = law.rate(bristles, slip)
+        return rate.dot(bristles), law.ratio(bristles, rate, slip).x
+
+    growth, ratio = jax.vmap(along, in_axes=(None, 0, 0))(friction, deflection, speed)
+    _require(jnp.isfinite(ratio), "The friction is not finite everywhere.")
+    sticks = speed == 0.0
+    _require(jnp.where(sticks, growth, 0.0) == 0.0, "rate() without slip is not zero: it creeps.")
+    slides = (deflection > 5.0 * full) & ~sticks
+    _require(~slides | (growth < 0.0), "Ten full deflections do not shrink as it slides.")
+    none = Vector(0.0, 0.0, 0.0)
+    at_rest = friction.ratio(none, none, none)
+    _require(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
+    _require(
+        jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds) >= 0.0,
+        "sliding_ratio() is negative somewhere: friction would drive the slip.",
+    )
+    one = jnp.stack([along(friction, z, v)[1] for z, v in zip(deflection, speed, strict=True)])
+    _require(jnp.allclose(one, ratio), "The friction under vmap differs from that of one lane.")
+    _check_bristle_derivatives(along, friction, deflection, speed)
+
+
+def _check_bristle_derivatives(
+    along: Callable[..., tuple[Scalar, Scalar]],
+    friction: AbstractBristleFriction,
+    deflection: Places,
+    speed: Places,
+) -> None:
+    for part, name in enumerate(("rate", "ratio")):
+
+        def value(law: AbstractBristleFriction, z: Scalar, v: Scalar, part: int = part) -> Scalar:
+            return along(law, z, v)[part]
+
+        slopes = jax.vmap(jax.grad(value, argnums=(1, 2)), in_axes=(None, 0, 0))
+        by_law = eqx.filter_vmap(eqx.filter_grad(value), in_axes=(None, 0, 0))
+        packed = jax.tree.map(jnp.asarray, friction)
+        for leaf in jax.tree.leaves(
+            (slopes(friction, deflection, speed), by_law(packed, deflection, speed))
+        ):
+            _require(jnp.isfinite(leaf), f"A derivative of {name}() is not finite everywhere.")
 
 
 def check_constraint(

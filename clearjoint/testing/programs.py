@@ -34,6 +34,7 @@ from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
 from ..simulation.batch.scheduler import Batch
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
+from ..simulation.rates import rates_of
 from ..simulation.run_checks import check_precision, check_start
 from ..simulation.run_ends import begin_run
 from ..simulation.sampling import Sampled, sampled_compiled
@@ -74,7 +75,7 @@ class Stepper:
         """The right-hand side: rates of what is integrated."""
 
         def rates(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
-            return Variables(*system.rates(y.motion, memory, step.t)), None
+            return rates_of(system, y, memory, step.t), None
 
         if self.family is None:
             return rates(self.system, step.y, step.memory)[0]
@@ -122,7 +123,7 @@ class Stepper:
 
         def rates(t: ArrayLike, y: Variables, args: object) -> Variables:
             del args
-            rates = Variables(*self.system.rates(y.motion, step.memory, jnp.asarray(t)))
+            rates = rates_of(self.system, y, step.memory, jnp.asarray(t))
             return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), rates)
 
         return diffrax.ODETerm(rates)

@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import require_count, require_positive
+from ...fields.checks import require, require_count, require_positive
 from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -101,6 +101,14 @@ def identify_by_shots(
     **Raises:** `ValueError` for arguments that no fit can use.
     """
     measurements.check(scene)
+    with_bristles = sorted(scene.bristle_laws())
+    require(
+        not with_bristles,
+        "scene",
+        with_bristles,
+        "without bristles, whose deflections windows would lose",
+        "take identify() for joints with bristle laws, or an AbstractFriction",
+    )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     require_positive("continuity", continuity, "give a gap in m, far below the clearance")

@@ -24,17 +24,17 @@ class AbstractFriction(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_friction
 
-    class Stribeck(cj.AbstractFriction):
-        breakaway: float
-        kinetic: float
-        stribeck_speed: float  # m/s
+    class Fading(cj.AbstractFriction):
+        slow: float
+        fast: float
+        fading_speed: float  # m/s
         regularisation_speed: float = 1e-3  # m/s
 
         def ratio(self, slip_speed):
-            excess = (self.breakaway - self.kinetic) * jnp.exp(-slip_speed / self.stribeck_speed)
-            return (self.kinetic + excess) * jnp.tanh(slip_speed / self.regularisation_speed)
+            excess = (self.slow - self.fast) / (1.0 + (slip_speed / self.fading_speed) ** 2)
+            return (self.fast + excess) * jnp.tanh(slip_speed / self.regularisation_speed)
 
-    friction = Stribeck(breakaway=0.15, kinetic=0.1, stribeck_speed=0.01)
+    friction = Fading(slow=0.15, fast=0.1, fading_speed=0.01)
     check_friction(friction)
     scene, state = cj.double_pendulum(friction=friction)
     ```
@@ -65,6 +65,37 @@ class RegularisedCoulomb(AbstractFriction):
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """mu tanh(v/v_d), which rises from zero to mu."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
+
+
+class LinearCoulomb(AbstractFriction):
+    """mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load."""
+
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
+    )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu min(v/v_d, 1)."""
+        return self.coefficient * jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
+
+
+class Threlfall(AbstractFriction):
+    """mu (1 - exp(-3 v/v_r)) up to the speed v_r (m/s), constant beyond (A. G. Threlfall 1978).
+
+    The constant is 1 - exp(-3) = 0.9502 mu: the law never reaches mu. With 0.95 mu, as the formula
+    is often printed, it would jump at v_r. Creeps under load.
+    """
+
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_r in m/s"
+    )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """mu (1 - exp(-3 min(v/v_r, 1)))."""
+        rise = jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
+        return -self.coefficient * jnp.expm1(-3.0 * rise)
 
 
 class Ambrosio(AbstractFriction):

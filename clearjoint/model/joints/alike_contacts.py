@@ -4,10 +4,12 @@ What a joint or its law says of one element is applied to each, so that both may
 """
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion
+from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from .base import AbstractContactJoint, Contact, Motions
@@ -66,6 +68,13 @@ class SeveralContactJoints(AbstractContactJoint):
 
         return each(of, self.joint, contact, normal_force)
 
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """The bristle laws of each contact that has one."""
+        return {
+            label: SeveralBristleLaws(joint=self.joint, label=label)
+            for label in self.joint.bristle_laws()
+        }
+
 
 class SeveralContactLaws(AbstractContactLaw):
     """The laws of one contact of several joints."""
@@ -96,3 +105,42 @@ class SeveralContactLaws(AbstractContactLaw):
     def reach(self) -> Scalar:
         """Distances ahead of the surface at which the forces begin, m."""
         return self._each("reach")
+
+
+class SeveralBristleLaws(AbstractBristleFriction):
+    """The bristle laws of one contact of several joints."""
+
+    joint: AbstractContactJoint
+    label: str = eqx.field(static=True)
+
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        """Rates of the deflections, m/s."""
+
+        def of(joint: AbstractContactJoint, deflection: Vector, slip: Vector) -> Vector:
+            return joint.bristle_laws()[self.label].rate(deflection, slip)
+
+        return each(of, self.joint, deflection, slip)
+
+    def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
+        """Friction over normal forces."""
+
+        def of(joint: AbstractContactJoint, *vectors: Vector) -> Vector:
+            return joint.bristle_laws()[self.label].ratio(*vectors)
+
+        return each(of, self.joint, deflection, rate, slip)
+
+    def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
+        """Dry friction over normal forces after long slips at speeds in m/s."""
+
+        def of(joint: AbstractContactJoint, slip_speed: Scalar) -> Scalar:
+            return joint.bristle_laws()[self.label].sliding_ratio(slip_speed)
+
+        return each(of, self.joint, slip_speed)
+
+    def full_deflection(self) -> Scalar:
+        """The deflections that errors are judged against, m."""
+
+        def of(joint: AbstractContactJoint) -> Scalar:
+            return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)
+
+        return each(of, self.joint)

@@ -17,6 +17,7 @@ from ...fields.conversion import AbstractConverting
 from ...fields.types import Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
+from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
@@ -236,6 +237,13 @@ class AbstractContactJoint(AbstractElement):
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Friction on the second body in N, or ``None`` where there is none."""
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """The laws of the contacts whose friction comes from bristles, by name; none by default.
+
+        There the law's friction acts in the place of `friction_force`, and contacts have a slip.
+        """
+        return {}
 
     @abc.abstractmethod
     def pair(self) -> tuple[str, str]:

@@ -25,6 +25,7 @@ from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
+from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
@@ -58,7 +59,7 @@ class ClearanceJoint(AbstractContactJoint):
       clearance is what is stored, since it is small and swept.
     - `journal_length`: m, distance between the bases.
     - `law`: the normal law at each base.
-    - `friction`: an `AbstractFriction`, or ``None``.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
     - `axial`: `FreeAxially()`, the default, for a mechanism whose other joints hold the journal
       along the axis; `EndPlay(...)` where they don't, or `FixedAxially()`.
 
@@ -78,7 +79,7 @@ class ClearanceJoint(AbstractContactJoint):
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
-    friction: AbstractFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | AbstractBristleFriction | None  # pyright: ignore[reportGeneralTypeIssues]
     axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
 
     def __init__(
@@ -95,7 +96,7 @@ class ClearanceJoint(AbstractContactJoint):
         clearance: Scalar | None = None,
         journal_length: Scalar,
         law: AbstractContactLaw,
-        friction: AbstractFriction | None = None,
+        friction: AbstractFriction | AbstractBristleFriction | None = None,
         axial: AbstractAxialPolicy | None = None,
     ):
         require(
@@ -128,18 +129,18 @@ class ClearanceJoint(AbstractContactJoint):
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
         kinds = {
-            "law": AbstractContactLaw,
-            "axial": AbstractAxialPolicy,
-            "friction": AbstractFriction,
+            "law": (AbstractContactLaw,),
+            "axial": (AbstractAxialPolicy,),
+            "friction": (AbstractFriction, AbstractBristleFriction),
         }
-        for name, kind in kinds.items():
-            value = getattr(self, name)
+        for name, allowed in kinds.items():
+            value, names = getattr(self, name), " or ".join(kind.__name__ for kind in allowed)
             require(
-                isinstance(value, kind) or (name == "friction" and value is None),
+                isinstance(value, allowed) or (name == "friction" and value is None),
                 name,
                 value,
-                f"an {kind.__name__}",
-                f"subclass {kind.__name__} or pass one of clearjoint's",
+                f"an {names}",
+                f"subclass {names} or pass one of clearjoint's",
             )
 
     def _check_together(self) -> None:
@@ -291,6 +292,12 @@ class ClearanceJoint(AbstractContactJoint):
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """The bristle law of both bases, if the joint has one."""
+        if isinstance(self.friction, AbstractBristleFriction):
+            return dict.fromkeys(BASES, self.friction)
+        return {}
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The axial constraint of a policy that holds the centre; else none."""

@@ -1,0 +1,74 @@
+"""Bristles of contacts in the course of a run: where they start, their rates, and their reset.
+
+A deflection is zero where the contact is open. A contact that began a time tau before the end of a
+step has bristles that were dragged for that long: tau is zero to rounding, but its derivative
+isn't, so that the deflection is given as slip times tau there.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from ..math.vectors import Scalar, Vector
+from ..model.joints.base import Motions
+from ..model.scene import Scene
+from .contact_events import Reaches
+from .contact_forces import Bristles
+from .equations_of_motion import Dynamics
+
+
+def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
+    """The deflections given, and zero where there are none."""
+    bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
+    return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
+
+
+def bristle_rates(dynamics: Dynamics) -> Bristles:
+    """Rates of the deflections, m/s, of the contacts that have bristles."""
+    rates = {
+        name: {
+            label: force.bristle_rate
+            for label, force in family.items()
+            if force.bristle_rate is not None
+        }
+        for name, family in dynamics.contact_forces.items()
+    }
+    return {name: family for name, family in rates.items() if family}
+
+
+def full_deflections(scene: Scene) -> Bristles:
+    """What errors of deflections are judged against, m, in the form of deflections."""
+    return {
+        name: {
+            label: _constant(jnp.asarray(law.full_deflection(), float))
+            for label, law in family.items()
+        }
+        for name, family in scene.bristle_laws().items()
+    }
+
+
+def updated_bristles(
+    scene: Scene, bristles: Bristles, motions: Motions, before: Reaches, after: Reaches, lands: bool
+) -> Bristles:
+    """Deflections after an accepted step that ends with such motions: set where a contact began, if
+    steps land there, and zero where it is open."""
+    joints = scene.contact_joints()
+    updated: Bristles = {}
+    for name, family in bristles.items():
+        contacts, first = joints[name].contacts(motions), motions[joints[name].pair()[0]]
+        updated[name] = {}
+        for label, deflection in family.items():
+            end = after[name][label]
+            if lands:
+                began = (before[name][label].depth <= 0.0) & (end.depth > 0.0) & (end.rate > 0.0)
+                since = jnp.where(began, end.depth / jnp.where(began, end.rate, 1.0), 0.0)
+                slip = contacts[label].slip
+                assert slip is not None, "a contact with bristles has a slip"
+                deflection = deflection + first.components(slip) * since
+            updated[name][label] = Vector(
+                *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
+            )
+    return updated
+
+
+def _constant(value: Scalar) -> Vector:
+    return Vector(value, value, value)

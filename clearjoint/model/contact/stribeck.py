@@ -1,0 +1,120 @@
+"""Friction that falls with the slip speed from its breakaway value, after R. Stribeck 1902.
+
+All regularise Coulomb's jump at rest, so that they creep under load; bristle laws, in `.bristles`,
+hold it.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.checks import concrete, require
+from ...fields.declarations import quantity
+from ...fields.types import Single
+from ...math.smoothing import positive_power
+from ...math.vectors import Scalar
+from .friction import AbstractFriction
+
+
+def require_breakaway(breakaway: Single, kinetic: Single) -> None:
+    """Check that friction does not rise from breakaway to kinetic friction."""
+    slow, fast = concrete(breakaway), concrete(kinetic)
+    if slow is not None and fast is not None:
+        require(
+            bool(slow >= fast),
+            "breakaway",
+            float(slow),
+            f"at least kinetic = {float(fast)}",
+            "give mu_S >= mu_C",
+        )
+
+
+class AbstractFallingFriction(AbstractFriction):
+    """Friction that falls from a breakaway coefficient mu_S to a kinetic one mu_C."""
+
+    breakaway: eqx.AbstractVar[Single]
+    kinetic: eqx.AbstractVar[Single]
+
+    def _check_together(self) -> None:
+        require_breakaway(self.breakaway, self.kinetic)
+
+
+class Stribeck(AbstractFallingFriction):
+    """(mu_C + (mu_S - mu_C) exp(-(v/v_S)^delta)) tanh(v/v_d) (B. Armstrong-Helouvry 1991).
+
+    The term k v that is often added is no multiple of the normal force: give it as a damper.
+
+    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
+    `stribeck_speed` v_S, m/s; `exponent` delta, at least 1; `regularisation_speed` v_d, m/s, well
+    below v_S: where it is not, friction peaks below mu_S.
+    """
+
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
+    stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
+    exponent: Single = quantity("1", default=2.0, positive=True, remedy="give delta, 2 say")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-4, positive=True, remedy="give v_d in m/s"
+    )
+
+    def _check_together(self) -> None:
+        super()._check_together()
+        exponent = concrete(self.exponent)
+        if exponent is not None:
+            require(
+                bool(exponent >= 1.0),
+                "exponent",
+                float(exponent),
+                "at least 1",
+                "give delta >= 1; below, the slope at rest is infinite",
+            )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """The Stribeck curve, regularised at rest."""
+        fade = jnp.exp(-positive_power(slip_speed / self.stribeck_speed, self.exponent))
+        curve = self.kinetic + (self.breakaway - self.kinetic) * fade
+        return curve * jnp.tanh(slip_speed / self.regularisation_speed)
+
+
+class BengisuAkay(AbstractFallingFriction):
+    """A parabola up to mu_S at the speed v0, then an exponential down to mu_C (M. T. Bengisu,
+    A. Akay 1994).
+
+    mu_S (1 - (1 - v/v0)^2) below v0, mu_C + (mu_S - mu_C) exp(-xi (v - v0)) beyond: continuous,
+    with a kink at v0.
+
+    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
+    `breakaway_speed` v0, m/s; `decay` xi, s/m.
+    """
+
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
+    breakaway_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give v0 in m/s")
+    decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """The parabola below v0, the exponential beyond."""
+        x = jnp.minimum(slip_speed / self.breakaway_speed, 1.0)
+        beyond = jnp.maximum(slip_speed - self.breakaway_speed, 0.0)
+        fall = (self.breakaway - self.kinetic) * jnp.expm1(-self.decay * beyond)
+        return self.breakaway * x * (2.0 - x) + fall
+
+
+class BrownMcPhee(AbstractFallingFriction):
+    """mu_C tanh(4 v/v_t) + (mu_S - mu_C) (v/v_t)/((v/2v_t)^2 + 3/4)^2 (P. Brown, J. McPhee
+    2016): smooth everywhere. The second part peaks at mu_S - mu_C where v = v_t.
+
+    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
+    `transition_speed` v_t, m/s.
+    """
+
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
+    transition_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_t in m/s"
+    )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Coulomb's part and the peak at the transition speed."""
+        x = slip_speed / self.transition_speed
+        peak = (self.breakaway - self.kinetic) * x / (0.25 * x**2 + 0.75) ** 2
+        return self.kinetic * jnp.tanh(4.0 * x) + peak

@@ -1,0 +1,86 @@
+"""Bristle laws by themselves: closed forms, elasticity, what is refused."""
+
+import jax
+import numpy as np
+import pytest
+
+from clearjoint import Dahl, ElastoPlastic, LuGre
+from clearjoint.math.vectors import Vector
+
+SLOW, FAST, STIFFNESS, STRIBECK_SPEED = 0.25, 0.15, 1e5, 0.01
+LUGRE = LuGre(
+    SLOW,
+    FAST,
+    stribeck_speed=STRIBECK_SPEED,
+    stiffness=STIFFNESS,
+    damping=30.0,
+    viscosity=0.4,
+)
+ELASTIC = 0.7e-6
+ELASTO_PLASTIC = ElastoPlastic(
+    SLOW,
+    FAST,
+    stribeck_speed=STRIBECK_SPEED,
+    elastic_deflection=ELASTIC,
+    stiffness=STIFFNESS,
+)
+
+
+def curve(speed):
+    """Stribeck's curve, as LuGre has it."""
+    return FAST + (SLOW - FAST) * np.exp(-((speed / STRIBECK_SPEED) ** 2))
+
+
+def on_x(number):
+    return Vector(number, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [-0.3, -5e-3, 1e-3, 0.02, 1.0])
+@pytest.mark.parametrize(("law", "level"), [(Dahl(0.3, STIFFNESS), lambda v: 0.3), (LUGRE, curve)])
+def test_rate_at_constant_speed_is_that_of_the_closed_form(law, level, speed):
+    """z = z0 exp(-kt) + (g/sigma0) sgn v (1 - exp(-kt)) with k = sigma0 |v|/g."""
+    g = level(abs(speed))
+    k = STIFFNESS * abs(speed) / g
+
+    def deflection(t):
+        decay = jax.numpy.exp(-k * t)
+        return -2e-6 * decay + g / STIFFNESS * np.sign(speed) * (1.0 - decay)
+
+    for t in np.array([0.0, 0.3, 2.0, 20.0]) / k:
+        z, rate = jax.jvp(deflection, (t,), (1.0,))
+        assert float(law.rate(on_x(z), on_x(speed)).x) == pytest.approx(
+            float(rate), rel=1e-11, abs=1e-13 * abs(speed)
+        )
+
+
+@pytest.mark.parametrize("speed", [-0.3, -5e-3, 1e-3, 0.02, 1.0])
+@pytest.mark.parametrize("law", [LUGRE, ELASTO_PLASTIC])
+def test_long_slip_has_stribecks_curve(law, speed):
+    """Where the deflection is g/sigma0 it stays, and friction is g and the viscous part."""
+    g = curve(abs(speed)) * np.sign(speed)
+    z = on_x(g / STIFFNESS)
+    rate = law.rate(z, on_x(speed))
+    assert abs(float(rate.x)) < 1e-13 * abs(speed)
+    viscous = float(law.viscosity) * speed
+    assert float(law.ratio(z, rate, on_x(speed)).x) == pytest.approx(g + viscous, rel=1e-12)
+    assert float(law.force(3.0, on_x(speed)).x) == pytest.approx(-3.0 * g, rel=1e-12)
+
+
+def test_elasto_plastic_bristles_are_elastic_up_to_their_limit_and_where_they_relax():
+    for share in (0.0, 0.5, 0.999):
+        z = on_x(share * ELASTIC)
+        assert float(ELASTO_PLASTIC.rate(z, on_x(0.02)).x) == 0.02
+    beyond = on_x(1.4e-6)
+    assert float(ELASTO_PLASTIC.rate(beyond, on_x(-0.02)).x) == -0.02
+    middle = 0.5 * (ELASTIC + curve(0.02) / STIFFNESS)
+    expected = 0.02 * (1.0 - 0.5 * middle * STIFFNESS / curve(0.02))
+    assert float(ELASTO_PLASTIC.rate(on_x(middle), on_x(0.02)).x) == pytest.approx(expected)
+
+
+def test_bristles_that_no_surface_has_are_refused():
+    with pytest.raises(ValueError, match="breakaway.*at least kinetic"):
+        LuGre(0.1, 0.2, stribeck_speed=0.01)
+    with pytest.raises(ValueError, match=r"elastic_deflection.*below kinetic/stiffness"):
+        ElastoPlastic(0.2, 0.1, stribeck_speed=0.01, elastic_deflection=1e-5)
+    with pytest.raises(ValueError, match="stiffness"):
+        Dahl(0.1, stiffness=0.0)

@@ -1,0 +1,217 @@
+"""Runs with bristles: against closed forms and SciPy's integrator, stick, ledger, derivatives."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.system import System
+from clearjoint.math.vectors import unpack
+from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
+
+Q = cj.quantities
+LUGRE = cj.LuGre(0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05)
+SPRING, BELT_SPEED = 200.0, 0.1
+"""N/m, and m/s."""
+
+
+def by_displacement(friction, slid):
+    """Dahl's force over the normal force: exponential in the distance slid, at any speed."""
+    mu, stiffness = float(friction.coefficient), float(friction.stiffness)
+    return mu * -np.expm1(-stiffness / mu * slid)
+
+
+def test_dahls_force_over_displacement_is_exponential_and_is_booked():
+    """The block is dragged along by the belt: its slip changes all the while."""
+    friction, times = cj.Dahl(0.3, 1e4), np.linspace(5e-4, 0.01, 20)
+    scene, state = block(friction, BELT_SPEED)
+    settings = cj.Settings(ledger=True)
+    solution = cj.simulate(scene, state, 0.01, settings, save=cj.Saving(times))
+    places, speeds = along(solution)
+    ratio = by_displacement(friction, BELT_SPEED * times - places)
+    error = -deflections(solution)[:, 0] * 1e4 - ratio
+    assert np.abs(error).max() < 1e-5 * 0.3
+    work = np.asarray(solution.saved.states.work["friction"])
+    brought = BELT_SPEED * MASS * speeds
+    np.testing.assert_allclose(work, brought - 0.5 * MASS * speeds**2, rtol=1e-6, atol=1e-10)
+    seen = cj.observe(scene, solution)
+    force = seen.contacts["floor"]["belt"].friction_force[:, 0]
+    np.testing.assert_allclose(force, WEIGHT * ratio, rtol=2e-5)
+
+
+def on_a_spring():
+    spring = cj.SpringDamper(
+        "ground", "block", (-1.0, 0.0, -DEPTH), (0.0,) * 3, stiffness=SPRING, free_length=1.0
+    )
+    return block(LUGRE, BELT_SPEED, {"spring": spring})
+
+
+def independent(times):
+    """Places, velocities and deflections of the block on the spring, by SciPy."""
+
+    def rates(_, y):
+        x, v, z = y
+        slip = v - BELT_SPEED
+        g = 0.15 + 0.1 * np.exp(-((slip / 0.02) ** 2))
+        rate = slip - 1e4 * abs(slip) / g * z
+        friction = 1e4 * z + 20.0 * rate + 0.05 * slip
+        return v, (-SPRING * x - WEIGHT * friction) / MASS, rate
+
+    found = solve_ivp(rates, (0.0, times[-1]), np.zeros(3), "Radau", times, rtol=1e-10, atol=1e-14)
+    return found.y
+
+
+def test_stick_slip_is_that_of_an_independent_integration():
+    """It sticks to the belt and slips off, over and over; a saved state goes on as if nothing had
+    been."""
+    scene, state = on_a_spring()
+    times = np.linspace(0.02, 0.8, 40)
+    expected = independent(times)
+    solution = cj.simulate(scene, state, 0.8, save=cj.Saving(times))
+    places, speeds = along(solution)
+    np.testing.assert_allclose(places, expected[0], atol=2e-6)
+    np.testing.assert_allclose(speeds, expected[1], atol=1e-4)
+    np.testing.assert_allclose(deflections(solution)[:, 0], expected[2], atol=2e-4 * 0.15e-4)
+    sticks = np.abs(speeds - BELT_SPEED) < 1e-3
+    assert sticks.sum() > 5 and (~sticks).sum() > 5
+    half = cj.simulate(scene, state, 0.4, save=cj.Saving(times[times < 0.4]))
+    rest = cj.simulate(scene, half.final, 0.8, start_time=0.4, save=cj.Saving(times[times > 0.4]))
+    np.testing.assert_allclose(along(rest)[0], expected[0][times > 0.4], atol=2e-6)
+    forgotten = eqx.tree_at(lambda s: s.bristles["floor"]["belt"], half.final, np.zeros(3))
+    other = cj.simulate(scene, forgotten, 0.8, start_time=0.4, save=cj.Saving(times[times > 0.4]))
+    assert np.abs(along(other)[0] - along(rest)[0]).max() > 1e-4
+
+
+@pytest.mark.parametrize("friction", [LUGRE, cj.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"])
+def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
+    """Half the load that breaks away: tanh creeps at the speed whose ratio bears it."""
+    pull = {"pull": cj.AppliedLoad("block", (0.5 * 0.25 * WEIGHT, 0.0, 0.0))}
+    scene, state = block(friction, forces=pull)
+    times = np.array([0.3, 0.5])
+    solution = cj.simulate(scene, state, 0.5, save=cj.Saving(times))
+    places, _ = along(solution)
+    moved = places[1] - places[0]
+    if isinstance(friction, cj.AbstractBristleFriction):
+        assert abs(moved) < 1e-9
+    else:
+        assert moved == pytest.approx(0.2 * 1e-3 * np.arctanh(0.5), rel=1e-4)
+
+
+FALLING = replace(cj.presets.derivatives, rtol=1e-10)
+
+
+def falling(**changes):
+    """The block above the belt, sliding and falling: bristles begin with the contact."""
+    numbers = {"velocity": (0.05, 0.02, -0.05), "height": 1e-5} | changes
+    return block(LUGRE, 0.01, **numbers)
+
+
+def test_derivatives_hold_across_the_begin_of_a_contact():
+    """When it begins depends on the first height: the bristles' rate jumps there."""
+    times, step = np.array([3e-4, 6e-4, 1e-3]), 1e-9
+    parameters = {
+        "height": cj.Parameter.initial(lambda s: s.bodies["block"].position[2]),
+        "stiffness": cj.Parameter(lambda s: s.joints["floor"].friction.stiffness, cj.Log()),
+    }
+    outputs = {"x": Q.Position("block", "x"), "z": Q.BristleDeflection("floor", "belt")}
+    found = cj.sensitivities(*falling(), 1.1e-3, parameters, outputs, times, FALLING)
+
+    def values(scene, state):
+        tight = replace(FALLING, rtol=1e-13, landing_tolerance=1e-15)
+        solution = cj.simulate(scene, state, 1.1e-3, tight, save=cj.Saving(times))
+        return along(solution)[0], np.linalg.norm(deflections(solution), axis=1)
+
+    def differences(make, step):
+        ahead, behind = values(*make(step)), values(*make(-step))
+        return [(a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)]
+
+    def stiffer(step):
+        scene, state = falling()
+        where = lambda s: s.joints["floor"].friction.stiffness  # noqa: E731
+        return eqx.tree_at(where, scene, np.asarray(1e4 * np.exp(step))), state
+
+    for column, (make, size) in enumerate(
+        [(lambda h: falling(height=1e-5 + h), 10 * step), (stiffer, 1e-4)]
+    ):
+        for name, expected in zip(outputs, differences(make, size), strict=True):
+            scale = np.abs(expected).max()
+            error = found.derivatives[name][:, column] - expected
+            assert np.abs(error).max() < 2e-5 * scale, (name, column)
+
+
+def test_deflections_are_zero_in_flight_and_begin_anew():
+    scene, state = falling()
+    times = np.linspace(5e-5, 6e-3, 60)
+    solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
+    heights, _ = along(solution, 2)
+    sizes = np.linalg.norm(deflections(solution), axis=1)
+    assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
+    assert (sizes[heights < -1e-9] > 0.0).all() and (heights < -1e-9).any()
+    assert np.abs(deflections(solution)[:, 2]).max() == 0.0
+
+
+def test_run_without_bristles_has_none():
+    scene, state = block(cj.RegularisedCoulomb(0.1))
+    system = System.of(unpack(scene), Formulation())
+    assert scene.bristle_laws() == {} and state.bristles == {}
+    dynamics = system.dynamics(system.encode(unpack(state.bodies)), {}, 0.0)
+    assert dynamics.contact_forces["floor"]["belt"].bristle_rate is None
+
+
+def test_rigid_contacts_take_the_friction_of_long_slip():
+    """The block slows down at mu_C g, since it slides far above the Stribeck speed; what is
+    observed of such runs has bristles at rest."""
+    scene, state = block(LUGRE, velocity=(1.0, 0.0, 0.0), height=0.0)
+    times = np.array([0.1, 0.2])
+    run = cj.simulate_nonsmooth(
+        scene, state, 0.21, step=1e-3, restitution=0.0, save=cj.Saving(times)
+    )
+    np.testing.assert_allclose(along(run)[1], 1.0 - 0.15 * 10.0 * times, rtol=1e-6)
+    assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
+
+
+def test_windows_that_would_lose_bristles_are_refused():
+    times = np.linspace(1e-4, 1e-3, 10)
+    position = cj.Series(Q.Position("block", "x"), times, times, 1e-3)
+    with pytest.raises(ValueError, match="scene.*without bristles.*floor"):
+        cj.identify_by_shots(*falling(), cj.Measurements({"x": position}), {}, [5e-4])
+
+
+@pytest.mark.slow
+def test_alike_joints_and_lanes_have_what_each_has_alone():
+    """Two blocks are computed as a group, and lanes side by side."""
+    one, start = falling()
+    bodies = {"block": one.bodies["block"], "other": one.bodies["block"]}
+    joints = {
+        "floor": one.joints["floor"],
+        "second": eqx.tree_at(
+            lambda j: j.friction.stiffness,
+            replace(one.joints["floor"], body="other"),
+            np.asarray(2e4),
+        ),
+    }
+    scene = cj.Scene(bodies, joints, gravity=one.gravity)
+    state = cj.State(dict.fromkeys(bodies, start.bodies["block"]))
+    times = np.array([3e-4, 1e-3])
+    both = cj.simulate(scene, state, 1.1e-3, FALLING, save=cj.Saving(times))
+    alone = cj.simulate(one, start, 1.1e-3, FALLING, save=cj.Saving(times))
+    held = np.asarray(both.saved.states.bristles["floor"]["belt"])
+    np.testing.assert_allclose(held, deflections(alone), rtol=1e-7, atol=1e-15)
+    assert not np.allclose(both.saved.states.bristles["second"]["belt"], held, rtol=0.1, atol=0.0)
+    lanes = cj.sweep(
+        one,
+        start,
+        1.1e-3,
+        {"k": cj.Axis(lambda s: s.joints["floor"].friction.stiffness, [1e4, 2e4])},
+        {"peak": cj.Peak(Q.BristleDeflection("floor", "belt"), "m")},
+        FALLING,
+        save=cj.Saving(times),
+        progress=False,
+    )
+    places = np.asarray(lanes["saved_position"])[0, :, 0, 0]
+    np.testing.assert_allclose(places, along(alone)[0], rtol=1e-10)
+    assert (np.asarray(lanes["peak"]) > 0.0).all()
