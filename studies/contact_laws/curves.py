@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -37,7 +38,7 @@ FACTORS: dict[str, type[cj.AbstractDampedLaw]] = {
     "Gharib–Hurmuzlu": cj.GharibHurmuzlu,
     "Pant–Wijeyewickrema": cj.PantWijeyewickrema,
 }
-MADE: dict[str, Callable[[float], cj.AbstractContactLaw]] = {
+MADE: dict[str, Callable[[float], cj.KelvinVoigt | cj.FloresKelvinVoigt]] = {
     "Kelvin–Voigt; Tsuji (clamped)": lambda c: cj.KelvinVoigt(c, STIFFNESS, MASS),
     "Kelvin–Voigt of Flores": lambda c: cj.FloresKelvinVoigt(c, STIFFNESS),
 }
@@ -46,7 +47,7 @@ COLUMNS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 def elastic_force(elasticity: AbstractElasticity, depths: np.ndarray) -> np.ndarray:
     """Forces in N at depths (N,) in m."""
-    gap = cj.Gap(depths, np.zeros_like(depths), RADIUS, CLEARANCE)
+    gap = cj.Gap(jnp.asarray(depths), 0.0, RADIUS, CLEARANCE)
     return np.asarray(elasticity.force(gap, 1.5))
 
 
@@ -67,7 +68,7 @@ def jankowski(requested: np.ndarray) -> np.ndarray:
     return np.array([cj.free_impact(law, MASS, SPEED).restitution for law in laws])
 
 
-def loop(law: cj.AbstractContactLaw, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+def loop(law: Any, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
     """Depths (N,) m and forces (N,) N of a free impact, by equal steps of the classical
     Runge-Kutta method."""
     scale = (MASS * SPEED**2 / float(law.stiffness.stiffness)) ** (1.0 / (law.exponent + 1.0))

@@ -7,6 +7,7 @@ rule: without the clamp the first two would deliver it exactly, with it they del
 """
 
 import abc
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -42,8 +43,12 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     ```
     """
 
-    exponent: eqx.AbstractClassVar[float]
-    damping_exponent: eqx.AbstractClassVar[float]
+    if TYPE_CHECKING:  # pyright takes equinox's for fields
+        exponent: ClassVar[float]
+        damping_exponent: ClassVar[float]
+    else:
+        exponent: eqx.AbstractClassVar[float]
+        damping_exponent: eqx.AbstractClassVar[float]
     has_memory = False
     force_jumps = False
 
