@@ -40,9 +40,15 @@ PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "l
 EXAMPLES = {
     "ClearanceJoint": lambda: cj.ClearanceJoint("ground", "a", **PIN, friction=cj.Ambrosio(0.1)),
     "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
+    "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "ElastoPlastic": lambda: cj.ElastoPlastic(0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3),
+    "BengisuAkay": lambda: cj.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
+    "BrownMcPhee": lambda: cj.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
 }
 """Elements that random arguments don't make."""
 ANY_OF = {
+    cj.AbstractElasticity: cj.RavnStiffness(207e9, 0.3),
     cj.AbstractStiffness: cj.RavnStiffness(207e9, 0.3),
     cj.AbstractContactLaw: LAW,
     cj.AbstractFriction: cj.RegularisedCoulomb(0.1),
@@ -106,9 +112,9 @@ def scene_with(element: Any) -> cj.Scene:
         joints["element"] = element
     elif isinstance(element, cj.AbstractContactLaw):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
-    elif isinstance(element, cj.AbstractStiffness):
+    elif isinstance(element, cj.AbstractElasticity):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
-    elif isinstance(element, cj.AbstractFriction):
+    elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
     else:
         assert isinstance(element, cj.AbstractAxialPolicy), "say where in a scene it may stand"

@@ -2,6 +2,7 @@
 
 import warnings
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
@@ -36,7 +37,12 @@ def _chain(rods):
 def _begun(scene, state):
     """Trace the begin of a run, which precedes all compiling."""
     scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), structured(scene)
-    jax.eval_shape(lambda *span: begin(scheme, form, state, *span, False, None).step.t, *SPAN)
+    eqx.filter_eval_shape(
+        lambda form, state, *span: begin(scheme, form, state, *span, False, None).step.t,
+        form,
+        state,
+        *SPAN,
+    )
 
 
 def _begun_with_derivatives(scene, state):
@@ -45,7 +51,9 @@ def _begun_with_derivatives(scene, state):
     family = parametrised(scene, state, parameters, values)
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
     systems = SystemFamily(family, scheme.formulation)
-    jax.eval_shape(lambda *span: start_with_tangents(scheme.method, systems, *span).t, *SPAN)
+    eqx.filter_eval_shape(
+        lambda systems, *span: start_with_tangents(scheme.method, systems, *span).t, systems, *SPAN
+    )
 
 
 def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch):

@@ -223,6 +223,6 @@ class Batch:
 
 
 def _lengthened(columns: np.ndarray, length: int) -> np.ndarray:
-    """Columns (seats, rows) of so many rows: cut, or with zeros behind."""
+    """Columns (seats, rows, ...) of so many rows: cut, or with zeros behind."""
     missing = max(length - columns.shape[1], 0)
-    return np.pad(columns[:, :length], ((0, 0), (0, missing)))
+    return np.pad(columns[:, :length], [(0, 0), (0, missing), *[(0, 0)] * (columns.ndim - 2)])
