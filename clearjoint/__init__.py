@@ -111,7 +111,6 @@ from .model.contact.logarithmic_cylinders import JohnsonCylinder as JohnsonCylin
 from .model.contact.logarithmic_cylinders import RadzimovskyCylinder as RadzimovskyCylinder
 from .model.contact.restitution import delivered_restitution as delivered_restitution
 from .model.contact.restitution import exact_damping_factor as exact_damping_factor
-from .model.contact.stiffness import AbstractElasticity as AbstractElasticity
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
 from .model.contact.stiffness import GivenStiffness as GivenStiffness
 from .model.contact.stiffness import RavnStiffness as RavnStiffness

@@ -17,6 +17,7 @@ import pytest
 from jaxtyping import Float
 
 import clearjoint as cj
+from clearjoint.model.contact.stiffness import AbstractElasticity
 from clearjoint.scene_files.complaints import FilePlace
 from clearjoint.scene_files.differences import first_difference
 from clearjoint.scene_files.expectations import Expectation, arguments
@@ -48,7 +49,7 @@ EXAMPLES = {
 }
 """Elements that random arguments don't make."""
 ANY_OF = {
-    cj.AbstractElasticity: cj.RavnStiffness(207e9, 0.3),
+    AbstractElasticity: cj.RavnStiffness(207e9, 0.3),
     cj.AbstractStiffness: cj.RavnStiffness(207e9, 0.3),
     cj.AbstractContactLaw: LAW,
     cj.AbstractFriction: cj.RegularisedCoulomb(0.1),
@@ -112,7 +113,7 @@ def scene_with(element: Any) -> cj.Scene:
         joints["element"] = element
     elif isinstance(element, cj.AbstractContactLaw):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
-    elif isinstance(element, cj.AbstractElasticity):
+    elif isinstance(element, AbstractElasticity):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
     elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
