@@ -15,7 +15,7 @@ from jaxtyping import PyTree
 from ..compilation import Compiled
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
-from ..math.vectors import Scalar
+from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
 from ..parametrisation.parametrised_scene import AbstractFamily
 from ..quantities.base import Quantity
@@ -121,24 +121,16 @@ def followed(
         recorders = {name: RECORDERS[name] for name in records}
         return advance(method, system, step, own_end, records, recorders, family=systems)
 
-    def sample(now: Run, row: tuple[Scalar, Scalar]) -> tuple[Run, PyTree]:
+    def sample(now: Run, row: tuple[Scalar, Condition]) -> tuple[Run, PyTree]:
         time, is_new = row
         step, records = now = jax.lax.while_loop(
             lambda now: (now[0].t < time) & running(now[0], own_end, max_steps), go, now
         )
-        last = records[LATEST]
-        looks = jax.lax.cond(
-            is_new,
-            lambda: _looked_at(method, systems, outputs, last, time),
-            lambda: _nothing(systems, outputs),
-        )
-        states = None
-        if kept.states:
-            states = named(state_of(system, *look_inside(method, system, last, time)))
-        return now, (*looks, time <= step.t, states)
+        looks = _sample(method, systems, outputs, records[LATEST], time, is_new, kept)
+        return now, (*looks, time <= step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
-    (step, records), (*looks, reached, states) = _scanned(
+    (step, records), (*looks, states, reached) = _scanned(
         sample, (first, records), (own_times, is_new)
     )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
@@ -180,6 +172,28 @@ def _first_records(system: System, first: Step, kept: Kept) -> dict[str, PyTree]
         now, table = Snapshot(first.t, first.y, first.memory).instant(system), ImpactRow.none()
         records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
     return records
+
+
+def _sample(
+    method: Method,
+    systems: SystemFamily,
+    outputs: Mapping[str, Quantity],
+    last: Attempt,
+    time: Scalar,
+    is_new: Condition,
+    kept: Kept,
+) -> tuple[PyTree, PyTree, State | None]:
+    """Quantities and their derivatives at an instant of the latest step, or nothing of one that has
+    been looked at; and the state there, if it is kept."""
+    values, derivatives = jax.lax.cond(
+        is_new,
+        lambda: _looked_at(method, systems, outputs, last, time),
+        lambda: _nothing(systems, outputs),
+    )
+    if not kept.states:
+        return values, derivatives, None
+    system = systems.system()
+    return values, derivatives, named(state_of(system, *look_inside(method, system, last, time)))
 
 
 def _nothing(

@@ -133,23 +133,36 @@ def sensitivities(
     keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):
         sampled = recorded_run(arguments, *keeps)
-    rows = _rows_reached(sampled, looked_at, asked)
-    result = Sensitivities(
-        tuple(parameters),
-        asked[: len(rows)],
-        {name: values[rows] for name, values in sampled.values.items()},
-        {name: values[rows] for name, values in sampled.derivatives.items()},
-        float(sampled.time),
-        sampled.result,
-        int(sampled.attempts),
-        int(sampled.accepted),
-        None if saved is None else _trajectory(sampled, looked_at, saved),
-        None if sampled.impacts is None else impacts_of(sampled.impacts, start_time),
-        crossings_of(sampled.sections),
-    )
+    result = _found(sampled, tuple(parameters), looked_at, asked, saved, start_time)
     if throw:
         raise_failure(result)
     return result
+
+
+def _found(
+    sampled: Sampled,
+    parameters: tuple[str, ...],
+    looked_at: Float[np.ndarray, " all"],
+    asked: Float[np.ndarray, " some"],
+    saved: np.ndarray | None,
+    start_time: float,
+) -> Sensitivities:
+    """What is told of a run: outputs at the times `asked` and states at those `saved`, of all times
+    that were looked at."""
+    rows = _rows_reached(sampled, looked_at, asked)
+    return Sensitivities(
+        parameters=parameters,
+        times=asked[: len(rows)],
+        values={name: values[rows] for name, values in sampled.values.items()},
+        derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
+        time=float(sampled.time),
+        result=sampled.result,
+        attempts=int(sampled.attempts),
+        accepted=int(sampled.accepted),
+        saved=None if saved is None else _trajectory(sampled, looked_at, saved),
+        impacts=None if sampled.impacts is None else impacts_of(sampled.impacts, start_time),
+        sections=crossings_of(sampled.sections),
+    )
 
 
 def _rows_reached(
