@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reach, Reaches
-from ..math.groups import least
+from ..math.groups import least, some
 from ..math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ..math.vectors import Condition, Scalar
 from .aliases import SecondRates
@@ -59,7 +59,7 @@ class Landing(eqx.Module):
 
     def _time_to_zero(self, reach: Reach, second_rate: Scalar) -> Scalar:
         """First positive root of the parabola, half the tolerance past its change of sign."""
-        inwards = jnp.where(reach.depth > 0.0, -1.0, 1.0)
+        inwards = _inwards(reach)
         away = 0.5 * self._depth(reach.rate) + jnp.abs(reach.depth)
         rate, bend = inwards * reach.rate, inwards * second_rate
         square = rate * rate + 2.0 * bend * away
@@ -73,19 +73,28 @@ class Landing(eqx.Module):
         """Whether the step passes an event beyond the tolerance, and the time to end at instead."""
         h = t1 - t0
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
-        fraction: Scalar = 1.0
-        for name, family in before.items():
-            for label, start in family.items():
-                crossing = self._crossing(start, after[name][label], h)
-                fraction = jnp.minimum(fraction, least(crossing))
+        fraction = jax.lax.cond(
+            _may_pass(before, after),
+            lambda: self._first_crossing(before, after, h),
+            lambda: jnp.ones_like(h),
+        )
         # As diffrax's controllers do: where steps end is no function of the parameters.
         landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
+    def _first_crossing(self, before: Reaches, after: Reaches, h: Scalar) -> Scalar:
+        """The smallest `_crossing` of all contacts."""
+        fraction = jnp.ones_like(h)
+        for name, family in before.items():
+            for label, start in family.items():
+                crossing = self._crossing(start, after[name][label], h)
+                fraction = jnp.minimum(fraction, least(crossing))
+        return fraction
+
     def _crossing(self, start: Reach, end: Reach, h: Scalar) -> Scalar:
         """Fraction of the step at which the gap is half the tolerance past its change of sign; 1
         where the step need not land."""
-        inwards = jnp.where(start.depth > 0.0, -1.0, 1.0)
+        inwards = _inwards(start)
         grazes, x, inner = self._turning(start, end, h, inwards)
         end = Reach(
             jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
@@ -102,9 +111,32 @@ class Landing(eqx.Module):
     ) -> tuple[Scalar, Scalar, Reach]:
         """Whether the step passes an event and comes back; and where about it turns, a fraction of
         the step."""
-        turns = (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
+        turns = _turns(start, end)
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
         ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
         inner = Reach(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
         beyond = inwards * inner.depth > self.tolerance
         return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
+
+
+def _inwards(reach: Reach) -> Scalar:
+    """The sign of a depth that has changed since."""
+    return jnp.where(reach.depth > 0.0, -1.0, 1.0)
+
+
+def _turns(start: Reach, end: Reach) -> Condition:
+    """Whether a gap goes towards zero at the start of a step, and away from it at the end."""
+    inwards = _inwards(start)
+    return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
+
+
+def _may_pass(before: Reaches, after: Reaches) -> Condition:
+    """Whether any contact's depth may change sign within a step, which few do: a single run then
+    looks for the place, and else computes nothing of it."""
+    may_pass: Condition = jnp.asarray(False)
+    for name, family in before.items():
+        for label, start in family.items():
+            end = after[name][label]
+            changes = (start.depth > 0.0) != (end.depth > 0.0)
+            may_pass = may_pass | some(changes | _turns(start, end))
+    return may_pass
