@@ -10,6 +10,7 @@ import pytest
 from clearjoint import runtime
 
 FUSION = "xla_cpu_use_multi_output_fusion"
+FOR_COMPILING = {"xla_cpu_disable_loop_unrolling": "true", "-pre-RA-sched": "fast"}
 THRESHOLD = "xla_cpu_small_while_loop_byte_threshold"
 SETTINGS = {
     "JAX_ENABLE_X64",
@@ -60,9 +61,9 @@ def test_devices_are_a_whole_number(devices):
         runtime.configure(devices)
 
 
-def test_flags_turn_both_options_on():
+def test_flags_turn_all_options_on():
     flags = runtime.xla_flags()
-    assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"}
+    assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"} | FOR_COMPILING
     assert "--xla_cpu_prefer_vector_width=512" in flags.split()
 
 
@@ -72,7 +73,9 @@ def test_flags_keep_what_is_present():
         "--xla_backend_extra_options=other=2 --xla_cpu_prefer_vector_width=256"
     )
     flags = runtime.xla_flags(present)
-    assert options(flags) == {THRESHOLD: "7", "some": "1", "other": "2", FUSION: "true"}
+    assert options(flags) == {THRESHOLD: "7", "some": "1", "other": "2", FUSION: "true"} | (
+        FOR_COMPILING
+    )
     kept = ["--xla_dump_to=/tmp/x", "--xla_cpu_prefer_vector_width=256"]
     assert flags.split()[:2] == kept
     assert sum(word.startswith("--xla_cpu_prefer_vector_width") for word in flags.split()) == 1

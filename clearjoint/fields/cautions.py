@@ -44,10 +44,15 @@ class LawRangeWarning(UserWarning):
 
 def caution(message: str, category: type[Warning]) -> None:
     """Warn at the line of the caller outside the package, and tell how not to be warned."""
-    if _QUIET.get():
+    if not warns():
         return
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
     warnings.warn(f"{message} To silence this: {silence}.", category, _level_of_the_user())
+
+
+def warns() -> bool:
+    """Whether a caution would be heard."""
+    return not _QUIET.get()
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import numpy as np
 from jax.core import Tracer
 
 from ..results import RESULTS
+from .cautions import warns
 from .declarations import check_declared
 
 LONGEST = 16
@@ -17,15 +18,21 @@ class AbstractReadable(eqx.Module):
     and short arrays as they were given.
 
     What fields must satisfy together a subclass checks in `_check_together`, for which each is
-    known to be right by itself.
+    known to be right by itself; what is unusual of them it says in `_caution_together`, which is
+    left out where nothing warns.
     """
 
     def __check_init__(self):
         check_declared(self)
         self._check_together()
+        if warns():
+            self._caution_together()
 
     def _check_together(self) -> None:
         """Raise a ``ValueError`` if the fields don't fit each other."""
+
+    def _caution_together(self) -> None:
+        """Warn if the fields are unusual beside each other."""
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))

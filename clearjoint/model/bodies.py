@@ -87,7 +87,7 @@ class Body(AbstractReadable):
     )
     inertia: Triple | Square = quantity("kg m^2", check=_require_inertia)
 
-    def _check_together(self) -> None:
+    def _caution_together(self) -> None:
         mass, inertia = concrete(self.mass), concrete(self.inertia)
         if mass is not None and inertia is not None:
             density = _box_density(float(mass), inertia)

@@ -146,7 +146,7 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
     exponent: float = eqx.field(default=1.0, static=True)
 
-    def _check_together(self) -> None:
+    def _caution_together(self) -> None:
         requested = concrete(self.restitution)
         if requested is not None and requested < 1.0:
             caution(

@@ -153,6 +153,10 @@ class ClearanceJoint(AbstractContactJoint):
                 f"smaller than the bearing's radius {float(radius)} m",
                 "check the units (m)",
             )
+
+    def _caution_together(self) -> None:
+        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
+        if radius is not None and clearance is not None:
             caution_unless(
                 bool(clearance <= WIDEST_CLEARANCE * radius),
                 "clearance",
