@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import bricard, double_four_bar
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
@@ -18,7 +19,6 @@ from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
 from clearjoint.model.bodies import GROUND
 from clearjoint.model.joints.motion_subspaces import Slider
-from clearjoint.model.mechanisms import bricard, double_four_bar
 from tests.support.reference import CASES
 
 RANDOM = np.random.default_rng(11)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import bricard, double_four_bar
 from clearjoint.fields.checks import recheck
-from clearjoint.model.mechanisms import bricard, double_four_bar
 from clearjoint.sweeps.axes import lanes_of
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import bricard, double_four_bar
 from clearjoint.fields.declarations import quantity
-from clearjoint.model.mechanisms import bricard, double_four_bar
 
 
 class PendulumRod(cj.AbstractConstraint):

@@ -11,11 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint import CRANK_LENGTH, ROD_LENGTH
 from clearjoint import quantities as q
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import structured, unpack
-from clearjoint.model.mechanisms import CRANK_LENGTH, ROD_LENGTH
 from clearjoint.quantities.instant import Instant
 
 JOINT = Formulation(cj.JointCoordinates())

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import STEEL
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
-from clearjoint.model.mechanisms import STEEL
 from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
 from clearjoint.simulation.method import Scheme
 from clearjoint.simulation.segments import begin, segment

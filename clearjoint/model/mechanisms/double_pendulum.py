@@ -1,0 +1,58 @@
+"""The double pendulum of the paper."""
+
+from ...math.vectors import Scalar
+from ..bodies import Body, State, body_state
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from ..joints.axial import AbstractAxialPolicy
+from ..joints.clearance import ClearanceJoint
+from ..joints.ideal import RevoluteJoint
+from ..scene import Scene
+from .common import steel_law
+
+
+def double_pendulum(
+    clearance: Scalar | None = 0.5e-3,
+    restitution: Scalar = 0.9,
+    *,
+    bearing_radius: Scalar = 10e-3,
+    journal_length: Scalar = 20e-3,
+    law: AbstractContactLaw | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    axial: AbstractAxialPolicy | None = None,
+) -> tuple[Scene, State]:
+    """The paper's double pendulum (section 6, Tables 1 and 2), and its state at rest.
+
+    Arm 2 hangs on the ground by a joint with clearance whose axis is Z; arm 3 on arm 2 by an ideal
+    revolute joint about X, the only axis that reproduces the paper's statements. Gravity acts
+    along +Y and both arms start at rest in the XZ plane, the journal centred.
+
+    **Arguments:** radial clearance, bearing radius and journal length in m; `clearance=None` makes
+    the ground joint ideal. `law` replaces Lankarani-Nikravesh with the given restitution.
+    """
+    bodies = {
+        "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
+        "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),
+    }
+    elbow = RevoluteJoint(
+        "arm 2", "arm 3", (0.5, 0.0, 0.0), (0.0, 0.0, -0.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    )
+    if clearance is None:
+        origin, near_end, axis = (0.0, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
+        shoulder = RevoluteJoint("ground", "arm 2", origin, near_end, axis, axis)
+    else:
+        shoulder = ClearanceJoint(
+            "ground",
+            "arm 2",
+            journal_point=(-0.5, 0.0, 0.0),
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+            axial=axial,
+        )
+    scene = Scene(bodies, {"shoulder": shoulder, "elbow": elbow}, gravity=(0.0, 9.81, 0.0))
+    state = State({"arm 2": body_state((0.5, 0.0, 0.0)), "arm 3": body_state((1.0, 0.0, 0.5))})
+    return scene, state

@@ -1,0 +1,128 @@
+"""The slider-crank of the clearance literature."""
+
+import math
+
+import numpy as np
+
+from ...fields.types import TripleLike
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+from ..joints.clearance import ClearanceJoint
+from ..joints.drives import PrescribedRotation
+from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
+from ..scene import Scene
+from .common import ORIGIN, X_AXIS, Z_AXIS, steel_law
+
+CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
+"""Of the slider-crank, m."""
+SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
+"""The rod's end at the slider, m in its axes."""
+
+
+def slider_crank(
+    clearance: Scalar | None = 0.5e-3,
+    restitution: Scalar = 0.9,
+    *,
+    speed: Scalar = 5000.0 * math.pi / 30.0,
+    angle: float = 0.0,
+    motor: AbstractConstraint | AbstractForce | None = None,
+    bearing_radius: Scalar = 10e-3,
+    journal_length: Scalar = 20e-3,
+    law: AbstractContactLaw | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    gravity: TripleLike | None = None,
+) -> tuple[Scene, State]:
+    """The slider-crank of the clearance literature, and its state in the ideal joint's motion.
+
+    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 turns about Z in the origin; a rod of 120 mm, 0.21 kg
+    and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
+    journal, the "slider pin", with clearance. Centres of mass are half-way. The other moments of
+    inertia are those of bars 10 mm and a cube 30 mm wide, and don't enter the planar motion.
+
+    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane,
+    so the clearance joint is axially free and no constraint redundant; likewise with
+    `clearance=None`, which makes the pin an ideal `InlineJoint`.
+
+    **Arguments:**
+
+    - `clearance`: radial, m; or ``None``.
+    - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
+      out. The journal starts centred.
+    - `motor`: what drives "crank" against "ground" in place of a `PrescribedRotation` at constant
+      speed, such as a `DriveTorque` about (0, 0, 1).
+    - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
+    - `law` replaces Lankarani-Nikravesh with the given restitution.
+    """
+    if clearance is None:
+        pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
+    else:
+        pin = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=SMALL_END,
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+        )
+    if motor is None:
+        motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
+    joints = _slider_crank_joints(pin)
+    forces: dict[str, AbstractForce] = {}
+    if isinstance(motor, AbstractForce):
+        forces["motor"] = motor
+    else:
+        joints["motor"] = motor
+    scene = Scene(_slider_crank_bodies(), joints, forces, gravity)
+    return scene, _slider_crank_state(speed, angle)
+
+
+def _slider_crank_bodies() -> dict[str, Body]:
+    return {
+        "crank": Body(0.30, (5e-6, 1e-5, 1e-5)),
+        "rod": Body(0.21, (3.5e-6, 2.5e-4, 2.5e-4)),
+        "slider": Body(0.14, (2.1e-5, 2.1e-5, 2.1e-5)),
+    }
+
+
+def _slider_crank_joints(
+    pin: InlineJoint | ClearanceJoint,
+) -> dict[str, AbstractConstraint | AbstractContactJoint]:
+    """The joints around the slider's pin, but for what drives the crank."""
+    foot, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
+    big_end = (-0.5 * ROD_LENGTH, 0.0, 0.0)
+    return {
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
+        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
+        "slider pin": pin,
+        "guide": PrismaticJoint(GROUND, "slider", ORIGIN, ORIGIN, X_AXIS),
+    }
+
+
+def _slider_crank_state(speed: Scalar, angle: float) -> State:
+    """The ideal motion at a crank angle, rad, and speed, rad/s."""
+    tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle), 0.0])
+    rod_angle = -math.asin(tip[1] / ROD_LENGTH)
+    rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle), 0.0])
+    rod_turn = -tip[0] / rod[0]  # a radian of the crank
+    tip_shift = np.array([-tip[1], tip[0], 0.0])
+    rod_shift = tip_shift + 0.5 * rod_turn * np.array([-rod[1], rod[0], 0.0])
+    slider_shift = np.array([-tip[1] - rod_turn * rod[1], 0.0, 0.0])
+
+    def body(position: TripleLike, turned: float, shift: np.ndarray, turn: float) -> BodyState:
+        orientation = (math.cos(0.5 * turned), 0.0, 0.0, math.sin(0.5 * turned))
+        spin = np.array([0.0, 0.0, turn])
+        return body_state(position, orientation, shift * speed, spin * speed)
+
+    return State(
+        {
+            "crank": body(0.5 * tip, angle, 0.5 * tip_shift, 1.0),
+            "rod": body(tip + 0.5 * rod, rod_angle, rod_shift, rod_turn),
+            "slider": body(np.array([tip[0] + rod[0], 0.0, 0.0]), 0.0, slider_shift, 0.0),
+        }
+    )
