@@ -21,7 +21,7 @@ from studies.common.output import Output
 
 SHOULDER, END_ARM, BASE = "shoulder", "arm 3", "V"
 GRAVITY = 9.81
-DURATION = 0.5
+DURATION, QUICK_DURATION = 0.5, 0.2
 """End of all runs, s."""
 FREE_FALLS = 12.0
 """Length of the saved orbits, in times of the journal's first free fall to the wall."""
@@ -77,7 +77,7 @@ def sweep(output: Output) -> list[str]:
     swept = cj.sweep(
         scene,
         state,
-        DURATION,
+        QUICK_DURATION if output.quick else DURATION,
         {"clearance": clearance_axis(values)},
         {**SUMMARY, "impact": IMPACTS, "orbit": ORBIT},
         settings=cj.Settings(ledger=True),

@@ -12,6 +12,12 @@ LATE = (2.0**14, 2.0**20)
 """s: at 2^20 times are told apart by 1e-10 s, in which an impact travels a hundred times as far as
 steps land from it."""
 CLEARANCE = cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log())
+
+
+def clock(now):
+    return now.time
+
+
 HEIGHT, ENTRY = cj.quantities.Position("arm 2", "y"), cj.quantities.EntrySpeed("shoulder", "V")
 
 
@@ -21,7 +27,7 @@ def _impacts(start):
         *cj.double_pendulum(),
         start + 2.0**-6,
         {"clearance": CLEARANCE},
-        {"height": HEIGHT, "entry": ENTRY, "time": lambda now: now.time},
+        {"height": HEIGHT, "entry": ENTRY, "time": clock},
         start + np.array([2.0**-7, 2.0**-7 + 2.0**-9, 2.0**-6]),
         start_time=start,
         save=cj.Saving(impacts=True),

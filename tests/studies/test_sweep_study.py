@@ -101,6 +101,6 @@ def test_limit_is_another_joint_if_it_is_not(output):
 
 
 def test_a_store_of_another_sweep_is_refused(output, swept, monkeypatch):
-    monkeypatch.setattr(clearance_sweep, "DURATION", 0.4)
+    monkeypatch.setattr(clearance_sweep, "QUICK_DURATION", 0.25)
     with pytest.raises(SystemExit, match="end_time"):
         main(["sweep", "--quick", "--output", str(output.folder)])
