@@ -6,7 +6,7 @@ them by `Crossing`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 
 from ..dynamics.system import System
 from ..fields.checks import require_count
+from ..fields.conversion import on_device
 from ..fields.readable import AbstractReadable
 from ..math.interpolation import secant_root
 from ..math.vectors import Scalar
@@ -40,7 +41,7 @@ class Crossing(eqx.Module):
     """
 
     quantity: Quantity = eqx.field(static=True)
-    after: float = eqx.field(default=0.0, static=True)
+    after: Scalar
 
     def level(self, now: Instant) -> Scalar:
         """Value of the quantity that passes zero at a crossing, in its unit."""
@@ -108,7 +109,7 @@ class SectionRecord(eqx.Module):
             return {name: jnp.asarray(value, dtype=float) for name, value in found.items()}
 
         rises = kept & (before < 0.0) & (after >= 0.0)
-        here = jax.lax.cond(rises, columns, recorder.nothing)
+        here = jax.lax.cond(rises, columns, lambda: recorder.nothing())
         wanted = rises & (here[TIME] >= crossing.after) & (self.table.count < recorder.count)
         level = jnp.where(kept, after, before)
         return SectionRecord(recorder, level, self.table.with_row(here, wanted))
@@ -159,12 +160,15 @@ class Section:
     channels: Channels
     count: int
     after: float = 0.0
-    condition: Crossing = field(init=False)
 
     def __post_init__(self) -> None:
         check_channels(self.channels)
         require_count("count", self.count, "pass a number of crossings")
-        object.__setattr__(self, "condition", Crossing(self.crossing, self.after))
+
+    @property
+    def condition(self) -> Crossing:
+        """Where the section is, for a compiled program."""
+        return Crossing(self.crossing, on_device(self.after))
 
     @property
     def recorder(self) -> SectionRecorder:

@@ -7,38 +7,19 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO
+from clearjoint.simulation.sampling import sampled_compiled
+from tests.support.recorded_rod import recorded_rod
 
 LATE = (2.0**14, 2.0**20)
 """s: at 2^20 times are told apart by 1e-10 s, in which an impact travels a hundred times as far as
 steps land from it."""
-CLEARANCE = cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log())
-
-
-def clock(now):
-    return now.time
-
-
-HEIGHT, ENTRY = cj.quantities.Position("arm 2", "y"), cj.quantities.EntrySpeed("shoulder", "V")
-
-
-def _impacts(start):
-    """A run across the first impact, its times sums of powers of two: exact wherever it starts."""
-    return cj.sensitivities(
-        *cj.double_pendulum(),
-        start + 2.0**-6,
-        {"clearance": CLEARANCE},
-        {"height": HEIGHT, "entry": ENTRY, "time": clock},
-        start + np.array([2.0**-7, 2.0**-7 + 2.0**-9, 2.0**-6]),
-        start_time=start,
-        save=cj.Saving(impacts=True),
-    )
 
 
 def test_a_run_is_the_same_whenever_it_starts():
-    early = _impacts(0.0)
+    early, programs = recorded_rod(), sampled_compiled.programs()
     assert early.impacts is not None
     for start in LATE:
-        late = _impacts(start)
+        late = recorded_rod(start)
         assert late.impacts is not None
         assert late.attempts == early.attempts and late.time == start + early.time
         np.testing.assert_array_equal(late.values["time"], start + early.times)
@@ -46,6 +27,10 @@ def test_a_run_is_the_same_whenever_it_starts():
             np.testing.assert_allclose(late.values[name], early.values[name], rtol=1e-9)
             np.testing.assert_allclose(late.derivatives[name], early.derivatives[name], rtol=1e-9)
         np.testing.assert_allclose(late.impacts.onset, start + early.impacts.onset, rtol=1e-15)
+        here, there = late.sections["deepest"], early.sections["deepest"]
+        np.testing.assert_allclose(here.times, start + there.times, rtol=1e-15)
+        np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-9)
+        assert sampled_compiled.programs() == programs
         np.testing.assert_allclose(late.impacts.duration, early.impacts.duration, rtol=1e-9)
 
 

@@ -19,27 +19,16 @@ from clearjoint.simulation.impact_recorder import (
 )
 from clearjoint.simulation.tables import Table
 from tests.support.dropped_rod import dropped_rod
-
-END, TIMES = 0.03, np.linspace(0.0, 0.03, 7)
-
-
-HEIGHT = cj.quantities.Position("rod", "y")
-DEEPEST = cj.Section(
-    lambda now: -now.reaches["pin"]["V"].rate, {"height": (HEIGHT, "m")}, 2, after=0.02
-)
-"""Where the journal is deepest in the wall, without the first time."""
+from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
 
 def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
-    parameters = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
-    outputs = {"height": cj.quantities.Position("rod", "y")}
-    save, seldom = cj.Saving(TIMES, impacts=True, sections={"deepest": DEEPEST}), TIMES[::3]
-    found = cj.sensitivities(*dropped_rod(), END, parameters, outputs, seldom, save=save)
-    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=save)
+    found = recorded_rod()
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())
     assert found.saved is not None and found.impacts is not None and run.saved is not None
-    np.testing.assert_array_equal(found.saved.times, TIMES)
+    np.testing.assert_array_equal(found.saved.times, EIGHTHS)
     np.testing.assert_array_equal(
-        found.saved.states.bodies["rod"].position[::3, 1], found.values["height"]
+        found.saved.states.bodies["rod"].position[::4, 1], found.values["height"]
     )
     jax.tree.map(
         lambda here, there: np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-7),
