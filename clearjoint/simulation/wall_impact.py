@@ -18,6 +18,7 @@ from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
 from ..model.contact.hunt_crossley import AbstractHertzianLaw
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
+from .run_checks import check_precision
 
 TOLERANCE = 1e-11
 STEPS_A_CONTACT = 500
@@ -52,8 +53,10 @@ def free_impact(
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
 
-    **Raises:** `ValueError` if the mass does not come free again within 100 s.
+    **Raises:** `ValueError` if the mass does not come free again within 100 s, or JAX computes in 32
+    bits.
     """
+    check_precision(allow_float32=False)
     wall = (bearing_radius, clearance)
     mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
     whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))

@@ -1,0 +1,1 @@
+"""Every entry of the catalogue beside something that nobody here computed."""
