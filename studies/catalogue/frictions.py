@@ -142,14 +142,8 @@ def figure() -> Figure:
     speeds = np.geomspace(1e-5, 0.3, 400)
     colours = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.DARK, "#E69F00")
     for k, (name, (law, _, _)) in enumerate(LAWS.items()):
-        dash = ("-", "--")[k // len(colours)]
-        left.plot(
-            speeds,
-            np.asarray(law.ratio(jnp.asarray(speeds))),
-            dash,
-            label=name,
-            color=colours[k % len(colours)],
-        )
+        look = {"color": colours[k % len(colours)], "linestyle": ("-", "--")[k // len(colours)]}
+        left.plot(speeds, np.asarray(law.ratio(jnp.asarray(speeds))), label=name, **look)
     left.set_xscale("log")
     style.dress(left, "slip speed, m/s", "friction / normal force")
     left.legend(frameon=False, fontsize=8)
