@@ -34,7 +34,7 @@ from ..results import RESULTS
 from ..simulation import presets
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
-from ..simulation.sampling import Sampled, padded, sampled_compiled
+from ..simulation.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
 from ..simulation.sensitivities import check_outputs
 from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import check_span, checked_times
@@ -74,6 +74,7 @@ class Experiment(eqx.Module):
             on_device(end_time),
             self.first_step,
             self.max_steps,
+            NOTHING_ELSE,
         )
 
 

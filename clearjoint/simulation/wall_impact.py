@@ -53,8 +53,8 @@ def free_impact(
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
 
-    **Raises:** `ValueError` if the mass does not come free again within 100 s, or JAX computes in 32
-    bits.
+    **Raises:** `ValueError` if the mass does not come free again within 100 s, or if JAX computes
+    in 32 bits.
     """
     check_precision(allow_float32=False)
     wall = (bearing_radius, clearance)

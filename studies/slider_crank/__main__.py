@@ -30,11 +30,11 @@ def parse(arguments: list[str] | None = None) -> tuple[Settings, Output]:
     parser.add_argument("--rpm", dest="revolutions_a_minute", type=float, help="crank speed, 1/min")
     parser.add_argument("--revolutions", type=int, help="of the crank; the last two are drawn")
     parser.add_argument("--rtol", type=float, help="relative tolerance of a step")
-    add_options(parser, "four revolutions, small pictures")
+    add_options(parser, "three revolutions, small pictures")
     options = parser.parse_args(arguments)
     given: dict[str, Any] = {k: v for k in FIELDS if (v := getattr(options, k)) is not None}
     if options.quick:
-        given.setdefault("revolutions", 4)
+        given.setdefault("revolutions", 3)
     settings = Settings(**given)
     if settings.revolutions <= SHOWN:
         parser.error(f"--revolutions must be more than the {SHOWN} that are drawn")

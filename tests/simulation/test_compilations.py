@@ -8,6 +8,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.conversion import on_device
+from clearjoint.simulation.sampling import sampled_compiled
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -15,6 +16,15 @@ PROGRAMS_OF_A_RUN = 3
 """The start, the segments, and what empties the record between them or reads the end."""
 PROGRAMS_OF_A_SWEEP = 4
 """The start, the slices, what comes of them, and new lanes in the places of old ones."""
+
+
+STIFFNESS = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+PLACE = {"x": cj.quantities.Position("mass", "x")}
+
+
+def along(scene_and_state, count):
+    """Derivatives at a number of instants."""
+    return cj.sensitivities(*scene_and_state, END, STIFFNESS, PLACE, np.linspace(0.0, END, count))
 
 
 @pytest.fixture
@@ -217,8 +227,7 @@ def test_no_other_number_of_a_run_compiles_anything(rod, compiled):
 
 def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
     scene, state = damped
-    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    channel = cj.quantities.Position("mass", "x")
+    channel = PLACE["x"]
 
     def fit(count, end=END, **options):
         times = np.linspace(0.0, end, count)
@@ -226,10 +235,14 @@ def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
         values = saved.states.bodies["mass"].position[:, 0]
         data = cj.Measurements({"x": cj.Series(channel, times, values, 1e-4, "m")})
         guess = {"k": 45.0}
-        return cj.identify(scene, state, data, parameters, guess=guess, progress=False, **options)
+        return cj.identify(scene, state, data, STIFFNESS, guess=guess, progress=False, **options)
 
+    along(damped, 3)
+    along(damped, 70)
+    programs = sampled_compiled.programs()
     fit(5)
     fit(70)
+    assert sampled_compiled.programs() == programs
     before, counts = compiled(), {}
     changes = {
         "length": (63, {}),
@@ -260,29 +273,20 @@ def test_longer_records_of_steps_compile_nothing(damped, compiled):
 
 
 def test_records_of_few_lengths_are_compiled_for_derivatives(damped, compiled):
-    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    outputs = {"x": cj.quantities.Position("mass", "x")}
-
-    def along(count):
-        times = np.linspace(0.0, END, count)
-        return cj.sensitivities(*damped, END, parameters, outputs, times)
-
-    along(3)
-    along(64)
+    along(damped, 3)
+    along(damped, 64)
     before = compiled()
-    few, many = along(63), along(500)
+    few, many = along(damped, 63), along(damped, 500)
     assert compiled() == before
     assert few.derivatives["x"].shape == (63, 1) and many.derivatives["x"].shape == (500, 1)
     np.testing.assert_allclose(few.derivatives["x"][-1], many.derivatives["x"][-1], rtol=1e-12)
 
 
 def test_a_time_given_twice_is_seen_twice(damped):
-    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    outputs = {"x": cj.quantities.Position("mass", "x")}
     times = [0.0, 0.1, 0.1, 0.1, 0.2, END, END]
-    seen = cj.sensitivities(*damped, END, parameters, outputs, times)
+    seen = cj.sensitivities(*damped, END, STIFFNESS, PLACE, times)
     t = np.asarray(times)
-    expected = cj.sensitivities(*damped, END, parameters, outputs, np.unique(t))
+    expected = cj.sensitivities(*damped, END, STIFFNESS, PLACE, np.unique(t))
     at = np.searchsorted(np.unique(t), t)
     np.testing.assert_array_equal(seen.values["x"], expected.values["x"][at])
     np.testing.assert_array_equal(seen.derivatives["x"], expected.derivatives["x"][at])
