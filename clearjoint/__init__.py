@@ -121,6 +121,7 @@ from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially
 from .model.joints.axial import FreeAxially as FreeAxially
+from .model.joints.backlash import Backlash as Backlash
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
@@ -134,6 +135,7 @@ from .model.joints.drives import DriveTorque as DriveTorque
 from .model.joints.drives import PrescribedRotation as PrescribedRotation
 from .model.joints.forces import AppliedLoad as AppliedLoad
 from .model.joints.forces import SpringDamper as SpringDamper
+from .model.joints.gear_backlash import GearBacklash as GearBacklash
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
 from .model.joints.ideal import InlineJoint as InlineJoint
