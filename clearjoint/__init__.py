@@ -147,6 +147,8 @@ from .model.mechanisms.bricard import bricard as bricard
 from .model.mechanisms.common import STEEL as STEEL
 from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
+from .model.mechanisms.gear_pair import gear_pair as gear_pair
+from .model.mechanisms.robot_arm import robot_arm as robot_arm
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank

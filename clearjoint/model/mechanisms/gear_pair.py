@@ -25,7 +25,7 @@ def gear_pair(
     *,
     teeth: tuple[int, int] = (20, 50),
     module: float = 3e-3,
-    speeds: tuple[Scalar, Scalar] = (10.0, 0.0),
+    speeds: tuple[float, float] = (10.0, 0.0),
     law: AbstractContactLaw | None = None,
 ) -> tuple[Scene, State]:
     """Two spur gears with backlash, and their state in the middle of the play.
@@ -43,7 +43,7 @@ def gear_pair(
     """
     first, second = (0.5 * module * number for number in teeth)
     if law is None:
-        law = ExactRestitution(restitution, MESH_STIFFNESS, exponent=1.0)
+        law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS, exponent=1.0)
     names, centres = ("pinion", "wheel"), (ORIGIN, (first + second, 0.0, 0.0))
     bodies = {name: _disc(radius) for name, radius in zip(names, (first, second), strict=True)}
     bearings = {
