@@ -121,6 +121,7 @@ from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially
 from .model.joints.axial import FreeAxially as FreeAxially
+from .model.joints.backlash import Backlash as Backlash
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
@@ -134,6 +135,7 @@ from .model.joints.drives import DriveTorque as DriveTorque
 from .model.joints.drives import PrescribedRotation as PrescribedRotation
 from .model.joints.forces import AppliedLoad as AppliedLoad
 from .model.joints.forces import SpringDamper as SpringDamper
+from .model.joints.gear_backlash import GearBacklash as GearBacklash
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
 from .model.joints.ideal import InlineJoint as InlineJoint
@@ -145,6 +147,8 @@ from .model.mechanisms.bricard import bricard as bricard
 from .model.mechanisms.common import STEEL as STEEL
 from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
+from .model.mechanisms.gear_pair import gear_pair as gear_pair
+from .model.mechanisms.robot_arm import robot_arm as robot_arm
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank

@@ -13,7 +13,8 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Condition, Scalar, Vector
+from ..math.vectors import ZERO, Condition, Scalar, Vector
+from ..model.bodies import GROUND, Wrench
 from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
@@ -68,6 +69,32 @@ def contact_forces(
                 bristles.get(name, {}),
             )
     return forces
+
+
+def contact_wrenches(
+    joint: AbstractContactJoint,
+    contact: Contact,
+    normal_force: Scalar,
+    friction: Vector | None,
+    motions: Motions,
+) -> dict[str, Wrench]:
+    """What a contact of a joint with such forces, N, does to its bodies, by name but for the
+    ground."""
+    first, second = joint.pair()
+    if contact.turning is not None:
+        turned = zip((first, second), contact.turning, strict=True)
+        moments = {name: Wrench(ZERO, turning * -normal_force) for name, turning in turned}
+        return {name: wrench for name, wrench in moments.items() if name != GROUND}
+    push = -(contact.normal * normal_force)
+    if friction is not None:
+        push = push + friction
+    on_first, on_second = contact.points_of_force(friction is not None)
+    wrenches = {}
+    if second != GROUND:
+        wrenches[second] = motions[second].wrench(push, on_second)
+    if first != GROUND:
+        wrenches[first] = motions[first].wrench(-push, on_first)
+    return wrenches
 
 
 def contact_force(

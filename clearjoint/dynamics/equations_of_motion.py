@@ -12,7 +12,7 @@ from ..math.vectors import Scalar, add
 from ..model.bodies import GROUND, NO_WRENCH, Wrench
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
-from .contact_forces import LoadedContact
+from .contact_forces import LoadedContact, contact_wrenches
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -68,16 +68,12 @@ def applied_wrenches(
             if name != GROUND:
                 apply(name, wrench)
     for joint_name, joint in scene.contact_joints().items():
-        first, second = joint.pair()
         for force in forces.get(joint_name, {}).values():
-            push = -(force.contact.normal * force.normal_force)
-            if force.friction is not None:
-                push = push + force.friction
-            on_first, on_second = force.contact.points_of_force(force.friction is not None)
-            if second != GROUND:
-                apply(second, motions[second].wrench(push, on_second))
-            if first != GROUND:
-                apply(first, motions[first].wrench(-push, on_first))
+            pushes = contact_wrenches(
+                joint, force.contact, force.normal_force, force.friction, motions
+            )
+            for name, wrench in pushes.items():
+                apply(name, wrench)
     return wrenches
 
 

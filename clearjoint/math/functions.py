@@ -27,3 +27,8 @@ def cosine(angle: Scalar) -> Scalar:
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
     """The angle in rad, within (-pi, pi], that has sine and cosine in proportion to these."""
     return library((sine, cosine)).arctan2(sine, cosine)
+
+
+def within_a_period(value: Scalar, period: Scalar) -> Scalar:
+    """The value less whole periods, at most half a period from zero."""
+    return value - period * library((value, period)).round(value / period)

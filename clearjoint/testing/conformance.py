@@ -2,7 +2,7 @@
 what is wrong; call them from a test."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 import equinox as eqx
@@ -275,8 +275,8 @@ def check_constraint(
     step = 1e-5
     constraint = unpack(constraint)
     here = constraint.rows(motions, 0.0)
-    ahead = constraint.rows(_moved(motions, step), step)
-    behind = constraint.rows(_moved(motions, -step), -step)
+    ahead = constraint.rows(moved(motions, step), step)
+    behind = constraint.rows(moved(motions, -step), -step)
     _require(here.keys() == ahead.keys(), "The names of the rows change with the motion.")
     for label, row in here.items():
         rate = (ahead[label].value - behind[label].value) / (2 * step)
@@ -299,7 +299,7 @@ def _check_bias(
     tolerance: float,
 ) -> None:
     rates = [
-        float(row_rate(r, _moved(motions, s))) for r, s in zip(around, (-step, step), strict=True)
+        float(row_rate(r, moved(motions, s))) for r, s in zip(around, (-step, step), strict=True)
     ]
     bias = (rates[1] - rates[0]) / (2 * step)
     _require(
@@ -309,7 +309,7 @@ def _check_bias(
     )
 
 
-def _moved(motions: dict[str, Motion], time: float) -> dict[str, Motion]:
+def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
     """The motions a short time later, at constant velocities and body spins."""
     return {
         name: Motion(

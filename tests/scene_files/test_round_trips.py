@@ -40,6 +40,10 @@ LAW = cj.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
 EXAMPLES = {
     "ClearanceJoint": lambda: cj.ClearanceJoint("ground", "a", **PIN, friction=cj.Ambrosio(0.1)),
+    "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
+    "GearBacklash": lambda: cj.GearBacklash(
+        *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
+    ),
     "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
     "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
@@ -135,7 +139,11 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "mechanism", [cj.double_pendulum, cj.slider_crank, cj.double_four_bar, cj.bricard]
+    "mechanism",
+    [
+        *(cj.double_pendulum, cj.slider_crank, cj.double_four_bar, cj.bricard),
+        *(cj.gear_pair, cj.robot_arm),
+    ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
     exact(tmp_path / "mechanism.toml", *mechanism())

@@ -176,6 +176,11 @@ class Contact:
     axes, m (eq. 17). `slip` is the tangential velocity of the second body relative to the first,
     m/s, or ``None`` without friction. A normal force alone may act at any points on its line,
     `line_first` and `line_second`, if some are known with less arithmetic and rounding.
+
+    A contact that only turns the bodies has `turning`: the derivatives of the penetration's rate by
+    the spin of the first and of the second body, m in body axes. A normal force F is then no force,
+    but the moments -F times these; `normal` is the axis about which the second body turns into the
+    first, and there is no friction.
     """
 
     gap: Gap
@@ -185,6 +190,7 @@ class Contact:
     slip: Vector | None
     line_first: Vector | None = None
     line_second: Vector | None = None
+    turning: tuple[Vector, Vector] | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
         """Where the force acts on the first and on the second body, in their axes, m."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
+from ...dynamics.contact_forces import contact_wrenches
 from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ...dynamics.equations_of_motion import flattened
 from ...dynamics.multipliers import response, row_rate
@@ -62,8 +63,7 @@ def touches(scene: Scene, motions: Motions) -> list[Touch]:
 def _touch(
     name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
 ) -> Touch:
-    has_friction = contact.slip is not None
-    on_first, on_second = contact.points_of_force(has_friction)
+    on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
         """Of the velocity of the second body against the first along a direction."""
@@ -75,6 +75,8 @@ def _touch(
         return Row(0.0, pairs, 0.0)
 
     normal = row(-contact.normal)
+    if contact.turning is not None:
+        normal = Row(0.0, contact_wrenches(joint, contact, 1.0, None, motions), 0.0)
     size = -contact.gap.depth, contact.gap.clearance
     if contact.slip is None:
         return Touch(name, label, *size, normal, (), 0.0)

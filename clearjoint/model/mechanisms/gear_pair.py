@@ -1,0 +1,64 @@
+"""Two spur gears on ideal bearings, with backlash."""
+
+import math
+
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..contact.damping_factors import ExactRestitution
+from ..contact.laws import AbstractContactLaw
+from ..joints.gear_backlash import GearBacklash
+from ..joints.ideal import RevoluteJoint
+from ..scene import Scene
+from .common import ORIGIN, Z_AXIS
+
+DENSITY = 7850.0
+"""Of steel, kg/m^3."""
+FACE_WIDTH = 20e-3
+"""Of the gears, m."""
+MESH_STIFFNESS = 20e9 * FACE_WIDTH
+"""N/m: 20 N/(mm um), the mean of ISO 6336-1 for steel, times the face width."""
+
+
+def gear_pair(
+    backlash: Scalar = 0.1e-3,
+    restitution: Scalar = 0.8,
+    *,
+    teeth: tuple[int, int] = (20, 50),
+    module: float = 3e-3,
+    speeds: tuple[float, float] = (10.0, 0.0),
+    law: AbstractContactLaw | None = None,
+) -> tuple[Scene, State]:
+    """Two spur gears with backlash, and their state in the middle of the play.
+
+    The "pinion" turns about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0); pressure angle
+    20 degrees. Both are solid discs of steel, 7850 kg/m^3, as large as their pitch circles and
+    20 mm wide. Nothing drives them: add a `DriveTorque` to the scene's forces, say.
+
+    The law is linear, with ISO 6336's mean stiffness of 20 N/(mm um), and delivers the
+    restitution: gears whose backlash is crossed at a rate v on the line of action cross it the
+    other way at the restitution times v, after a time j cos(20 degrees)/v.
+
+    **Arguments:** `backlash` along the pitch circle and `module` in m; `teeth` of both; `speeds` of
+    both in rad/s. `law` replaces the one above.
+    """
+    first, second = (0.5 * module * number for number in teeth)
+    if law is None:
+        law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS, exponent=1.0)
+    names, centres = ("pinion", "wheel"), (ORIGIN, (first + second, 0.0, 0.0))
+    bodies = {name: _disc(radius) for name, radius in zip(names, (first, second), strict=True)}
+    bearings = {
+        f"{name} bearing": RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
+        for name, centre in zip(names, centres, strict=True)
+    }
+    mesh = GearBacklash(*names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module, backlash, law)
+    states = {
+        name: body_state(centre, spin=(0.0, 0.0, speed))
+        for name, centre, speed in zip(names, centres, speeds, strict=True)
+    }
+    return Scene(bodies, {**bearings, "mesh": mesh}), State(states)
+
+
+def _disc(radius: float) -> Body:
+    mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
+    across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
+    return Body(mass, (across, across, 0.5 * mass * radius**2))

@@ -1,0 +1,227 @@
+"""Plays about an axis and between gears: geometry against closed forms, refusals."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.contact_forces import contact_wrenches
+from clearjoint.math.rotations import rotation_matrix
+from clearjoint.math.vectors import EulerParameters, Vector, unpack
+from clearjoint.model.bodies import Motion
+from clearjoint.model.joints.base import AbstractContactJoint
+from clearjoint.testing import check_constraint, check_contacts, moving
+
+LAW = cj.HuntCrossley(0.5, 1e8)
+MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
+MOTIONS = {
+    "a": moving((0.1, 0.2, 0.3), (1.0, 0.3, 0.2, 0.3), (1.0, 2.0, 3.0), (0.3, 0.2, 5.0)),
+    "b": moving((0.0, 0.2, 0.1), (0.4, 0.2, -0.2, 0.7), (1.0, 0.0, 3.0), (-0.3, 0.2, 3.0)),
+}
+
+
+def backlash(**options) -> cj.Backlash:
+    return cj.Backlash("a", "b", **({"play": 2e-3, "radius": 0.05, "law": LAW} | options))
+
+
+def gears(teeth_first=18, teeth_second=41, **options) -> cj.GearBacklash:
+    centres, axes = ((0.0, 0.01, 0.005), (0.001, 0.0, 0.0)), ((0, 0, 1), (0, 0, 1))
+    teeth = teeth_first, teeth_second
+    return cj.GearBacklash("a", "b", *centres, *axes, *teeth, MODULE, PLAY, LAW, **options)
+
+
+def spinning(angle: float, spin: float, velocity=(0.0, 0.0, 0.0)) -> Motion:
+    """At the origin, turned about z."""
+    turn = math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
+    return moving((0.0, 0.0, 0.0), turn, velocity, (0.0, 0.0, spin))
+
+
+def meshing(joint: cj.GearBacklash, wider=0.0, angles=(1.1, -2.3)) -> dict[str, Motion]:
+    """Gears with parallel axes that turn and move, so much farther apart than their distance."""
+    teeth = float(joint.teeth_first + joint.teeth_second)
+    apart = 0.5 * MODULE * abs(teeth) + wider
+    bodies = [spinning(angles[0], 5.0, (1, 2, 3)), spinning(angles[1], -3.0, (-1, 0.5, 2))]
+    away = Vector(apart * math.cos(0.7), apart * math.sin(0.7), 0.01)
+    away = bodies[0].point(Vector(*joint.point_first)) + away
+    away = away - bodies[1].direction(Vector(*joint.point_second))
+    second = Motion(away, bodies[1].rotation, bodies[1].velocity, bodies[1].spin)
+    return {"a": bodies[0], "b": second}
+
+
+def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarray:
+    """Penetrations of the lower and the upper flank, m."""
+    contacts = unpack(joint).contacts(motions)
+    return np.array([float(contact.gap.depth) for contact in contacts.values()])
+
+
+def test_plays_conform():
+    """The rate of the penetration is that of the penetration, and the power of a unit force."""
+    check_contacts(backlash(middle=0.4), MOTIONS)
+    check_contacts(backlash(axis_first=(1, 2, 0), axis_second=(0, 1, -1)), MOTIONS)
+    for wider in (0.0, 2e-4):
+        for teeth_second in (41, -57):
+            joint = gears(18, teeth_second, phase=0.3)
+            check_contacts(joint, meshing(joint, wider))
+
+
+def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
+    class Doubled(AbstractContactJoint):
+        joint: cj.Backlash
+
+        def pair(self):
+            return self.joint.pair()
+
+        def laws(self):
+            return self.joint.laws()
+
+        def contacts(self, motions):
+            contacts = self.joint.contacts(motions)
+            return {
+                label: replace(contact, turning=tuple(2.0 * part for part in contact.turning))
+                for label, contact in contacts.items()
+            }
+
+        def friction_force(self, name, contact, normal_force):
+            return None
+
+    with pytest.raises(AssertionError, match="power"):
+        check_contacts(Doubled(backlash()), MOTIONS)
+
+
+def test_a_play_about_an_axis_pushes_by_couples_alone():
+    joint = unpack(backlash())
+    turned = {"a": spinning(0.0, 0.0), "b": spinning(3e-3, 0.0)}
+    upper = joint.contacts(turned)["upper flank"]
+    assert float(upper.gap.depth) == pytest.approx(0.05 * (3e-3 - 1e-3), rel=1e-12)
+    wrenches = contact_wrenches(joint, upper, 100.0, None, turned)
+    for name, moment in (("a", 5.0), ("b", -5.0)):
+        assert tuple(wrenches[name].force) == (0.0, 0.0, 0.0)
+        assert [float(part) for part in wrenches[name].moment] == pytest.approx([0, 0, moment])
+
+
+def test_a_play_as_a_length_is_the_angle_at_the_radius():
+    assert float(backlash(play=None, play_length=1e-4).play) == pytest.approx(2e-3, rel=1e-15)
+
+
+@pytest.mark.parametrize("turns", [0, 1, -7])
+def test_angles_count_modulo_a_turn_from_the_middle_of_the_play(turns):
+    joint = backlash(middle=math.pi - 1e-4)
+    for beyond, expected in ((0.0, (-5e-5, -5e-5)), (2e-3, (-1.5e-4, 5e-5))):
+        angle = math.pi - 1e-4 + beyond + math.tau * turns
+        motions = {"a": spinning(0.3, 0.0), "b": spinning(0.3 + angle, 0.0)}
+        assert depths(joint, motions) == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize("teeth_second", [41, -57])
+def test_gears_mesh_alike_after_any_number_of_teeth(teeth_second):
+    joint = gears(18, teeth_second)
+    start = depths(joint, meshing(joint))
+    pitch = math.tau / 18, math.tau / teeth_second
+    for first, second in ((1, 0), (0, 1), (7, -7), (1800, 41 * 11), (5, 3)):
+        angles = 1.1 + first * pitch[0], -2.3 + second * pitch[1]
+        assert depths(joint, meshing(joint, angles=angles)) == pytest.approx(start, abs=1e-13)
+    rolled = meshing(joint, angles=(1.1 + 0.01, -2.3 - 0.01 * 18 / teeth_second))
+    assert depths(joint, rolled) == pytest.approx(start, abs=1e-15)
+
+
+@pytest.mark.parametrize("wider", [-5e-4, 0.0, 1e-4, 1e-3])
+@pytest.mark.parametrize("teeth_second", [41, -57])
+def test_the_play_of_involutes_follows_their_distance(wider, teeth_second):
+    """The play on the working pitch circles is the pitch less both teeth, whose thickness on a
+    circle of radius y is y (s/r + 2 (inv(alpha) - inv(alpha_y))) (ISO 21771); of an internal gear
+    it is the space that is filled, in the other sense."""
+    joint = gears(18, teeth_second)
+    distance = 0.5 * MODULE * abs(18 + teeth_second)
+    working = math.acos(distance * math.cos(ALPHA) / (distance + wider))
+    involutes = math.tan(ALPHA) - ALPHA - math.tan(working) + working
+    stretched = math.cos(ALPHA) / math.cos(working)
+    thicknesses = 0.0
+    for teeth in (18, teeth_second):
+        radius, thickness = 0.5 * MODULE * abs(teeth), 0.5 * (math.pi * MODULE - PLAY)
+        narrower = 2.0 * involutes * math.copysign(1.0, teeth)
+        thicknesses += radius * stretched * (thickness / radius + narrower)
+    expected = math.pi * MODULE * stretched - thicknesses
+    found = -depths(joint, meshing(joint, wider)).sum() / math.cos(working)
+    assert found == pytest.approx(expected, rel=1e-9)
+    if abs(wider) <= 1e-4:
+        sense = math.copysign(2.0, teeth_second)
+        assert found == pytest.approx(PLAY + sense * wider * math.tan(ALPHA), rel=2e-2)
+
+
+def test_what_holds_bodies_in_the_middle_is_a_constraint_and_in_the_middle():
+    play = backlash(middle=0.4)
+    check_constraint(play.centred_joint(), MOTIONS)
+    joint = gears(18, -57, phase=0.3)
+    check_constraint(joint.centred_joint(), meshing(joint))
+    row = unpack(joint).centred_joint().rows(meshing(joint), 0.0)["mesh"]
+    lower, upper = depths(joint, meshing(joint))
+    assert float(row.value) == pytest.approx(0.5 * (upper - lower), rel=1e-12)
+
+
+def test_gears_on_axes_that_point_against_each_other_turn_in_the_same_ratio():
+    joint = gears()
+    flipped = cj.GearBacklash(
+        *("a", "b"),
+        joint.point_first,
+        joint.point_second,
+        (0, 0, 1),
+        (0, 0, -1),
+        18,
+        41,
+        *(MODULE, PLAY, LAW),
+    )
+    before, after = (meshing(flipped, angles=(x, 0.4 - x * 18 / 41)) for x in (0.2, 0.9))
+    assert depths(flipped, after) == pytest.approx(depths(flipped, before), abs=1e-15)
+    check_contacts(flipped, before)
+
+
+def test_derivatives_by_the_play_are_exact_and_finite_at_the_flank():
+    def depth(play, angle):
+        motions = {"a": spinning(0.0, 0.0), "b": Motion(*_at(angle))}
+        joint = unpack(backlash(play=play))
+        return joint.contacts(motions)["upper flank"].gap.depth
+
+    by_play, by_angle = jax.grad(depth, (0, 1))(2e-3, 1e-3)
+    assert (float(by_play), float(by_angle)) == pytest.approx((-0.025, 0.05), rel=1e-12)
+
+
+def _at(angle):
+    zero = Vector(0.0, 0.0, 0.0)
+    parts = jnp.cos(0.5 * angle), 0.0, 0.0, jnp.sin(0.5 * angle)
+    return zero, rotation_matrix(EulerParameters(*parts)), zero, zero
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: backlash(play_length=1e-4), "`play`"),
+        (lambda: backlash(play=None), "`play`"),
+        (lambda: backlash(play=-1e-3), "`play`"),
+        (lambda: backlash(play=7.0), "smaller than a turn"),
+        (lambda: backlash(radius=0.0), "`radius`"),
+        (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
+        (lambda: backlash(law=cj.Hertz(cj.RavnStiffness(2e11, 0.3))), "given stiffness"),
+        (lambda: backlash(law=1e8), "AbstractContactLaw"),
+        (lambda: cj.Backlash("a", "a", play=1e-3, radius=0.1, law=LAW), "another body"),
+        (lambda: gears(17.5), "`teeth_first`"),
+        (lambda: gears(18, -18), "internal"),
+        (lambda: gears(-18, 41), "internal"),
+        (lambda: gears(pressure_angle=20.0), "`pressure_angle`"),
+        (lambda: gears(law=None), "law"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
+def test_what_no_play_can_be_is_refused(wrong, said):
+    with pytest.raises((ValueError, TypeError), match=said):
+        wrong()
+
+
+def test_a_backlash_wider_than_the_pitch_is_refused():
+    with pytest.raises(ValueError, match="smaller than the pitch"):
+        cj.GearBacklash(
+            *("a", "b"), (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1), 18, 41, MODULE, 1e-2, LAW
+        )

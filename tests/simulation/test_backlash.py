@@ -1,0 +1,223 @@
+"""Runs with backlash against closed forms, published numbers and differences."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+pytestmark = pytest.mark.slow
+TIGHT = cj.Settings(rtol=1e-10, atol=1e-12)
+VERY_TIGHT = cj.Settings(rtol=1e-12, atol=1e-14)
+AXIS, HERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+PLAY, RADIUS, SPEED = 2e-3, 0.05, 2.0
+INERTIAS = 1e-3, 4e-3
+
+
+def shafts(law: cj.AbstractContactLaw, play: float = PLAY) -> tuple[cj.Scene, cj.State]:
+    """Two shafts on one axis with play; the first one turns."""
+    bodies = {
+        name: cj.Body(1.0, (5e-3, 5e-3, inertia))
+        for name, inertia in zip("ab", INERTIAS, strict=True)
+    }
+    joints: dict[str, Any] = {
+        name: cj.RevoluteJoint("ground", name, HERE, HERE, AXIS, AXIS) for name in "ab"
+    }
+    joints["play"] = cj.Backlash("b", "a", play=play, radius=RADIUS, law=law)
+    states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
+    return cj.Scene(bodies, joints), cj.State(states)
+
+
+def turned(state: cj.State, name: str) -> float:
+    """A body's angle about z, rad."""
+    e0, _, _, e3 = state.bodies[name].orientation
+    return 2.0 * math.atan2(e3, e0)
+
+
+def spins(state: cj.State, *names: str) -> list[float]:
+    return [float(state.bodies[name].spin[2]) for name in names]
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.6])
+def test_two_shafts_hit_each_other_as_their_inertias_and_restitution_say(restitution):
+    """Speeds, times in flight and the energy lost, in closed form; the contacts of a linear spring
+    of stiffness k at an effective mass m last pi sqrt(m/k) where they are elastic."""
+    law = cj.ExactRestitution(restitution, 1e8, exponent=1.0)
+    scene, state = shafts(law)
+    settings = replace(TIGHT, ledger=True)
+    solution = cj.simulate(scene, state, 0.02, settings, save=cj.Saving(impacts=True))
+    hits = solution.impacts
+    count = len(hits)
+    assert count >= 4
+    entries = RADIUS * SPEED * restitution ** np.arange(count)
+    np.testing.assert_allclose(hits.entry_speed, entries, rtol=1e-7)
+    np.testing.assert_allclose(hits.onset[0], 0.5 * PLAY / SPEED, rtol=1e-9)
+    flights = hits.onset[1:] - hits.separation[:-1]
+    np.testing.assert_allclose(flights, RADIUS * PLAY / entries[1:], rtol=1e-6)
+    assert list(hits.contact[:3]) == ["upper flank", "lower flank", "upper flank"]
+    first, second = INERTIAS
+    effective = first * second / (first + second) / RADIUS**2
+    if restitution == 1.0:
+        np.testing.assert_allclose(hits.duration, math.pi * math.sqrt(effective / 1e8), rtol=1e-6)
+        peaks = entries * math.sqrt(effective * 1e8)
+        np.testing.assert_allclose(hits.peak_force, peaks, rtol=1e-6)
+    a, b = spins(solution.final, "a", "b")
+    assert first * a + second * b == pytest.approx(first * SPEED, rel=1e-10)
+    lost = 0.5 * effective * entries[0] ** 2 * (1.0 - restitution ** (2 * count))
+    dissipated = float(solution.final.work["normal damping"])
+    assert dissipated == pytest.approx(lost, rel=1e-6, abs=1e-12)
+
+
+def test_many_turns_meet_the_same_play():
+    """Two hundred turns a second: the flights are as long as those of shafts that hardly turn."""
+    scene, state = shafts(cj.ExactRestitution(1.0, 1e8, exponent=1.0))
+    common = 400.0 * math.pi
+    fast = cj.State(
+        {name: cj.body_state(HERE, spin=(0, 0, common + s)) for name, s in (("a", SPEED), ("b", 0))}
+    )
+    runs = [
+        cj.simulate(scene, start, 0.02, TIGHT, save=cj.Saving(impacts=True)).impacts
+        for start in (state, fast)
+    ]
+    assert len(runs[0]) == len(runs[1]) >= 15
+    np.testing.assert_allclose(runs[1].onset, runs[0].onset, rtol=1e-6)
+
+
+def test_gears_cross_their_backlash_as_restitution_says():
+    """Rates r1 w1 + r2 w2 fall by the restitution; what each gear gives the mesh it takes there."""
+    scene, state = cj.gear_pair(backlash=1e-4, restitution=0.8)
+    solution = cj.simulate(scene, state, 0.02, TIGHT, save=cj.Saving(impacts=True))
+    hits, (first, second) = solution.impacts, _base_radii()
+    entries = 10.0 * first * 0.8 ** np.arange(len(hits))
+    assert len(hits) == 12
+    np.testing.assert_allclose(hits.entry_speed, entries, rtol=1e-7)
+    flights = hits.onset[1:] - hits.separation[:-1]
+    np.testing.assert_allclose(flights, 1e-4 * math.cos(math.radians(20)) / entries[1:], rtol=1e-6)
+    pinion, wheel = spins(solution.final, "pinion", "wheel")
+    inertias = [float(body.inertia[2]) for body in scene.bodies.values()]
+    invariant = inertias[0] * (pinion - 10.0) / first - inertias[1] * wheel / second
+    assert invariant == pytest.approx(0.0, abs=1e-10)
+    assert first * pinion + second * wheel == pytest.approx(entries[-1] * 0.8, rel=1e-6)
+
+
+def _base_radii() -> tuple[float, float]:
+    half = 0.5 * 3e-3 * math.cos(math.radians(20.0))
+    return 20 * half, 50 * half
+
+
+def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
+    """A torque on the pinion speeds it up as if I1 + I2 (z1/z2)^2 were its inertia; it leads by
+    half of the play, and by what the force that speeds up the wheel bends the teeth."""
+    torque, end = 5.0, 0.05
+
+    def angles(backlash: float) -> tuple[float, float]:
+        scene, state = cj.gear_pair(backlash, restitution=0.05, speeds=(0.0, 0.0))
+        drive = cj.DriveTorque("ground", "pinion", AXIS, torque)
+        scene = cj.Scene(scene.bodies, scene.joints, {"drive": drive})
+        final = cj.simulate(scene, state, end, TIGHT).final
+        return turned(final, "pinion"), turned(final, "wheel")
+
+    scene, _ = cj.gear_pair()
+    inertias = [float(body.inertia[2]) for body in scene.bodies.values()]
+    reduced = inertias[0] + inertias[1] * 0.4**2
+    ideal = 0.5 * torque / reduced * end**2
+    radii = _base_radii()
+    stiff = inertias[1] * 0.4 * torque / reduced / radii[1] / 4e8 / radii[0]
+    for backlash in (1e-4, 1e-6):
+        pinion, wheel = angles(backlash)
+        assert pinion + 2.5 * wheel == pytest.approx(0.5 * backlash / 0.03 + stiff, rel=1e-3)
+        assert abs(pinion - ideal) < 20.0 * backlash + 2e-5
+
+
+def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
+    scene, state = cj.gear_pair(law=cj.HuntCrossley(0.8, 1e10))
+    places: dict[str, tuple[Any, float]] = {
+        "backlash": (lambda s: s.joints["mesh"].backlash, 1e-8),
+        "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-4),
+        "pressure angle": (lambda s: s.joints["mesh"].pressure_angle, 1e-5),
+        "eccentricity": (lambda s: s.joints["mesh"].point_first[0], 1e-8),
+    }
+    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
+    channel = {"angle": cj.quantities.JointAngle("wheel bearing")}
+    end, tight = 3e-3, replace(cj.presets.derivatives, rtol=1e-11)
+    found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings=tight)
+    derivatives = np.ravel(found.derivatives["angle"])
+
+    def angle(place: Any, change: float) -> float:
+        moved = cj.put(scene, place, place(scene) + change)
+        return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "wheel")
+
+    for derivative, (name, (place, step)) in zip(derivatives, places.items(), strict=True):
+        difference = (angle(place, step) - angle(place, -step)) / (2.0 * step)
+        assert derivative == pytest.approx(difference, rel=1e-4), name
+
+
+def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
+    scene, state = shafts(cj.HuntCrossley(0.7, 1e8))
+    parameters = {"play": cj.Parameter(lambda s: s.joints["play"].play, cj.Log())}
+    channel = {"angle": cj.quantities.JointAngle("b")}
+    end, tight = 4e-3, replace(cj.presets.derivatives, rtol=1e-11)
+    found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings=tight)
+
+    def angle(play: float) -> float:
+        moved, _ = shafts(cj.HuntCrossley(0.7, 1e8), play)
+        return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "b")
+
+    difference = (angle(PLAY * math.exp(1e-4)) - angle(PLAY * math.exp(-1e-4))) / 2e-4
+    assert float(np.ravel(found.derivatives["angle"])[0]) == pytest.approx(difference, rel=1e-5)
+
+
+def test_impacts_without_duration_are_those_of_time_stepping():
+    """Moreau's steps take couples, too: the speeds after as many impacts as the stiff law's."""
+    scene, state = shafts(cj.ExactRestitution(0.6, 1e8, exponent=1.0))
+    coarse = cj.simulate_nonsmooth(scene, state, 2e-3, step=1e-6, restitution=0.6)
+    fine = cj.simulate(scene, state, 2e-3, TIGHT)
+    names = ("a", "b")
+    assert spins(coarse.final, *names) == pytest.approx(spins(fine.final, *names), rel=1e-6)
+
+
+def test_assembly_puts_what_penetrates_into_the_middle_of_the_play():
+    scene, state = shafts(cj.ExactRestitution(0.6, 1e8, exponent=1.0))
+    half = 0.5 * 0.3
+    outside = cj.State(
+        {**state.bodies, "b": cj.body_state(HERE, (math.cos(half), 0.0, 0.0, math.sin(half)))}
+    )
+    put = cj.assemble(scene, outside)
+    assert turned(put, "a") == pytest.approx(turned(put, "b"), abs=1e-9)
+
+
+def test_gravity_loads_the_arm_as_published():
+    """31.6399 and 6.0351 N m in the nominal pose (P. Corke, Robotics, Vision and Control, the
+    toolbox's `gravload(qn)`)."""
+    scene, state = cj.robot_arm(play=None)
+    observed = cj.observe(scene, cj.simulate(scene, state, 1e-6, save=cj.Saving([0.0])))
+    torques = [
+        np.linalg.norm(observed.reactions[f"motor {k}"][f"link {k}"].moment[0]) for k in (1, 2, 3)
+    ]
+    np.testing.assert_allclose(torques, (0.0, 31.6399, 6.0351), atol=6e-5)
+
+
+def test_the_arm_falls_through_its_play_and_rests_as_published():
+    """From rest: accelerations are the inertia matrix's inverse times gravity's load. The matrix in
+    the nominal pose is the toolbox's `inertia(qn)` less the rotors' 200e-6 kg m^2 times the
+    squares of the gear ratios; a play is short, so that they hardly change. At rest the flanks
+    carry the load."""
+    play, law = 2e-5, cj.ExactRestitution(0.1, 1e9, exponent=1.0)
+    scene, state = cj.robot_arm(play=play, law=law)
+    solution = cj.simulate(scene, state, 0.5, save=cj.Saving([1e-3, 0.5]))
+    observed = cj.observe(scene, solution)
+    rotors = 200e-6 * np.array((62.6111, 107.815, 53.7063)) ** 2
+    published = [[3.6594, -0.4044, 0.1006], [-0.4044, 4.4137, 0.3509], [0.1006, 0.3509, 0.9378]]
+    falls = -np.linalg.solve(published - np.diag(rotors), (0.0, 31.6399, 6.0351))
+    for k, fall in zip((2, 3), falls[1:], strict=True):
+        flank = observed.contacts[f"play {k}"]["lower flank"]
+        depth = 0.05 * (0.5 * -fall * 1e-6 - 0.5 * play)
+        assert flank.penetration[0] == pytest.approx(depth, abs=1e-10)
+        assert flank.penetration_rate[0] == pytest.approx(0.05 * -fall * 1e-3, rel=3e-3)
+    for k, load in ((2, 31.6399), (3, 6.0351)):
+        flanks = observed.contacts[f"play {k}"]
+        pressed = flanks["lower flank"].normal_force[1] - flanks["upper flank"].normal_force[1]
+        assert pressed * 0.05 == pytest.approx(load, rel=1e-3)
