@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..dynamics.contact_forces import LoadedContact, contact_force
@@ -23,6 +24,17 @@ PRESSED, ENTRY_SPEED = 1e-6, 0.1
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Numbers of each contact in a row."""
+Contacts: TypeAlias = dict[str, tuple[LoadedContact, Scalar]]
+"""Each contact with its forces, and the energy that it stores, J."""
+
+
+class _Look(NamedTuple):
+    """What is seen at several places: what may be wrong, and whether it is; the contacts' numbers,
+    and their derivatives along a change."""
+
+    wrong: ByLabel[Condition]
+    rows: Rows
+    slopes: Rows
 
 
 def check_contact_joint(joint: AbstractContactJoint, motions: Mapping[str, Motion]) -> None:
@@ -47,25 +59,47 @@ def check_contact_joint(joint: AbstractContactJoint, motions: Mapping[str, Motio
     motions = {name: motions[name] for name in joint.body_names()}
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
     _require_alike_names(joint, motions)
-    places = jax.tree.map(lambda *leaves: jnp.stack(leaves), *_places(joint, motions))
     numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
+    here, restored = ravel_pytree((numbers, motions))
+
+    def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
+        numbers, motions = restored(point)
+        return eqx.combine(numbers, rest), motions
 
     @jax.jit
-    def look(places: Motions) -> tuple[ByLabel[Condition], Rows, Rows]:
-        def at(motions: Motions) -> tuple[ByLabel[Condition], Rows, Rows]:
-            return _wrong(joint, motions), *_rows_and_slopes(numbers, rest, motions)
+    @jax.vmap
+    def look(point: jax.Array, change: jax.Array) -> _Look:
+        found, rates = jax.jvp(
+            lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
+        )
+        return _Look(_wrong(*joint_and_motions(point), found, rates), _rows(found), _rows(rates))
 
-        return jax.vmap(at)(places)
-
-    doubts, together, slopes = look(places)
-    for label, alone in _rows(joint, motions).items():
-        for complaint, doubt in doubts[label].items():
-            _require(not doubt.any(), label, complaint)
-        finite = jnp.isfinite(slopes[label]).all()
-        _require(finite, label, "a derivative of its forces is not finite everywhere")
-        same = jnp.allclose(alone, together[label][0], rtol=TOLERANCE, atol=1e-12)
+    places = _places(joint, motions)
+    points = jnp.stack([ravel_pytree((numbers, place))[0] for place in places])
+    still = jax.tree.map(jnp.zeros_like, numbers)
+    along = jnp.stack([ravel_pytree((still, _velocities(place)))[0] for place in places])
+    by_number = _changes_of_numbers(numbers, here)
+    ahead, behind = (here + sign * STEP * by_number for sign in (1.0, -1.0))
+    asked = (
+        (points, along),
+        (points, jnp.ones_like(points)),
+        (jnp.broadcast_to(here, by_number.shape), by_number),
+        (ahead, by_number),
+        (behind, by_number),
+    )
+    seen = look(*(jnp.concatenate(parts) for parts in zip(*asked, strict=True)))
+    ends = np.cumsum([len(part) for part, _ in asked])[:-1]
+    for label, alone in _rows(_contacts(joint, motions)).items():
+        for complaint, doubt in seen.wrong[label].items():
+            _require(not doubt[: len(places)].any(), label, complaint)
+        same = jnp.allclose(alone, seen.rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from those of one lane")
-    _require_slopes_by_numbers(joint, motions)
+        _, everything, exact, _, _ = jnp.split(seen.slopes[label], ends)
+        finite = jnp.isfinite(everything).all()
+        _require(finite, label, "a derivative of its forces is not finite everywhere")
+        _, _, _, larger, smaller = jnp.split(seen.rows[label], ends)
+        numeric = (larger - smaller)[:, 0] / (2.0 * STEP)
+        _require_slopes_by_numbers(label, numbers, exact[:, 0], numeric)
 
 
 def _require(condition: Condition, label: str, complaint: str) -> None:
@@ -105,26 +139,30 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
     return {**motions, name: moved}
 
 
-def _loaded(joint: AbstractContactJoint, motions: Motions) -> dict[str, LoadedContact]:
-    """The contacts with their forces, of a joint whose numbers are arrays."""
+def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
+    """The contacts with their forces and energies, J, of a joint whose numbers are arrays."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
         bristles[label] = Vector(0.5 * bristle_law.full_deflection(), 0.0, 0.0)
-    loaded = {}
+    found = {}
     for label, law in joint.laws().items():
-        entry_speed = ENTRY_SPEED if law.has_memory else None
-        given = joint, label, law, contacts[label], entry_speed, None, motions, bristles
-        loaded[label] = contact_force(*given)
-    return loaded
+        contact, entry_speed = contacts[label], ENTRY_SPEED if law.has_memory else None
+        loaded = contact_force(joint, label, law, contact, entry_speed, None, motions, bristles)
+        found[label] = loaded, law.stored_energy(contact.gap)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), found)
 
 
-def _wrong(joint: AbstractContactJoint, motions: Motions) -> ByLabel[Condition]:
-    """What may be wrong with each contact, and whether it is."""
+def _wrong(
+    joint: AbstractContactJoint, motions: Motions, found: Contacts, rates: Contacts
+) -> ByLabel[Condition]:
+    """What may be wrong with each contact, and whether it is; `rates` are the contacts' along the
+    motions."""
     first, second = (motions[name] for name in joint.pair())
-    has_bristles = joint.bristle_laws()
-    wrong = _wrong_gaps(joint, motions)
-    for label, loaded in _loaded(joint, motions).items():
+    has_bristles, wrong = joint.bristle_laws(), {}
+    for label, (loaded, _) in found.items():
+        growing, power = rates[label]
+        wrong[label] = _wrong_gap(loaded, growing.contact.gap.depth, power)
         wrong[label] |= _wrong_forces(loaded, first, second)
         if loaded.friction is not None and loaded.contact.slip is not None:
             wrong[label] |= _wrong_slip(loaded.contact, loaded.contact.slip, first, second)
@@ -134,29 +172,18 @@ def _wrong(joint: AbstractContactJoint, motions: Motions) -> ByLabel[Condition]:
     return wrong
 
 
-def _wrong_gaps(joint: AbstractContactJoint, motions: Motions) -> ByLabel[Condition]:
-    def gaps(motions: Motions) -> dict[str, tuple[Scalar, Scalar]]:
-        scalar = unpack(joint)
-        laws = scalar.laws()
-        return {
-            label: (contact.gap.depth, laws[label].stored_energy(contact.gap))
-            for label, contact in scalar.contacts(motions).items()
-        }
-
-    wrong, loaded = {}, _loaded(joint, motions)
-    depths, rates = jax.jvp(gaps, (motions,), (_velocities(motions),))
-    for label, (rate, power) in rates.items():
-        told, normal = loaded[label].contact.gap.rate, loaded[label].contact.normal
-        size = normal.dot(normal)
-        flies_centred = (size == 0.0) & (depths[label][0] < 0.0)
-        wrong[label] = {
-            "its normal is no unit vector": ~flies_centred & _differ(size, 1.0),
-            "its penetration does not grow at the rate it tells": _differ(rate, told),
-            "its stored energy does not grow by the work of the elastic force": _differ(
-                power, loaded[label].elastic_force * told
-            ),
-        }
-    return wrong
+def _wrong_gap(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
+    """Of a contact whose penetration grows at a rate, m/s, and its energy at a power, W."""
+    gap, normal = loaded.contact.gap, loaded.contact.normal
+    size = normal.dot(normal)
+    flies_centred = (size == 0.0) & (gap.depth < 0.0)
+    return {
+        "its normal is no unit vector": ~flies_centred & _differ(size, 1.0),
+        "its penetration does not grow at the rate it tells": _differ(rate, gap.rate),
+        "its stored energy does not grow by the work of the elastic force": _differ(
+            power, loaded.elastic_force * gap.rate
+        ),
+    }
 
 
 def _wrong_forces(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
@@ -193,56 +220,35 @@ def _wrong_slip(contact: Contact, slip: Vector, first: Motion, second: Motion) -
     }
 
 
-def _rows_and_slopes(
-    numbers: AbstractContactJoint, rest: AbstractContactJoint, motions: Motions
-) -> tuple[Rows, Rows]:
-    """Forces and points of each contact, and their derivatives along a change of all numbers and
-    motions: one that is not finite spoils their sum."""
-
-    def rows(numbers: AbstractContactJoint, motions: Motions) -> Rows:
-        return _rows(eqx.combine(numbers, rest), motions)
-
-    changes = jax.tree.map(lambda leaf: leaf * 0.0 + 1.0, (numbers, motions))
-    return jax.jvp(rows, (numbers, motions), changes)
+def _changes_of_numbers(numbers: AbstractContactJoint, here: jax.Array) -> jax.Array:
+    """A change of each of the joint's numbers, of its size, in rows as long as what is looked at,
+    of which they come first."""
+    leaves = jax.tree.leaves(numbers)
+    sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
+    sizes = jnp.where(sizes > 0.0, sizes, 1.0)
+    return jnp.eye(len(sizes), len(here)) * sizes[:, None]
 
 
-def _require_slopes_by_numbers(joint: AbstractContactJoint, motions: Motions) -> None:
-    numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
-    flat, restored = ravel_pytree(numbers)
+def _require_slopes_by_numbers(
+    label: str, numbers: AbstractContactJoint, exact: jax.Array, numeric: jax.Array
+) -> None:
+    """Check the derivatives of the penetration by each of the joint's numbers."""
     paths = jax.tree_util.tree_leaves_with_path(numbers)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    sizes = [jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for _, leaf in paths]
-    sizes = jnp.where(jnp.concatenate(sizes) > 0.0, jnp.concatenate(sizes), 1.0)
-
-    def depths(flat: jax.Array) -> dict[str, Scalar]:
-        contacts = unpack(eqx.combine(restored(flat), rest)).contacts(motions)
-        return {label: contact.gap.depth for label, contact in contacts.items()}
-
-    @jax.jit
-    def slopes(flat: jax.Array) -> tuple[Rows, Rows]:
-        changes = jnp.diag(sizes)
-        exact = jax.vmap(lambda change: jax.jvp(depths, (flat,), (change,))[1])(changes)
-        ahead, behind = (jax.vmap(depths)(flat + sign * STEP * changes) for sign in (1.0, -1.0))
-        return exact, jax.tree.map(lambda a, b: (a - b) / (2.0 * STEP), ahead, behind)
-
-    exact, numeric = slopes(flat)
-    for label, slope in exact.items():
-        allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(slope))
-        for name, wrong in zip(names, _differ(slope, numeric[label], allowed), strict=True):
-            complaint = (
-                f"the derivative of its penetration by `{name}` is not what differences give"
-            )
-            _require(~wrong, label, complaint)
+    allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
+    for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
+        told = f"the derivative of its penetration by `{name}` is not what differences give"
+        _require(~wrong, label, told)
 
 
-def _rows(joint: AbstractContactJoint, motions: Motions) -> Rows:
-    """Forces of each contact, N, its normal and its points, m, in a row."""
+def _rows(found: Contacts) -> Rows:
+    """Of each contact: its penetration, m; forces, N; its normal, and its points, m."""
     rows = {}
-    for label, loaded in _loaded(joint, motions).items():
+    for label, (loaded, _) in found.items():
         friction = ZERO if loaded.friction is None else loaded.friction
-        points = loaded.contact.points_of_force(loaded.friction is not None)
-        parts = [loaded.normal_force, loaded.elastic_force]
-        for vector in (friction, loaded.contact.normal, *points):
+        contact = loaded.contact
+        parts = [contact.gap.depth, loaded.normal_force, loaded.elastic_force]
+        for vector in (friction, contact.normal, contact.arm_first, contact.arm_second):
             parts.extend(vector)
         rows[label] = jnp.stack([jnp.asarray(part, float) for part in parts])
     return rows
