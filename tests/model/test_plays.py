@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import diffrax
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -106,9 +105,9 @@ def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
     """v = sqrt(2 g c) after sqrt(2 c / g), along any direction; it leaves with the restitution but
     for the weight's work during the contact, which a stiff contact keeps small."""
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
-    law = cj.ExactRestitution(0.7, 1e13)
+    law = cj.ExactRestitution(0.7, 1e16)
     scene, state = a_ball(gravity=9.81 * direction, law=law)
-    impacts = cj.simulate(scene, state, 0.015, save=cj.Saving(impacts=True)).impacts
+    impacts = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True)).impacts
     speed = math.sqrt(2 * 9.81 * 0.2e-3)
     assert impacts.onset[0] == pytest.approx(math.sqrt(2 * 0.2e-3 / 9.81), rel=1e-8)
     assert impacts.entry_speed[0] == pytest.approx(speed, rel=1e-8)
@@ -175,11 +174,11 @@ def test_a_pin_rebounds_between_the_walls():
     np.testing.assert_allclose(np.diff(impacts.onset), play / speed + lasts, rtol=1e-7)
     np.testing.assert_allclose(impacts.largest_penetration, deepest, rtol=1e-6)
     assert list(impacts.contact[:3]) == ["upper wall", "lower wall", "upper wall"]
-    scene, state = a_pin(travel=2e-3)
-    impacts = cj.simulate(scene, state, 0.012, settings, save=save).impacts
+    scene, state = a_pin(travel=1.2e-3)
+    impacts = cj.simulate(scene, state, 0.02, settings, save=save).impacts
     walls = np.isin(impacts.contact, ["lower wall", "upper wall"])
     for chosen, begun in ((walls, 0.4), (~walls, 0.3)):
-        assert chosen.sum() >= 2
+        assert chosen.sum() >= 3
         expected = begun * 0.8 ** np.arange(chosen.sum())
         np.testing.assert_allclose(impacts.entry_speed[chosen], expected, rtol=1e-6)
 
@@ -198,19 +197,19 @@ def a_slider(**options: Any) -> tuple[cj.Scene, cj.State]:
     [
         (a_ball, {"gravity": (3.0, -9.81, 0.0)}, 0.02, "clearance"),
         (a_slider, {}, 0.012, "clearance"),
-        (a_pin, {"travel": 2e-3}, 0.006, "play"),
+        (a_pin, {}, 0.006, "play"),
     ],
     ids=["ball", "slider", "pin"],
 )
 def test_sensitivities_to_the_play_are_those_of_differences(make, options, end, length):
     scene, state = make(friction=ROUGH, **options)
-    settings = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-11, atol=1e-14)
+    settings = cj.Settings(rtol=1e-10, atol=1e-13)
 
     def place(scene: cj.Scene) -> Any:
         return getattr(scene.joints["joint"], length)
 
     outputs = {
-        component: cj.quantities.PointVelocity("b", (0.01, 0.02, 0.0), component)
+        component: cj.quantities.PointPosition("b", (0.01, 0.02, 0.0), component)
         for component in "xy"
     }
     given = {"play": cj.Parameter(place)}
@@ -219,11 +218,11 @@ def test_sensitivities_to_the_play_are_those_of_differences(make, options, end, 
     def final(size: float) -> np.ndarray:
         changed = cj.put(scene, place, size)
         run = cj.sensitivities(changed, state, end, given, outputs, [end], settings)
-        return np.array([run.outputs[component][-1] for component in "xy"])
+        return np.array([run.values[component][-1] for component in "xy"])
 
     value = float(place(scene))
     step = 1e-4 * value
     numeric = (final(value + step) - final(value - step)) / (2 * step)
     exact = np.array([found.derivatives[component][-1, 0] for component in "xy"])
-    assert np.abs(numeric).max() > 1.0
+    assert np.abs(numeric).max() > 0.1
     np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-5 * np.abs(numeric).max())
