@@ -122,11 +122,13 @@ from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially
 from .model.joints.axial import FreeAxially as FreeAxially
 from .model.joints.backlash import Backlash as Backlash
+from .model.joints.ball_in_socket import BallInSocket as BallInSocket
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
 from .model.joints.base import Contact as Contact
 from .model.joints.base import Row as Row
+from .model.joints.bushing import Bushing as Bushing
 from .model.joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.drives import AbstractDriveTorque as AbstractDriveTorque
@@ -143,6 +145,10 @@ from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
 from .model.joints.massless_link import MasslessLink as MasslessLink
+from .model.joints.pin_in_slot import PinInSlot as PinInSlot
+from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
+from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
+from .model.joints.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.mechanisms.bricard import bricard as bricard
 from .model.mechanisms.common import STEEL as STEEL
 from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar

@@ -1,6 +1,7 @@
 """The conformance kit accepts every law and joint of ours and refuses broken ones."""
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +13,14 @@ import clearjoint as cj
 from clearjoint import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.fields.declarations import optional_quantity, quantity
 from clearjoint.model.joints.base import Row
-from clearjoint.testing import check_bristles, check_constraint, check_friction, check_law, moving
+from clearjoint.testing import (
+    check_bristles,
+    check_constraint,
+    check_contact_joint,
+    check_friction,
+    check_law,
+    moving,
+)
 
 STEEL = cj.RavnStiffness(207e9, 0.3)
 
@@ -348,3 +356,117 @@ def test_wrong_bias_is_refused():
 
     with pytest.raises(AssertionError, match="bias"):
         check_constraint(Careless(1.0), MOTIONS)
+
+
+def pin(**options):
+    return cj.ClearanceJoint(
+        "a",
+        "b",
+        bearing_point=(0.1, -0.2, 0.3),
+        bearing_axis=(0.3, -0.5, 1.0),
+        journal_point=(0.2, 0.1, -0.1),
+        journal_axis=(0.2, 0.7, -0.4),
+        bearing_radius=10e-3,
+        clearance=0.5e-3,
+        journal_length=20e-3,
+        law=cj.LankaraniNikravesh(0.9, STEEL),
+        **options,
+    )
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        pin(friction=cj.RegularisedCoulomb(0.1), axial=cj.EndPlay(1e-3, cj.Hertz(1e9))),
+        pytest.param(pin(), marks=pytest.mark.slow),
+        pytest.param(pin(friction=cj.Dahl(0.1)), marks=pytest.mark.slow),
+    ],
+    ids=["friction and end play", "frictionless", "bristles"],
+)
+def test_contact_joints_conform(joint):
+    check_contact_joint(joint, MOTIONS)
+
+
+class Floor(cj.AbstractContactJoint):
+    """A floor that stands on one body, under the centre of another."""
+
+    law: cj.AbstractContactLaw = cj.Hertz(1e9)
+    friction: cj.AbstractFriction = cj.RegularisedCoulomb(0.1)
+
+    def pair(self):
+        return "a", "b"
+
+    def laws(self):
+        return {"floor": self.law}
+
+    def contacts(self, motions):
+        floor, ball = motions["a"], motions["b"]
+        down = floor.direction(cj.Vector(0.0, 0.0, -1.0))
+        under, centre = floor.components(ball.position - floor.position), cj.Vector(0.0, 0.0, 0.0)
+        sliding = ball.velocity - floor.velocity_at(under)
+        rate = sliding.dot(down)
+        return {
+            "floor": cj.Contact(cj.Gap(-under.z, rate), down, under, centre, sliding - down * rate)
+        }
+
+    def friction_force(self, name, contact, normal_force):
+        return self.friction.force(normal_force, contact.slip)
+
+
+def test_contact_joints_of_a_third_party_conform():
+    check_contact_joint(Floor(), MOTIONS)
+
+
+class Tilted(Floor):
+    def changed(self, contact):
+        return replace(contact, normal=contact.normal * 1.1)
+
+
+class Slow(Floor):
+    def changed(self, contact):
+        return replace(contact, gap=replace(contact.gap, rate=0.9 * contact.gap.rate))
+
+
+class Apart(Floor):
+    def changed(self, contact):
+        return replace(contact, arm_second=cj.Vector(0.01, 0.02, 0.0))
+
+
+class Dragging(Floor):
+    def changed(self, contact):
+        return replace(contact, slip=contact.slip * -1.0)
+
+
+class Rooted(Floor):
+    def changed(self, contact):
+        return contact
+
+    def friction_force(self, name, contact, normal_force):
+        speed = jnp.sqrt(contact.slip.dot(contact.slip))
+        return contact.slip * (-0.1 * normal_force * speed)
+
+
+class Unlike(Floor):
+    def changed(self, contact):
+        depth = contact.gap.depth + jax.lax.stop_gradient(self.law.stiffness.stiffness) * 1e-12
+        return replace(contact, gap=replace(contact.gap, depth=depth))
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"),
+    [
+        (Tilted, "no unit vector"),
+        (Slow, "does not grow at the rate"),
+        (Apart, "leaves a moment"),
+        (Dragging, "not the tangential velocity"),
+        (Rooted, "derivative of its forces is not finite"),
+        (Unlike, "`law.stiffness.stiffness` is not what differences give"),
+    ],
+)
+def test_broken_contact_joints_are_refused(kind, complaint):
+    class Broken(kind):
+        def contacts(self, motions):
+            return {"floor": self.changed(super().contacts(motions)["floor"])}
+
+    with pytest.raises(AssertionError, match=f"'floor': .*{complaint}"):
+        check_contact_joint(Broken(), MOTIONS)

@@ -24,7 +24,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector, subtract
-from ..bodies import GROUND, Motion
+from ..bodies import Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
@@ -36,6 +36,12 @@ from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .constraint_rows import point_in_plane, turning_about_axes
 from .journal_bases import BASES, SIDES, JournalBases
 from .pairs import require_distinct
+from .plays import (
+    anchor_of,
+    offset_between,
+    require_law_and_friction,
+    require_smaller_clearance,
+)
 from .seating import ideal_in_place, seat
 
 WIDEST_CLEARANCE = 0.1
@@ -128,31 +134,17 @@ class ClearanceJoint(AbstractContactJoint):
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
-        kinds = {
-            "law": (AbstractContactLaw,),
-            "axial": (AbstractAxialPolicy,),
-            "friction": (AbstractFriction, AbstractBristleFriction),
-        }
-        for name, allowed in kinds.items():
-            value, names = getattr(self, name), " or ".join(kind.__name__ for kind in allowed)
-            require(
-                isinstance(value, allowed) or (name == "friction" and value is None),
-                name,
-                value,
-                f"an {names}",
-                f"subclass {names} or pass one of clearjoint's",
-            )
+        require_law_and_friction(self.law, self.friction)
+        require(
+            isinstance(self.axial, AbstractAxialPolicy),
+            "axial",
+            self.axial,
+            "an AbstractAxialPolicy",
+            "subclass AbstractAxialPolicy or pass one of clearjoint's",
+        )
 
     def _check_together(self) -> None:
-        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
-        if radius is not None and clearance is not None:
-            require(
-                bool(clearance < radius),
-                "clearance",
-                float(clearance),
-                f"smaller than the bearing's radius {float(radius)} m",
-                "check the units (m)",
-            )
+        require_smaller_clearance(self.clearance, "bearing_radius", self.bearing_radius)
 
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
@@ -274,17 +266,12 @@ class ClearanceJoint(AbstractContactJoint):
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
-        if self.bearing_body == GROUND:
-            return self.journal_body, self.journal_point, self.bearing_point
-        if self.journal_body == GROUND:
-            return self.bearing_body, self.bearing_point, self.journal_point
-        return None
+        return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
 
     def _offset(self, bearing: Motion, journal: Motion) -> Vector:
         """From the bearing's centre to the journal's (eq. 8)."""
-        if self.journal_body == GROUND:
-            return -bearing.point_from(self.journal_point, self.bearing_point)
-        return journal.point_from(bearing.point(self.bearing_point), self.journal_point)
+        points = self.bearing_point, self.journal_point
+        return offset_between(self.pair(), (bearing, journal), points)
 
     def _half(self) -> Vector:
         """From the journal's centre to its base W, m, in the journal's body axes."""

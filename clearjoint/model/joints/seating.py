@@ -34,3 +34,15 @@ def seat(
     if not size > LEAST_SHARE * np.linalg.norm(load):
         return None
     return clearance / size * across
+
+
+def seat_on_plane(
+    normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3"] | None:
+    """From midway between two walls to where a load presses what is between them, m; ``None`` if
+    the load has no part along the walls' normal. All in the axes of the walls' body."""
+    upward = np.asarray(normal) / np.linalg.norm(normal)
+    share = load @ upward
+    if not abs(share) > LEAST_SHARE * np.linalg.norm(load):
+        return None
+    return clearance * np.sign(share) * upward

@@ -1,0 +1,127 @@
+"""A pin in a straight slot of another body, with play."""
+
+import equinox as eqx
+import numpy as np
+
+from ...fields.checks import require_axis, require_point
+from ...fields.declarations import optional_quantity, quantity
+from ...fields.types import Single, Triple
+from ...math.rotations import unit
+from ...math.vectors import Scalar
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from .base import AbstractConstraint, Attachment, Contact, Motions
+from .flat_walls import FlatWall
+from .planes import PointInPlaneJoint
+from .plays import AbstractPlay, require_law_of_flats, require_right_angle
+from .seating import seat_on_plane
+
+WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
+"""Against the slot's normal, and along it; against its axis, and along it."""
+SIDES = (-1.0, 1.0)
+
+
+class PinInSlot(AbstractPlay):
+    """A cylindrical pin in a straight slot: it slides along the slot, turns, and has play across.
+
+    The pin may touch one of two parallel walls, where its centre is half the play from the middle,
+    and likewise one of two flat ends, half the travel from it. The play is the slot's width less
+    the pin's diameter.
+
+    The contact is along a line as long as the plate is thick, at a right angle to axis and normal;
+    the force acts in its middle. On a flat wall, a line of length L has a stiffness of (pi/4) E* L
+    N/m, E* the contact modulus, with the exponent 1 (V. L. Popov, Contact Mechanics and Friction,
+    chapter 5), which `Hertz((pi/4) * E * L, exponent=1.0)` takes. Nothing but walls and ends holds
+    the pin: the joints of a planar mechanism have to hold both bodies in the plane.
+
+    **Arguments:**
+
+    - `slot_body`, `pin_body`: names; one may be the ground.
+    - `slot_point`: the slot's middle, (3,) m in its body axes; the `slot_axis` along it and, at a
+      right angle, the walls' `slot_normal`, (3,) there, any length.
+    - `pin_point`: the pin's centre, (3,) m in its body axes; `pin_radius`, m.
+    - `play`: m, total travel of the pin between the walls.
+    - `travel`: m, the same between the ends; ``None``, the default, for a slot without ends.
+    - `law`: the normal law of walls and ends, with a given stiffness (they are flat).
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+
+    **Raises:** `ValueError` for an axis that is not at a right angle to the normal, a law that
+    needs radii, or values that no joint can have.
+
+    ```python
+    import clearjoint as cj
+
+    law = cj.HuntCrossley(0.8, 1e9, exponent=1.0)
+    slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
+    ```
+    """
+
+    slot_body: str = eqx.field(static=True)
+    pin_body: str = eqx.field(static=True)
+    play: Single = quantity(
+        "m", positive=True, remedy="give the slot's width less the pin's diameter", kw_only=True
+    )
+    pin_radius: Single = quantity("m", positive=True, kw_only=True)
+    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    slot_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    slot_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0), kw_only=True)
+    slot_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
+    pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    travel: Single | None = optional_quantity("m", positive=True, kw_only=True)
+    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        default=None, kw_only=True
+    )
+
+    def _check_together(self) -> None:
+        require_law_of_flats(self.law, "the slot's walls")
+        require_right_angle("slot_axis", self.slot_axis, "slot_normal", self.slot_normal)
+
+    def pair(self) -> tuple[str, str]:
+        """The slot's body and the pin's."""
+        return self.slot_body, self.pin_body
+
+    def places(self) -> tuple[str, ...]:
+        """Both walls, and both ends if the slot has any."""
+        return WALLS if self.travel is None else WALLS + ENDS
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """The slot's middle and the pin's centre."""
+        return (
+            ("slot_point", self.slot_body, self.slot_point),
+            ("pin_point", self.pin_body, self.pin_point),
+        )
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """The pin with each wall, and with each end if the slot has any."""
+        slot, pin = (motions[name] for name in self.pair())
+        directions = [(WALLS, unit(self.slot_normal), self.play)]
+        if self.travel is not None:
+            directions.append((ENDS, unit(self.slot_axis), self.travel))
+        contacts = {}
+        for labels, outward, room in directions:
+            for side, label in zip(SIDES, labels, strict=True):
+                wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
+                has_friction = self.friction is not None
+                contacts[label] = wall.contact(
+                    slot, pin, self.pin_point, self.pin_radius, has_friction
+                )
+        return contacts
+
+    def deepest(self) -> dict[str, Scalar]:
+        """The pin's radius."""
+        deepest: Scalar = self.pin_radius
+        return dict.fromkeys(self.places(), deepest)
+
+    def centred_joint(self) -> AbstractConstraint:
+        """The pin's centre in the middle plane of the slot."""
+        return self._ideal(self.slot_point)
+
+    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """The pin along the wall that the load presses it to; ``None`` if the load has no part
+        across the walls."""
+        offset = seat_on_plane(self.slot_normal, 0.5 * self.play, load)
+        return None if offset is None else self._ideal(self.slot_point + offset)
+
+    def _ideal(self, point: Triple) -> AbstractConstraint:
+        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)

@@ -1,0 +1,65 @@
+"""Ideal joints that hold a point or a line of one body in a plane of another: what a pin in a slot
+and a slider in a guide are without play, in a mechanism whose other joints are planar."""
+
+import equinox as eqx
+
+from ...fields.checks import require_axis, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Triple
+from ...math.rotations import unit
+from ...math.vectors import Scalar
+from .base import Motions, Row
+from .constraint_rows import point_in_plane
+from .ideal import AbstractPairJoint
+
+
+class PointInPlaneJoint(AbstractPairJoint):
+    """A point of the second body stays in a plane of the first; one row.
+
+    A pin in a slot without play, whose walls are parallel to the plane.
+
+    **Arguments:** as `SphericalJoint`; the plane goes through the point on the first body, at a
+    right angle to the `normal`, (3,) in that body's axes, any length.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    normal: Triple = quantity("1", check=require_axis)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The height over the plane, m."""
+        del t
+        return {"height": _height(self, motions)}
+
+
+class LineInPlaneJoint(AbstractPairJoint):
+    """A line of the second body stays in a plane of the first; two rows.
+
+    A slider between two walls without play, which may slide anywhere along them.
+
+    **Arguments:** as `PointInPlaneJoint`; the line goes through the point on the second body along
+    the `axis`, (3,) in that body's axes, any length.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    normal: Triple = quantity("1", check=require_axis)
+    axis: Triple = quantity("1", check=require_axis)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The point's height over the plane, m, and the line's tilt."""
+        del t
+        tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
+        return {"height": _height(self, motions), "tilt": tilt}
+
+
+def _height(joint: PointInPlaneJoint | LineInPlaneJoint, motions: Motions) -> Row:
+    """The row that keeps the joint's point of the second body in the plane."""
+    names = joint.first, joint.second
+    first, second = (motions[name] for name in names)
+    normal = unit(joint.normal)
+    return point_in_plane(names, first, second, joint.point_first, normal, joint.point_second)
