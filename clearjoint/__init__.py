@@ -153,10 +153,12 @@ from .model.joints.prescribed import PrescribedTranslation as PrescribedTranslat
 from .model.joints.screw_joint import ScrewJoint as ScrewJoint
 from .model.joints.torsional_spring import TorsionalSpring as TorsionalSpring
 from .model.joints.universal_joint import UniversalJoint as UniversalJoint
+from .model.mechanisms.andrews_squeezer import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.bricard import bricard as bricard
 from .model.mechanisms.common import STEEL as STEEL
 from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
+from .model.mechanisms.four_bar import four_bar as four_bar
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank

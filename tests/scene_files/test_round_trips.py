@@ -141,7 +141,15 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "mechanism", [cj.double_pendulum, cj.slider_crank, cj.double_four_bar, cj.bricard]
+    "mechanism",
+    [
+        cj.double_pendulum,
+        cj.slider_crank,
+        cj.four_bar,
+        cj.double_four_bar,
+        cj.bricard,
+        cj.andrews_squeezer,
+    ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
     exact(tmp_path / "mechanism.toml", *mechanism())
