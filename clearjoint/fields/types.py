@@ -17,6 +17,8 @@ Triple: TypeAlias = Float[Any, "3"]
 """The components of a point, a vector or an axis."""
 Square: TypeAlias = Float[Any, "3 3"]
 """A matrix, by rows."""
+Column: TypeAlias = Float[Any, " N"]
+"""A row of numbers of a table, which stays an array."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, the scalar part first."""
 

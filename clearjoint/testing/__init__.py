@@ -1,9 +1,9 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
-`check_law`, `check_friction`, `check_bristles`, `check_constraint` and `check_contact_joint` are
-for authors of new elements. The others are for who measures what a step costs, counts its
-operations, or wants to know that a change leaves programs as they were: what a run does at a step
-(`RunProgram`, `Stepper`), what a sweep compiles (`programs_of_sweeps`), the compiled run of
+`check_law`, `check_friction`, `check_bristles`, `check_constraint`, `check_contact_joint` and
+`check_force` are for authors of new elements. The others are for who measures what a step costs,
+counts its operations, or wants to know that a change leaves programs as they were: what a run does
+at a step (`RunProgram`, `Stepper`), what a sweep compiles (`programs_of_sweeps`), the compiled run of
 `sensitivities`, contexts in which the code of a feature is missing (`without`) or the equations of
 motion are another's, and the runtime's settings.
 """
@@ -14,9 +14,10 @@ from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
-from .conformance import moving as moving
 from .contact_geometry import check_contacts as check_contacts
 from .contact_joints import check_contact_joint as check_contact_joint
+from .force_conformance import check_force as check_force
+from .moving_bodies import moving as moving
 from .programs import RunProgram as RunProgram
 from .programs import Stepper as Stepper
 from .programs import SweepProgram as SweepProgram
@@ -35,6 +36,7 @@ __all__ = [
     "check_constraint",
     "check_contacts",
     "check_contact_joint",
+    "check_force",
     "check_friction",
     "check_law",
     "compiled_sensitivities",

@@ -2,7 +2,7 @@
 what is wrong; call them from a test."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import TypeAlias
 
 import equinox as eqx
@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..dynamics.multipliers import row_rate
-from ..math.rotations import normalised, rotation_matrix
-from ..math.vectors import Condition, EulerParameters, Matrix, Scalar, Vector, unpack
+from ..math.vectors import Condition, Scalar, Vector, unpack
 from ..model.bodies import Motion
 from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.friction import AbstractFriction
@@ -22,6 +21,7 @@ from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw
 from ..model.joints.base import AbstractConstraint, Row
 from .continuity import jumps
 from .law_sensitivities import complaints_of_sensitivities
+from .moving_bodies import moved
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
@@ -307,42 +307,3 @@ def _check_bias(
         f"Row {label!r}: the bias is not the rate of (Jacobian times velocities, plus time rate) "
         "at constant velocities and body spins.",
     )
-
-
-def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """The motions a short time later, at constant velocities and body spins."""
-    return {
-        name: Motion(
-            motion.position + motion.velocity * time,
-            _turned(motion, motion.spin * time),
-            motion.velocity,
-            motion.spin,
-        )
-        for name, motion in motions.items()
-    }
-
-
-def _turned(motion: Motion, angle: Vector) -> Matrix:
-    return motion.rotation @ rotation_matrix(_exponential(angle))
-
-
-def _exponential(angle: Vector) -> EulerParameters:
-    """Euler parameters of a rotation vector."""
-    size = jnp.sqrt(angle.dot(angle)) + 1e-300
-    scale = jnp.sin(0.5 * size) / size
-    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)
-
-
-def moving(
-    position: Sequence[float],
-    orientation: Sequence[float],
-    velocity: Sequence[float],
-    spin: Sequence[float],
-) -> Motion:
-    """A motion from plain numbers, for `check_constraint`.
-
-    **Arguments:** `position` (3,) m and `velocity` (3,) m/s of the centre of mass, global;
-    `orientation`: (4,) Euler parameters, which are normalised; `spin`: (3,) rad/s, body axes.
-    """
-    parameters = normalised(EulerParameters(*orientation))
-    return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))

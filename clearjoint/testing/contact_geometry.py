@@ -6,7 +6,7 @@ from ..dynamics.contact_forces import contact_wrenches
 from ..math.vectors import ZERO, Scalar, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, Motion, Wrench
 from ..model.joints.base import AbstractContactJoint
-from .conformance import moved
+from .moving_bodies import moved
 
 STEP = 1e-6
 """s, of the differences."""

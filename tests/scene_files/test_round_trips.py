@@ -44,6 +44,9 @@ EXAMPLES = {
     "GearBacklash": lambda: cj.GearBacklash(
         *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
     ),
+    "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
+    "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
+    "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
     "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
@@ -58,6 +61,7 @@ ANY_OF = {
     cj.AbstractContactLaw: LAW,
     cj.AbstractFriction: cj.RegularisedCoulomb(0.1),
     cj.AbstractAxialPolicy: cj.FixedAxially(),
+    cj.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
 }
 
 
@@ -121,6 +125,8 @@ def scene_with(element: Any) -> cj.Scene:
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
     elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
+    elif isinstance(element, cj.AbstractFunctionOfTime):
+        joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
     else:
         assert isinstance(element, cj.AbstractAxialPolicy), "say where in a scene it may stand"
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
@@ -141,8 +147,8 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
 @pytest.mark.parametrize(
     "mechanism",
     [
-        *(cj.double_pendulum, cj.slider_crank, cj.double_four_bar, cj.bricard),
-        *(cj.gear_pair, cj.robot_arm),
+        *(cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.double_four_bar, cj.bricard),
+        *(cj.andrews_squeezer, cj.gear_pair, cj.robot_arm),
     ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
@@ -258,6 +264,24 @@ def test_functions_are_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match=r"`forces.push.over_time`.*a function can't be saved; ma"):
         saving(push, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_drive_that_follows_a_function_is_refused_by_name(tmp_path):
+    scene = cj.Scene(BODIES, {"drive": cj.PrescribedAngle("a", "b", (0, 0, 1), jax.numpy.sin)})
+    with pytest.raises(ValueError, match=r"`joints.drive.function.function`.*a function can't be"):
+        cj.save(scene, STATE, tmp_path / "scene.toml")
+
+
+def test_a_number_may_stand_for_a_function_of_time(tmp_path):
+    motor = cj.Motor("ground", "a", (0, 0, 1), 0.5, 2.0, 0.1)
+    path = tmp_path / "motor.json"
+    cj.save(cj.Scene(BODIES, forces={"motor": motor}), STATE, path)
+    document = json.loads(path.read_text())
+    document["forces"]["motor"]["target"] = "90 deg"
+    path.write_text(json.dumps(document))
+    (read,) = cj.load(path)[0].forces.values()
+    assert isinstance(read, cj.Motor) and isinstance(read.target, cj.Polynomial)
+    np.testing.assert_allclose(read.target.coefficients, [math.pi / 2])
 
 
 def test_nan_is_refused(tmp_path):

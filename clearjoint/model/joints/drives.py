@@ -5,20 +5,21 @@ Neither holds the axis: a revolute joint beside it does, ideal or with clearance
 
 import abc
 import math
+from dataclasses import replace
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
+from ...math.periodic import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench
 from .base import AbstractConstraint, AbstractForce, Motions, Row
 from .constraint_rows import turning_angle
 from .pairs import AbstractPair
+from .row_combinations import row_following
 
 
 class AbstractDrive(AbstractPair):
@@ -85,16 +86,8 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The angle less that prescribed."""
-
-        def speed(t: Scalar) -> Scalar:
-            return jax.jvp(self.angle, (t,), (jnp.ones_like(t),))[1]
-
-        t = jnp.asarray(t, dtype=float)
-        prescribed, acceleration = jax.jvp(speed, (t,), (jnp.ones_like(t),))
-        turn = self.turn(motions)
-        error = turn.value - self.angle(t)
-        wrapped = error - 2.0 * math.pi * jnp.round(error / (2.0 * math.pi))
-        return {"angle": Row(wrapped, turn.jacobian, turn.bias - acceleration, -prescribed)}
+        row = row_following(self.turn(motions), self.angle, t)
+        return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
 
 class PrescribedRotation(AbstractRotationDriver):
@@ -109,7 +102,7 @@ class PrescribedRotation(AbstractRotationDriver):
     - `orientation`: (4,) Euler parameters, scalar first, that turn components in the second body's
       frame into the first's where the angle is zero; parallel frames by default.
 
-    For another motion subclass `AbstractRotationDriver` and give its angle over time.
+    For another motion take `PrescribedAngle`, or subclass `AbstractRotationDriver`.
     """
 
     first: str = eqx.field(static=True)
@@ -154,11 +147,18 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """The torque and its reaction: what works on the angle's rate."""
         turn = self.turn(motions)
-        speed = add(*(motions[name].power(pair) for name, pair in turn.jacobian.items()))
-        torque = self.torque_at(turn.value, speed, t)
+        torque = self.torque_at(turn.value, _rate(turn, motions), t)
         return {
             name: Wrench(pair.force, pair.moment * torque) for name, pair in turn.jacobian.items()
         }
+
+    def speed(self, motions: Motions) -> Scalar:
+        """Rate of the angle, rad/s."""
+        return _rate(self.turn(motions), motions)
+
+
+def _rate(turn: Row, motions: Motions) -> Scalar:
+    return add(*(motions[name].power(pair) for name, pair in turn.jacobian.items()))
 
 
 class DriveTorque(AbstractDriveTorque):

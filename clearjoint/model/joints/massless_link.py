@@ -7,12 +7,12 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
-from ..bodies import NO_WRENCH, Wrench
 from .axial import AbstractAxialPolicy, FreeAxially
 from .base import AbstractConstraint, Attachment, Motions, Row
 from .constraint_rows import point_in_plane
 from .journal_bases import BASES
 from .pairs import require_distinct
+from .row_combinations import distance_row
 
 
 class MasslessLink(AbstractConstraint):
@@ -85,15 +85,4 @@ class MasslessLink(AbstractConstraint):
             self._height(motions, direction, local)
             for direction in transverse_axes(unit(self.bearing_axis))
         ]
-        value, bias = -0.5 * self.clearance, 0.0
-        jacobian = dict.fromkeys(self.body_names(), NO_WRENCH)
-        for row in across:
-            share = row.value / self.clearance
-            rate: Scalar = 0.0
-            for name, wrench in row.jacobian.items():
-                rate = rate + motions[name].power(wrench)
-                scaled = Wrench(wrench.force * share, wrench.moment * share)
-                jacobian[name] = jacobian[name] + scaled
-            value = value + 0.5 * share * row.value
-            bias = bias + rate * rate / self.clearance + share * row.bias
-        return Row(value, jacobian, bias)
+        return distance_row(across, self.clearance, motions)

@@ -1,14 +1,31 @@
-"""What several mechanisms have: axes, and the steel of the paper."""
+"""What several mechanisms have: axes, the steel of the paper, and what drives them."""
+
+import math
 
 from ...math.vectors import Scalar
 from ..contact.damping_factors import LankaraniNikravesh
 from ..contact.stiffness import RavnStiffness
+from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 
 ORIGIN, X_AXIS, Z_AXIS = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
 """Ravn's stiffness for the paper's steel (Table 2)."""
+Joints = dict[str, AbstractConstraint | AbstractContactJoint]
+Motor = AbstractConstraint | AbstractForce
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
     """The paper's law for its steel, with a requested restitution."""
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
+
+
+def turned_about_z(angle: float) -> tuple[float, float, float, float]:
+    """Euler parameters of a turn about Z by an angle, rad."""
+    return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
+
+
+def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
+    """The joints and the forces of a mechanism with a "motor", which is one or the other."""
+    if isinstance(motor, AbstractForce):
+        return joints, {"motor": motor}
+    return {**joints, "motor": motor}, {}

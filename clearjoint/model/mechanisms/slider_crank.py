@@ -10,12 +10,12 @@ from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.clearance import ClearanceJoint
 from ..joints.drives import PrescribedRotation
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
 from ..scene import Scene
-from .common import ORIGIN, X_AXIS, Z_AXIS, steel_law
+from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 """Of the slider-crank, m."""
@@ -72,12 +72,7 @@ def slider_crank(
         )
     if motor is None:
         motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
-    joints = _slider_crank_joints(pin)
-    forces: dict[str, AbstractForce] = {}
-    if isinstance(motor, AbstractForce):
-        forces["motor"] = motor
-    else:
-        joints["motor"] = motor
+    joints, forces = with_motor(_slider_crank_joints(pin), motor)
     scene = Scene(_slider_crank_bodies(), joints, forces, gravity)
     return scene, _slider_crank_state(speed, angle)
 
@@ -90,9 +85,7 @@ def _slider_crank_bodies() -> dict[str, Body]:
     }
 
 
-def _slider_crank_joints(
-    pin: InlineJoint | ClearanceJoint,
-) -> dict[str, AbstractConstraint | AbstractContactJoint]:
+def _slider_crank_joints(pin: InlineJoint | ClearanceJoint) -> Joints:
     """The joints around the slider's pin, but for what drives the crank."""
     foot, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
     big_end = (-0.5 * ROD_LENGTH, 0.0, 0.0)
@@ -115,9 +108,8 @@ def _slider_crank_state(speed: Scalar, angle: float) -> State:
     slider_shift = np.array([-tip[1] - rod_turn * rod[1], 0.0, 0.0])
 
     def body(position: TripleLike, turned: float, shift: np.ndarray, turn: float) -> BodyState:
-        orientation = (math.cos(0.5 * turned), 0.0, 0.0, math.sin(0.5 * turned))
         spin = np.array([0.0, 0.0, turn])
-        return body_state(position, orientation, shift * speed, spin * speed)
+        return body_state(position, turned_about_z(turned), shift * speed, spin * speed)
 
     return State(
         {

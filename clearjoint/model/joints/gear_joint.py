@@ -1,0 +1,114 @@
+"""The ideal mesh of two gears."""
+
+import math
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...fields.checks import (
+    concrete,
+    require,
+    require_axis,
+    require_euler_parameters,
+    require_positive,
+)
+from ...fields.declarations import quantity
+from ...fields.types import Quadruple, Single, Triple
+from ...math.periodic import wrapped
+from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.vectors import EulerParameters, Scalar, Vector
+from .base import AbstractConstraint, Motions, Row
+from .constraint_rows import turning_angle
+from .pairs import require_distinct
+from .row_combinations import scaled_row, sum_of_rows
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+def _require_teeth(argument: str, value: ArrayLike) -> None:
+    """Check a number of teeth."""
+    remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
+    require_positive(argument, value, remedy)
+    number = concrete(value)
+    if number is not None:
+        whole = bool(np.round(number) == number)
+        require(whole, argument, float(number), "a whole number, positive", remedy)
+
+
+class GearJoint(AbstractConstraint):
+    """The ratio between the turns of two gears on a carrier, by the numbers of their teeth; one
+    row.
+
+    The carrier is the housing, most often "ground", or the moving arm of an epicyclic gear. Gears
+    turn against each other about axes that point the same way, unless one of them is `internal`, a
+    ring gear, or the two are pulleys of a belt. Angles of bevel gears count about axes of any
+    direction. The gear joint holds no axis: revolute joints beside it do, ideal or with clearance.
+
+    The mesh counts modulo a tooth, so that the number of turns is unlimited: of the teeth that
+    fit, the nearest meshes.
+
+    The multiplier is the moment on the first gear in N m. Moments on gears and carrier are those
+    of all teeth of the real ones; the force between teeth, which the bearings carry, is none of
+    the joint's.
+
+    ```python
+    import clearjoint as cj
+
+    gears = cj.GearJoint("ground", "pinion", "wheel", (0, 0, 1), (0, 0, 1), 17, 51)
+    ```
+
+    **Arguments:**
+
+    - `carrier`, `first`, `second`: names of the bodies.
+    - `axis_first`, `axis_second`: of the gears, (3,) in the carrier's axes, any length.
+    - `teeth_first`, `teeth_second`: whole numbers.
+    - `internal`: whether the gears turn the same way.
+    - `offset`: rad, the first gear's angle where that of the second is zero.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that turn
+      components in the gear's frame into the carrier's where the gear's angle is zero; parallel
+      frames by default.
+
+    **Raises:** `ValueError` for numbers of teeth that are not whole and positive, and for axes and
+    orientations that no gear can have.
+    """
+
+    carrier: str = eqx.field(static=True)
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+    teeth_first: Single = quantity("1", check=_require_teeth)
+    teeth_second: Single = quantity("1", check=_require_teeth)
+    internal: bool = eqx.field(default=False, static=True)
+    offset: Single = quantity("rad", shape=(), default=0.0)
+    orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=IDENTITY)
+    orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=IDENTITY)
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        for gear in (self.first, self.second):
+            remedy = "name the body that bears the gears"
+            require(self.carrier != gear, "carrier", gear, "another body than the gears", remedy)
+
+    def body_names(self) -> tuple[str, ...]:
+        """Names of the carrier, the first and the second gear."""
+        return self.carrier, self.first, self.second
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """How far the first gear has turned out of the mesh, rad."""
+        del t
+        first = self._turn(motions, self.first, self.axis_first, self.orientation_first)
+        second = self._turn(motions, self.second, self.axis_second, self.orientation_second)
+        ratio = self.teeth_second / self.teeth_first
+        mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
+        tooth = 2.0 * math.pi / self.teeth_first
+        return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
+
+    def _turn(self, motions: Motions, gear: str, axis: Vector, orientation: EulerParameters) -> Row:
+        """The gear's angle against the carrier, rad."""
+        start, _ = transverse_axes(unit(axis))
+        direction = rotation_matrix(orientation).transposed_times(start)
+        pair = motions[self.carrier], motions[gear]
+        return turning_angle((self.carrier, gear), *pair, unit(axis), direction)

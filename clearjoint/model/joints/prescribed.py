@@ -1,0 +1,88 @@
+"""Drivers whose angle or distance is any function of time."""
+
+import equinox as eqx
+from jaxtyping import PyTree
+
+from ...fields.checks import require_axis, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Quadruple, Triple
+from ...math.rotations import unit
+from ...math.vectors import Scalar
+from .base import AbstractConstraint, Motions, Row
+from .constraint_rows import point_in_plane
+from .drives import AbstractRotationDriver
+from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
+from .pairs import AbstractPairAtPoints
+from .row_combinations import row_following
+
+
+class PrescribedAngle(AbstractRotationDriver):
+    """Turns the second body against the first by a function of time; one row.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    swing = cj.PrescribedAngle("ground", "crank", (0, 0, 1), lambda t: 0.5 * jnp.sin(20.0 * t))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
+    replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`, `axis`, `orientation`: as `PrescribedRotation`.
+    - `function`: the angle in rad at a time in s: a `Spline` through a table, a `Polynomial`,
+      an `AbstractFunctionOfTime` of one's own, or a Python function that JAX can differentiate
+      twice. The last is part of the compiled program, has no numbers to vary or to fit, and can't
+      be saved in a scene file.
+
+    **Raises:** `ValueError` for what is no function of time, and for values that no driver can
+    have.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
+    function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
+    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def angle(self, t: Scalar) -> Scalar:
+        """The function's value, rad."""
+        return self.function(t)
+
+    def breakpoints(self) -> PyTree:
+        """Those of the function, s."""
+        return self.function.breakpoints()
+
+
+class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
+    """Moves a point of the second body along an axis of the first by a function of time; one row.
+
+    It holds nothing across the axis: a prismatic or cylindrical joint beside it does. The
+    multiplier is the driving force in N, positive where it pushes the second body along the axis;
+    its work is "supplied" in the energy ledger.
+
+    **Arguments:** as `SphericalJoint`, the `axis` on the first body, (3,) in its axes, any length,
+    and `function`: as of `PrescribedAngle`, but the distance in m along the axis from the first
+    body's point to the second's.
+
+    **Raises:** as `PrescribedAngle`.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis: Triple = quantity("1", check=require_axis)
+    function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """The distance less that prescribed, m."""
+        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
+        axis = unit(self.axis)
+        distance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
+        return {"distance": row_following(distance, self.function, t)}
+
+    def breakpoints(self) -> PyTree:
+        """Those of the function, s."""
+        return self.function.breakpoints()

@@ -1,0 +1,65 @@
+"""The screw joint."""
+
+import math
+from dataclasses import replace
+
+import equinox as eqx
+from numpy.typing import ArrayLike
+
+from ...fields.checks import concrete, require, require_axis, require_point, require_shape
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
+from ...math.periodic import wrapped
+from ...math.rotations import unit
+from ...math.vectors import Scalar
+from .base import Motions, Row
+from .constraint_rows import point_in_plane
+from .ideal import AbstractAxisJoint
+from .row_combinations import scaled_row, sum_of_rows
+
+
+def _require_lead(argument: str, value: ArrayLike) -> None:
+    """Check a lead to be one number that is not zero."""
+    require_shape(argument, value, (), "pass a single number in m")
+    number = concrete(value)
+    if number is not None:
+        remedy = "give the advance in a turn in m; a RevoluteJoint has none"
+        require(float(number) != 0.0, argument, float(number), "other than zero", remedy)
+
+
+class ScrewJoint(AbstractAxisJoint):
+    """A body that advances along an axis of another as it turns about it; five rows.
+
+    A nut of mass m and moment of inertia J on a screw that stands upright comes down at
+    g/(1 + J (2 pi/lead)^2/m). The advance counts modulo the lead, so that the number of turns is
+    unlimited: of the positions at an angle the joint holds the nearest.
+
+    **Arguments:** as `RevoluteJoint`, and `lead`: the second body's advance in a turn, m, positive
+    of a right-handed thread and negative of a left-handed one. The points coincide where the angle
+    is zero: where the bodies' frames differ by the shortest turn between the axes' components.
+
+    **Raises:** `ValueError` for a lead of zero, and for points and axes that no joint can have.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+    lead: Single = quantity("m", check=_require_lead)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Two translations across the axis, two tilts, and the thread: the advance less that by
+        the angle, m."""
+        del t
+        held = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
+        return held | {"thread": self._thread(motions)}
+
+    def _thread(self, motions: Motions) -> Row:
+        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
+        axis = unit(self.axis_first)
+        advance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
+        by_angle = scaled_row(self.turn(motions), self.lead * (-0.5 / math.pi))
+        row = sum_of_rows((advance, by_angle))
+        return replace(row, value=wrapped(row.value, self.lead))

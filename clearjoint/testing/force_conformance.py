@@ -1,0 +1,122 @@
+"""The conformance check of force elements."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..fields.conversion import on_device
+from ..math.vectors import Condition, Scalar, Vector, pack, unpack
+from ..model.bodies import Motion, Wrench
+from ..model.joints.base import AbstractForce
+from .moving_bodies import moved
+
+STEP = 1e-5
+"""Of the central differences, s."""
+Wrenches = dict[str, Wrench]
+
+
+def check_force(
+    force: AbstractForce, motions: Mapping[str, Motion], time: float = 0.0, tolerance: float = 1e-6
+) -> None:
+    """Check a force element at given motions: that forces between bodies are equal and opposite,
+    that the power it takes from the bodies and from outside is the rate of its stored energy, that
+    the derivatives by motions and by its numbers are finite, at rest too, and that vmap gives what
+    one lane does.
+
+    Between a body and the ground forces are compared if the ground's, which is never used, is told.
+
+    **Arguments:** `motions` of the element's bodies; moving and turning ones test most. `time`: s,
+    not at one of its breakpoints.
+    """
+    motions = {name: _as_arrays(motions[name]) for name in force.body_names()}
+    wrenches = _wrenches(force, motions, time)
+    _require(wrenches.keys() <= motions.keys(), "There is a wrench on a body that is not named.")
+    for leaf in jax.tree.leaves(wrenches):
+        _require(jnp.isfinite(leaf), "The force is not finite.")
+    if len(motions) > 1 and wrenches.keys() == motions.keys():
+        _check_balance(wrenches, motions, tolerance)
+    _check_power(force, motions, time, tolerance)
+    _check_derivatives(force, motions, time)
+    _check_lanes(force, motions, time)
+
+
+def _require(condition: Condition, message: str) -> None:
+    if not bool(jnp.all(condition)):
+        raise AssertionError(message)
+
+
+def _as_arrays(motion: Motion) -> Motion:
+    return jax.tree.map(on_device, motion)
+
+
+def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar) -> Wrenches:
+    found = unpack(force).wrenches(motions, on_device(time))
+    return jax.tree.map(on_device, found)
+
+
+def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
+    forces = [wrench.force for wrench in wrenches.values()]
+    moments = [
+        motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)
+        for name, wrench in wrenches.items()
+    ]
+    for parts, unit in ((forces, "N"), (moments, "N m")):
+        left = _size(sum(parts[1:], parts[0]))
+        _require(
+            left <= tolerance * max(_size(part) for part in parts),
+            f"The force is not equal and opposite: {left:.3g} {unit} are left over.",
+        )
+
+
+def _size(vector: Vector) -> float:
+    return float(jnp.linalg.norm(pack(vector)))
+
+
+def _check_power(
+    force: AbstractForce, motions: Mapping[str, Motion], time: float, tolerance: float
+) -> None:
+    element = unpack(force)
+
+    def stored(step: float) -> float:
+        return float(element.stored_energy(moved(motions, step), on_device(time + step)))
+
+    rate = (stored(STEP) - stored(-STEP)) / (2.0 * STEP)
+    wrenches = _wrenches(force, motions, time)
+    power = sum(float(motions[name].power(wrench)) for name, wrench in wrenches.items())
+    supplied = float(element.supplied_power(motions, on_device(time)))
+    left = supplied - power - rate
+    _require(
+        abs(left) < tolerance * (1.0 + abs(power) + abs(supplied)),
+        f"The energy does not balance: {left:.3g} W are supplied that neither drive the bodies nor "
+        "are stored.",
+    )
+
+
+def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
+    numbers, rest = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
+
+    def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
+        return _wrenches(eqx.combine(numbers, rest), motions, time)
+
+    for given in (motions, {name: _at_rest(motion) for name, motion in motions.items()}):
+        place = numbers, given
+        slopes = jax.jvp(wrenches, place, jax.tree.map(jnp.ones_like, place))[1]
+        for slope in jax.tree.leaves(slopes):
+            _require(jnp.isfinite(slope), "A derivative of the force is not finite.")
+
+
+def _at_rest(motion: Motion) -> Motion:
+    return replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
+
+
+def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
+    lanes = [motions, moved(motions, 0.1)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
+    together = jax.vmap(lambda lane: _wrenches(force, lane, time))(stacked)
+    single = [_wrenches(force, lane, time) for lane in lanes]
+    expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *single)
+    same = jax.tree.map(lambda a, b: jnp.allclose(a, b, rtol=1e-9, atol=1e-9), together, expected)
+    _require(all(jax.tree.leaves(same)), "The force under vmap differs from that of one lane.")

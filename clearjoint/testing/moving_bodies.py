@@ -1,0 +1,48 @@
+"""Bodies in motion from plain numbers, and where they are a short time later."""
+
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
+
+from ..math.rotations import normalised, rotation_matrix
+from ..math.vectors import EulerParameters, Matrix, Vector
+from ..model.bodies import Motion
+
+
+def moving(
+    position: Sequence[float],
+    orientation: Sequence[float],
+    velocity: Sequence[float],
+    spin: Sequence[float],
+) -> Motion:
+    """A motion from plain numbers, for `check_constraint` and `check_force`.
+
+    **Arguments:** `position` (3,) m and `velocity` (3,) m/s of the centre of mass, global;
+    `orientation`: (4,) Euler parameters, which are normalised; `spin`: (3,) rad/s, body axes.
+    """
+    parameters = normalised(EulerParameters(*orientation))
+    return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))
+
+
+def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
+    """The motions a short time later, at constant velocities and body spins."""
+    return {
+        name: Motion(
+            motion.position + motion.velocity * time,
+            _turned(motion, motion.spin * time),
+            motion.velocity,
+            motion.spin,
+        )
+        for name, motion in motions.items()
+    }
+
+
+def _turned(motion: Motion, angle: Vector) -> Matrix:
+    return motion.rotation @ rotation_matrix(_exponential(angle))
+
+
+def _exponential(angle: Vector) -> EulerParameters:
+    """Euler parameters of a rotation vector."""
+    size = jnp.sqrt(angle.dot(angle)) + 1e-300
+    scale = jnp.sin(0.5 * size) / size
+    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

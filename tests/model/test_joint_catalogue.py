@@ -1,0 +1,335 @@
+"""Ideal joints and drives by closed forms: their constraint equations, and, in one scene of many
+machines beside each other, their motions, reactions and work."""
+
+import math
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint.dynamics.multipliers import row_rate
+from clearjoint.math.vectors import unpack
+from clearjoint.testing import moving
+
+X, Y, Z = np.eye(3)
+ORIGIN = (0.0, 0.0, 0.0)
+AT_REST = moving(ORIGIN, (1.0, 0.0, 0.0, 0.0), ORIGIN, ORIGIN)
+
+
+def turned_about(axis, angle, speed, frame=None, position=ORIGIN, velocity=ORIGIN):
+    """A body whose frame has turned by an angle about a fixed axis, with the spin of that."""
+    rotation = Rotation.from_rotvec(angle * np.asarray(axis))
+    rotation = rotation if frame is None else rotation * frame
+    spin = rotation.inv().apply(speed * np.asarray(axis))
+    return moving(position, rotation.as_quat(scalar_first=True), velocity, spin)
+
+
+def held(joint, motions):
+    """Asserts that a motion is one that the joint allows."""
+    for label, row in unpack(joint).rows(motions, 0.0).items():
+        assert abs(float(row.value)) < 1e-12, label
+        assert abs(float(row_rate(row, motions))) < 1e-11, label
+
+
+def hooke(angle, tilt):
+    """Angle and speed ratio of the second shaft of a universal joint, for an angle of the first
+    from where its arm lies in the shafts' plane."""
+    turned = np.arctan2(np.sin(angle) / np.cos(tilt), np.cos(angle))
+    return turned, np.cos(tilt) / (1.0 - (np.sin(tilt) * np.cos(angle)) ** 2)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.9, -1.3])
+def test_universal_joint_turns_as_hookes(angle):
+    tilt, speed = 0.6, 3.0
+    second, ratio = hooke(angle, tilt)
+    frame = Rotation.from_rotvec(tilt * Y)
+    motions = {
+        "a": turned_about(Z, angle, speed),
+        "b": turned_about(frame.apply(Z), second, speed * ratio, frame),
+    }
+    held(cj.UniversalJoint("a", "b", ORIGIN, ORIGIN, X, Y), motions)
+
+
+@pytest.mark.parametrize("turns", [0.1, 0.5, 17.3, -4000.9])
+@pytest.mark.parametrize("lead", [0.004, -0.25])
+def test_screw_advances_by_its_lead_in_a_turn(turns, lead):
+    speed, angle = 5.0, 2.0 * math.pi * turns
+    along = {"position": turns * lead * X, "velocity": speed * lead / (2.0 * math.pi) * X}
+    motions = {"a": AT_REST, "b": turned_about(X, angle, speed, **along)}
+    joint = cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, lead)
+    rows = unpack(joint).rows(motions, 0.0)
+    np.testing.assert_allclose([float(row.value) for row in rows.values()], 0.0, atol=1e-11)
+    rates = [float(row_rate(row, motions)) for row in rows.values()]
+    np.testing.assert_allclose(rates, 0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("turns", [0.03, 12.4, -700.7])
+@pytest.mark.parametrize("internal", [False, True])
+def test_gears_turn_by_their_teeth(turns, internal):
+    """Over many turns, on an arm that turns itself: relative to the arm 17 : 51 and 19 : 44."""
+    for first, second in ((17, 51), (19, 44)):
+        angle, speed = 2.0 * math.pi * turns, 7.0
+        ratio = (1.0 if internal else -1.0) * first / second
+        axis = np.array([0.6, 0.0, 0.8])
+        arm = turned_about(axis, 0.4, 2.0)
+        motions = {
+            "arm": arm,
+            "a": turned_about(axis, 0.4 + angle + 0.3, 2.0 + speed),
+            "b": turned_about(axis, 0.4 + angle * ratio, 2.0 + speed * ratio),
+        }
+        held(cj.GearJoint("arm", "a", "b", axis, axis, first, second, internal, 0.3), motions)
+
+
+def test_a_gear_out_of_mesh_is_told_by_how_far():
+    joint = unpack(cj.GearJoint("ground", "a", "b", Z, Z, 10, 30))
+    motions = {"ground": AT_REST, "a": turned_about(Z, 0.1, 0.0), "b": AT_REST}
+    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
+    motions["a"] = turned_about(Z, 0.1 + 2.0 * math.pi * 7 / 10, 0.0)
+    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "complaint"),
+    [
+        (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17.5, 51), "`teeth_first`.*17.5"),
+        (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17, 0), "`teeth_second`.*teeth"),
+        (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*bears the gears"),
+        (lambda: cj.GearJoint("ground", "a", "b", 0 * Z, Z, 17, 51), "`axis_first`"),
+        (lambda: cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, 0.0), "`lead`.*RevoluteJoint"),
+        (lambda: cj.DistanceJoint("a", "b", ORIGIN, ORIGIN, -1.0), "`length`"),
+        (lambda: cj.Motor("a", "b", Z, 0.0, -1.0, 0.0), "`proportional`"),
+        (lambda: cj.Motor("a", "b", Z, 0.0, 1.0, 0.0, torque_limit=0.0), "`torque_limit`"),
+        (lambda: cj.TorsionalSpring("a", "b", Z, -1.0), "`stiffness`"),
+        (lambda: cj.PrescribedAngle("a", "b", Z, [1.0, 2.0]), "`function`.*Spline.through"),
+        (lambda: cj.Spline.through([0.0, 1.0, 1.0], [0, 1, 2]), "`times`.*rising"),
+        (lambda: cj.Spline.through([0.0, 1.0], [0, 1, 2]), "`values`.*shape"),
+        (lambda: cj.Spline([0.0], [0.0], [0.0]), "`times`.*two times or more"),
+        (lambda: cj.Spline([0.0, 1.0], [0.0, np.nan], [0.0, 0.0]), "`values`.*finite"),
+        (lambda: cj.Polynomial([]), "`coefficients`.*a row"),
+    ],
+)
+def test_what_no_element_can_have_is_refused(make, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        make()
+
+
+def test_splines_go_through_their_table_smoothly():
+    """Natural in the values of a sine over a half turn, whose curvature is zero at the ends: of
+    fourth order; and on along the tangents."""
+    errors = []
+    for count in (11, 21):
+        times = np.linspace(0.0, np.pi, count)
+        spline = unpack(cj.Spline.through(times, np.sin(times)))
+        between = jnp.linspace(0.0, jnp.pi, 101)
+        errors.append(np.abs(jnp.vectorize(spline)(between) - np.sin(between)).max())
+        outside = np.array([float(spline(-0.5)), float(spline(np.pi + 0.5))])
+        np.testing.assert_allclose(outside, -0.5, atol=1e-3)
+    assert errors[1] < 2e-6 and errors[0] / errors[1] > 12.0
+    assert float(unpack(cj.Polynomial([1.0, -2.0, 0.5]))(3.0)) == -0.5
+
+
+def test_a_motor_clips_its_torque():
+    """Exactly, but for a bend over a fiftieth of the limit."""
+    motor = cj.Motor("a", "b", Z, cj.Polynomial([0.5, 3.0]), 2.0, derivative=0.1, torque_limit=1.0)
+    for angle, speed, torque in ((0.4, 3.0, 0.2), (-0.4, 3.0, 1.0), (1.4, 3.0, -1.0)):
+        assert float(motor.torque_at(angle, speed, 0.0)) == pytest.approx(torque, rel=1e-12)
+    at_limit = float(motor.torque_at(0.0, 3.0, 0.0))
+    assert at_limit == pytest.approx(1.0 - 0.02 / 4.0)
+    assert float(motor.torque_at(math.pi + 0.4, 3.0, 0.0)) == pytest.approx(-1.0)
+    assert float(motor.torque_at(2 * math.pi + 0.4, 3.0, 0.0)) == pytest.approx(0.2)
+
+
+TILT, LEAD, GRAVITY, END = 0.5, 0.02, 9.81, 10.0
+NUT, NUT_INERTIA = 0.4, 3e-4
+SHAFT = Rotation.from_rotvec(TILT * Y)
+DRIVE = (0.2, 5.0, 1.5)
+"""Coefficients of the driving shaft's angle."""
+PINION, WHEEL, TORQUE = 2e-3, 5e-2, 0.03
+SLOPE = Rotation.from_rotvec([0.3, 0.2, 0.1])
+CART, STROKE, PACE = 0.7, 0.1, 4.0
+ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
+GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
+
+
+def machines() -> tuple[cj.Scene, cj.State]:
+    """One of each, beside each other in the same gravity along -Y."""
+    disc = (1e-3, 1e-3, 2e-3)
+    bodies = {
+        "shaft": cj.Body(1.0, disc),
+        "tilted": cj.Body(1.0, disc),
+        "nut": cj.Body(NUT, (2e-4, NUT_INERTIA, 2e-4)),
+        "pinion": cj.Body(1.0, (1e-3, 1e-3, PINION)),
+        "wheel": cj.Body(3.0, (3e-2, 3e-2, WHEEL)),
+        "plate": cj.Body(2.0, (1e-2, 2e-2, 3e-2)),
+        "ball": cj.Body(1.0, (1.0, 1.0, 1.0)),
+        "cart": cj.Body(CART, (1e-3, 1e-3, 1e-3)),
+        "sprung": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
+        "driven": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
+    }
+
+    def bearing(body: str) -> cj.RevoluteJoint:
+        return cj.RevoluteJoint("ground", body, ORIGIN, ORIGIN, Z, Z)
+
+    far, normal = SHAFT.apply(Z), SLOPE.apply(Z)
+    joints: dict[str, Any] = {
+        f"{name} bearing": bearing(name)
+        for name in ("shaft", "pinion", "wheel", "sprung", "driven")
+    }
+    joints |= {
+        "drive": cj.PrescribedAngle("ground", "shaft", Z, cj.Polynomial(DRIVE)),
+        "cardan": cj.UniversalJoint("shaft", "tilted", ORIGIN, ORIGIN, X, Y),
+        "tilted bearing": cj.InlineJoint("ground", "tilted", far, Z, far),
+        "screw": cj.ScrewJoint("ground", "nut", ORIGIN, ORIGIN, Y, Y, LEAD),
+        "gears": cj.GearJoint("ground", "pinion", "wheel", Z, Z, 17, 51),
+        "table": cj.PlanarJoint("ground", "plate", ORIGIN, ORIGIN, normal, Z),
+        "rod": cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 1.0),
+        "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
+        "pusher": cj.PrescribedTranslation(
+            "ground", "cart", ORIGIN, ORIGIN, X, lambda t: STROKE * jnp.cos(PACE * t)
+        ),
+    }
+    forces = {
+        "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
+        "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
+        "motor": cj.Motor("ground", "driven", Z, TARGET, GAIN, DAMPER, torque_limit=LIMIT),
+    }
+    angle, speed = DRIVE[0], DRIVE[1]
+    second, ratio = hooke(angle, TILT)
+    about = Rotation.from_rotvec(second * far) * SHAFT
+    states = {name: cj.body_state(ORIGIN) for name in ("nut", "pinion", "wheel", "driven")}
+    states |= {
+        "shaft": cj.body_state(ORIGIN, quaternion(angle), spin=speed * Z),
+        "tilted": cj.body_state(ORIGIN, about.as_quat(scalar_first=True), spin=speed * ratio * Z),
+        "plate": cj.body_state(
+            ORIGIN, SLOPE.as_quat(scalar_first=True), SLOPE.apply((1.0, 2.0, 0.0)), (0.0, 0.0, 3.0)
+        ),
+        "ball": cj.body_state((-1.0, 0.0, 0.0)),
+        "cart": cj.body_state((STROKE, 0.0, 0.0)),
+        "sprung": cj.body_state(ORIGIN, quaternion(REST + RELEASED)),
+    }
+    return cj.Scene(bodies, joints, forces, (0.0, -GRAVITY, 0.0)), cj.State(states)
+
+
+def quaternion(angle):
+    """Euler parameters of a turn about Z."""
+    return np.array([math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])
+
+
+TIMES = np.array([*np.linspace(0.0, END - 0.01, 112), END])
+
+
+@pytest.fixture(scope="module", params=[cj.AbsoluteCoordinates, cj.JointCoordinates])
+def run(request):
+    scene, state = machines()
+    settings = cj.Settings(
+        rtol=1e-10,
+        atol=1e-10,
+        stabilisation=cj.Projection(),
+        coordinates=request.param(),
+        ledger=True,
+    )
+    solution = cj.simulate(scene, state, END, settings, save=cj.Saving(TIMES))
+    return solution.states.bodies, cj.observe(scene, solution)
+
+
+def close(found, expected, tolerance):
+    """Asserts that the largest difference is small, and tells it."""
+    error = np.abs(np.asarray(found) - expected).max()
+    print(f"largest difference {error:.1e}, of {np.abs(expected).max():.1e}")
+    assert error < tolerance
+
+
+@pytest.mark.slow
+def test_cardan_shaft_runs_unevenly(run):
+    bodies, _ = run
+    angle = DRIVE[0] + TIMES * (DRIVE[1] + TIMES * DRIVE[2])
+    speed = DRIVE[1] + 2.0 * DRIVE[2] * TIMES
+    close(bodies["tilted"].spin[:, 2], speed * hooke(angle, TILT)[1], 1e-6)
+
+
+@pytest.mark.slow
+def test_nut_comes_down_its_screw(run):
+    bodies, _ = run
+    acceleration = GRAVITY / (1.0 + NUT_INERTIA * (2.0 * math.pi / LEAD) ** 2 / NUT)
+    close(bodies["nut"].velocity[:, 1], -acceleration * TIMES, 1e-8)
+    close(bodies["nut"].position[:, 1], -0.5 * acceleration * TIMES**2, 1e-8)
+
+
+@pytest.mark.slow
+def test_gears_share_the_torque(run):
+    """Speed 1 : 3, and the moments between them."""
+    bodies, observed = run
+    acceleration = TORQUE / (PINION + WHEEL / 9.0)
+    close(bodies["pinion"].spin[:, 2], acceleration * TIMES, 1e-7)
+    close(bodies["wheel"].spin[:, 2], -acceleration * TIMES / 3.0, 1e-7)
+    loads = observed.reactions["gears"]
+    close(loads["wheel"].moment[:, 2], -WHEEL * acceleration / 3.0, 1e-10)
+    close(loads["pinion"].moment[:, 2], -WHEEL * acceleration / 9.0, 1e-10)
+
+
+@pytest.mark.slow
+def test_plate_slides_on_a_slope(run):
+    bodies, _ = run
+    down = SLOPE.inv().apply((0.0, -GRAVITY, 0.0)) * (1.0, 1.0, 0.0)
+    path = np.outer(TIMES, (1.0, 2.0, 0.0)) + 0.5 * np.outer(TIMES**2, down)
+    close(SLOPE.inv().apply(bodies["plate"].position), path, 1e-8)
+    close(bodies["plate"].spin, (0.0, 0.0, 3.0), 1e-10)
+
+
+@pytest.mark.slow
+def test_rod_swings_as_the_iftomm_pendulum(run):
+    """Benchmark A01 at 9.99 s and 10 s."""
+    bodies, _ = run
+    expected = [(-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099)]
+    close(bodies["ball"].position[-2:, :2], expected, 1e-8)
+
+
+@pytest.mark.slow
+def test_pusher_gives_its_force_and_work(run):
+    bodies, observed = run
+    close(bodies["cart"].position[:, 0], STROKE * np.cos(PACE * TIMES), 1e-9)
+    force = -CART * STROKE * PACE**2 * np.cos(PACE * TIMES)
+    close(observed.reactions["pusher"]["cart"].force[:, 0], force, 1e-8)
+
+
+@pytest.mark.slow
+def test_torsional_spring_swings_and_dies_away(run):
+    bodies, _ = run
+    decay = 0.5 * DAMPING / ROTOR
+    pace = math.sqrt(STIFFNESS / ROTOR - decay**2)
+    phase = pace * TIMES
+    away = np.exp(-decay * TIMES) * (np.cos(phase) + decay / pace * np.sin(phase))
+    angle = 2.0 * np.arctan2(*bodies["sprung"].orientation[:, [3, 0]].T)
+    close(np.sin(0.5 * (angle - REST - RELEASED * away)), 0.0, 1e-8)
+
+
+@pytest.mark.slow
+def test_motor_reaches_its_target_within_its_limit(run):
+    """Against SciPy, with the same bend into the limit."""
+    bodies, _ = run
+    width = 0.02 * LIMIT
+
+    def clipped(wanted):
+        over = abs(wanted) - LIMIT
+        bend = 0.0 if over < -width else over if over > width else (over + width) ** 2 / 4 / width
+        return math.copysign(abs(wanted) - bend, wanted)
+
+    def rates(t, y):
+        return y[1], clipped(GAIN * (TARGET - y[0]) - DAMPER * y[1]) / ROTOR
+
+    start = (0.0, 0.0)
+    path = solve_ivp(
+        rates, (0.0, END), start, "DOP853", TIMES, rtol=1e-12, atol=1e-13, max_step=0.02
+    )
+    assert path.y[1].max() > 2.0
+    close(bodies["driven"].spin[:, 2], path.y[1], 1e-7)
+
+
+@pytest.mark.slow
+def test_the_ledger_of_all_machines_closes(run):
+    _, observed = run
+    close(observed.ledger_residual() / observed.energies["kinetic"].max(), 0.0, 1e-9)

@@ -1,0 +1,180 @@
+"""Mechanisms with their first states, against published values and independent equations."""
+
+import math
+
+import diffrax
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import clearjoint as cj
+from clearjoint.dynamics.multipliers import row_rate
+from clearjoint.math.vectors import unpack
+from clearjoint.model.mechanisms.four_bar import LENGTHS, MASSES, PINS
+from clearjoint.testing import moving
+from tests.support.andrews_equations import PUBLISHED, START, angles
+
+FINE = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-13, atol=1e-13, stabilisation=cj.Projection())
+
+
+def turn(body):
+    """The angle about Z of bodies that turn about it only, rad."""
+    return 2.0 * np.arctan2(body.orientation[..., 3], body.orientation[..., 0])
+
+
+def violation(scene, state):
+    """Of all ideal joints: the largest value of a row, and the largest rate of one."""
+    motions = {
+        name: moving(body.position, body.orientation, body.velocity, body.spin)
+        for name, body in state.bodies.items()
+    }
+    motions["ground"] = moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    rows = [
+        row
+        for joint in scene.joints.values()
+        if isinstance(joint, cj.AbstractConstraint)
+        for row in unpack(joint).rows(motions, 0.0).values()
+    ]
+    rates = [abs(float(row_rate(row, motions))) for row in rows]
+    return max(abs(float(row.value)) for row in rows), max(rates)
+
+
+def squeezed(bodies):
+    """The seven angles of the literature."""
+    k = {name: turn(body) for name, body in bodies.items()}
+    own = [k["K1"], k["K2"], k["K3"], k["K4"], k["K5"], k["K6"], k["K7"]]
+    return np.array(own) - np.array([0, k["K1"], 0, k["K5"], 0, k["K7"], 0])
+
+
+def test_the_squeezer_starts_closed():
+    scene, state = cj.andrews_squeezer()
+    np.testing.assert_allclose(squeezed(state.bodies), START, atol=1e-15)
+    value, rate = violation(scene, state)
+    assert value < 1e-16 and rate == 0.0
+
+
+@pytest.mark.slow
+def test_the_squeezer_runs_as_published():
+    """The published digits hold to 1.5e-9; the equations of the literature, integrated afresh, tell
+    that the last ones are not its own."""
+    scene, state = cj.andrews_squeezer()
+    solution = cj.simulate(scene, state, 0.03, FINE, save=cj.Saving([0.03]))
+    assert not solution.redundant_constraints
+    found = squeezed(solution.final.bodies)
+
+    def error(expected):
+        off = found - np.asarray(expected)
+        return np.abs(off - 2.0 * math.pi * np.round(off / (2.0 * math.pi))).max()
+
+    assert error(PUBLISHED) < 2e-9
+    assert error(angles(0.03, 3e-14)) < 1e-11
+
+
+def freudenstein(crank, lengths=LENGTHS):
+    """Angle of the rocker by R1 cos(rocker) - R2 cos(crank) + R3 = cos(crank - rocker)
+    (F. Freudenstein 1954), above the feet."""
+    a, b, c, d = lengths
+    r1, r2, r3 = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)
+
+    def equation(rocker):
+        return r1 * math.cos(rocker) - r2 * math.cos(crank) + r3 - math.cos(crank - rocker)
+
+    rocker = np.linspace(0.0, math.pi, 181)
+    at = [equation(one) for one in rocker]
+    signs = [k for k in range(180) if at[k] * at[k + 1] <= 0.0]
+    return brentq(equation, rocker[signs[-1]], rocker[signs[-1] + 1], xtol=1e-15)
+
+
+@pytest.mark.parametrize("angle", [0.9, 2.5, -1.2])
+def test_the_four_bar_starts_as_freudenstein_says(angle):
+    speed, step = 8.0, 1e-5
+    scene, state = cj.four_bar(angle=angle, speed=speed)
+    assert turn(state.bodies["rocker"]) == pytest.approx(freudenstein(angle), abs=1e-12)
+    around = freudenstein(angle + step) - freudenstein(angle - step)
+    assert state.bodies["rocker"].spin[2] == pytest.approx(speed * around / (2 * step), rel=1e-7)
+    value, rate = violation(scene, state)
+    assert value < 1e-15 and rate < 1e-14
+    assert cj.constraint_report(scene, state).degrees_of_freedom() == 1
+
+
+@pytest.mark.parametrize("pins", [["crank foot"], ["crank pin", "rocker foot"], list(PINS)])
+def test_any_pins_of_the_four_bar_may_have_clearance(pins):
+    scene, state = cj.four_bar(dict.fromkeys(pins, 1e-4), speed=3.0)
+    assert set(scene.contact_joints()) == set(pins)
+    for pin, joint in scene.joints.items():
+        assert joint.body_names() == PINS[pin]
+    report = cj.constraint_report(scene, state)
+    assert not report.redundant
+    if set(pins) != set(PINS):
+        assert np.abs(report.values).max() < 1e-15 and np.abs(report.rates).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"clearance": {"crank": 1e-4}}, "`clearance`.*'crank foot'.*is 'crank'"),
+        ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*reach over.*another angle"),
+    ],
+)
+def test_a_four_bar_that_cannot_be_is_refused(arguments, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        cj.four_bar(**arguments)
+
+
+def reduced_four_bar(angle, speed):
+    """Kinetic energy at a crank speed, and potential energy, by Freudenstein's equation."""
+    step, lengths = 1e-4, np.array(LENGTHS)
+
+    def centres(crank):
+        tip = lengths[0] * np.array([math.cos(crank), math.sin(crank)])
+        rocker = freudenstein(crank)
+        foot = np.array([lengths[3], 0.0])
+        pin = foot + lengths[2] * np.array([math.cos(rocker), math.sin(rocker)])
+        coupler = math.atan2(*(pin - tip)[::-1])
+        places = 0.5 * tip, 0.5 * (tip + pin), 0.5 * (foot + pin)
+        return np.array(
+            [
+                [*place, turned]
+                for place, turned in zip(places, (crank, coupler, rocker), strict=True)
+            ]
+        )
+
+    at = [centres(angle + k * step) for k in (-2, -1, 1, 2)]
+    slope = (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+    masses = np.array(MASSES)
+    inertia = masses * lengths[:3] ** 2 / 12
+    reduced = masses @ (slope[:, :2] ** 2).sum(1) + inertia @ slope[:, 2] ** 2
+    return 0.5 * reduced * speed**2, 9.81 * masses @ centres(angle)[:, 1]
+
+
+@pytest.mark.slow
+def test_the_four_bar_falls_as_its_reduced_equation():
+    """One degree of freedom: time = integral of the crank's angle over its speed, which the energy
+    gives (an independent quadrature)."""
+    begin, end, speed = 0.9, 0.0, -12.0
+    scene, state = cj.four_bar(angle=begin, speed=speed)
+    energy = sum(reduced_four_bar(begin, speed))
+
+    def slowness(angle, t):
+        reduced, potential = reduced_four_bar(angle, 1.0)
+        return [-math.sqrt(reduced / (energy - potential))]
+
+    path = solve_ivp(slowness, (begin, end), [0.0], "DOP853", rtol=1e-11, atol=1e-13)
+    duration = path.y[0, -1]
+    settings = cj.Settings(rtol=1e-11, atol=1e-11, stabilisation=cj.Projection())
+    final = cj.simulate(scene, state, duration, settings).final
+    assert turn(final.bodies["crank"]) == pytest.approx(end, abs=1e-8)
+    assert turn(final.bodies["rocker"]) == pytest.approx(freudenstein(end), abs=1e-8)
+
+
+@pytest.mark.slow
+def test_play_in_the_four_bar_moves_it_by_as_much():
+    """With play of 20 um in both feet and friction the driven linkage stays near the ideal one."""
+    drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), 20.0, initial_angle=0.9)
+    play = {"crank foot": 2e-5, "rocker foot": 2e-5}
+    scene, state = cj.four_bar(play, speed=20.0, motor=drive, friction=cj.RegularisedCoulomb(0.1))
+    solution = cj.simulate(scene, state, 0.05, save=cj.Saving(np.linspace(0.0, 0.05, 26)))
+    expected = [freudenstein(0.9 + 20.0 * t) for t in np.linspace(0.0, 0.05, 26)]
+    off = np.abs(turn(solution.states.bodies["rocker"]) - expected).max()
+    assert 1e-6 < off < 1e-3
