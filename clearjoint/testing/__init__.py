@@ -1,11 +1,11 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
-`check_law`, `check_friction`, `check_bristles` and `check_constraint` are for authors of new
-elements. The others are for who measures what a step costs, counts its operations, or wants to know
-that a change leaves programs as they were: what a run does at a step (`RunProgram`, `Stepper`),
-what a sweep compiles (`programs_of_sweeps`), the compiled run of `sensitivities`, contexts in which
-the code of a feature is missing (`without`) or the equations of motion are another's, and the
-runtime's settings.
+`check_law`, `check_friction`, `check_bristles`, `check_film` and `check_constraint` are for authors
+of new elements. The others are for who measures what a step costs, counts its operations, or wants
+to know that a change leaves programs as they were: what a run does at a step (`RunProgram`,
+`Stepper`), what a sweep compiles (`programs_of_sweeps`), the compiled run of `sensitivities`,
+contexts in which the code of a feature is missing (`without`) or the equations of motion are
+another's, and the runtime's settings.
 """
 
 from ..runtime import settings as runtime_settings
@@ -15,6 +15,7 @@ from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
 from .conformance import moving as moving
+from .films import check_film as check_film
 from .programs import RunProgram as RunProgram
 from .programs import Stepper as Stepper
 from .programs import SweepProgram as SweepProgram
@@ -31,6 +32,7 @@ __all__ = [
     "SweepProgram",
     "check_bristles",
     "check_constraint",
+    "check_film",
     "check_friction",
     "check_law",
     "compiled_sensitivities",
