@@ -130,6 +130,8 @@ from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
 from .model.joints.base import Contact as Contact
 from .model.joints.base import Row as Row
+from .model.joints.carried_journal import CarriedJournal as CarriedJournal
+from .model.joints.carried_journal import carried_journal as carried_journal
 from .model.joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.drives import AbstractDriveTorque as AbstractDriveTorque

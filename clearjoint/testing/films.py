@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..math.vectors import UNIT_Z, Vector
 from ..model.film.laws import AbstractFilm, FilmGap
@@ -57,9 +58,15 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
     yield from _complaints_of_jumps(force, film)
 
 
+def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
+    """A function of a film and a state, compiled for rows of states."""
+    return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
+
+
 def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     states = _states()
-    forces, rates = jax.vmap(force, in_axes=(None, 0))(film, states), states[:, 2:]
+    forces_at, force_at = _at_all(force), eqx.filter_jit(force)
+    forces, rates = forces_at(film, states), states[:, 2:]
     if not jnp.isfinite(forces).all():
         yield "The force is not finite everywhere."
     power = (forces * rates).sum(axis=1)
@@ -69,10 +76,10 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     moves = (rates != 0.0).any(axis=1)
     if (size[~moves] != 0.0).any():
         yield "There is a force without motion."
-    one = jnp.stack([force(film, state) for state in states[::50]])
+    one = jnp.stack([force_at(film, state) for state in states[::50]])
     if not jnp.allclose(one, forces[::50]):
         yield "The force under vmap is not that of one lane."
-    turned = jax.vmap(force, in_axes=(None, 0))(film, _turned(states))
+    turned = forces_at(film, _turned(states))
     if (jnp.abs(turned - _turned(forces)) > 1e-9 * size[:, None]).any():
         yield "The force does not turn with offset and rate."
 
@@ -102,31 +109,28 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
-    states = _states()
-    slope = jax.jacfwd(force, argnums=1)
-    if not jnp.isfinite(jax.vmap(slope, in_axes=(None, 0))(film, states)).all():
+    states, smooth = _states(), _turned(jnp.asarray(SMOOTH), 0.3)
+    slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
+    if not jnp.isfinite(slopes_at(film, states)).all():
         yield "The derivative by offset or rate is not finite everywhere."
-    by_film = eqx.filter_vmap(eqx.filter_jacfwd(force), in_axes=(None, 0))(film, states)
+    by_film = _at_all(eqx.filter_jacfwd(force))(film, states)
     if not all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(by_film)):
         yield "The derivative by a number of the film is not finite everywhere."
-    for state in _turned(jnp.asarray(SMOOTH), 0.3):
-        exact, steps = slope(film, state), STEP * state
-        columns = [
-            (force(film, state + change) - force(film, state - change)) / (2.0 * step)
-            for change, step in zip(jnp.diag(steps), steps, strict=True)
-        ]
-        error = jnp.abs(jnp.stack(columns, axis=1) - exact)
+    for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
+        steps = STEP * state
+        ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
+        error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
         if (error > TOLERANCE * jnp.abs(exact).max(axis=0)).any():
             yield "The derivative by offset or rate is not that of the force."
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Of the force along the offset, while the rate's direction goes once around."""
-    ratios = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9])
+    ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:
         columns = ratios, jnp.zeros_like(angle), jnp.cos(angle), jnp.sin(angle)
-        return jax.vmap(force, in_axes=(None, 0))(film, jnp.stack(columns, axis=1))[:, 0]
+        return forces_at(film, jnp.stack(columns, axis=1))[:, 0]
 
     sizes, places = jumps(along, jnp.zeros_like(ratios), jnp.full_like(ratios, 2.0 * np.pi))
     k = int(jnp.argmax(jnp.abs(sizes)))

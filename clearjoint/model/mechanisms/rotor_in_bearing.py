@@ -1,5 +1,7 @@
 """A rotor in a bearing with play, dry or lubricated."""
 
+import numpy as np
+
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
@@ -23,7 +25,7 @@ def rotor_in_bearing(
     *,
     film: AbstractFilm | None = None,
     speed: Scalar = 200.0,
-    offset: tuple[Scalar, Scalar] = (0.0, -1.0),
+    offset: tuple[float, float] = (0.0, -1.0),
     mass: Scalar = 20.0,
     bearing_radius: Scalar = 25e-3,
     journal_length: Scalar = 25e-3,
@@ -37,7 +39,7 @@ def rotor_in_bearing(
     A disc of steel of 20 kg with a radius of 100 mm, 0.061 kg m^2 across and 0.1 kg m^2 about its
     axis, whatever `mass` is; the bearing is in its middle plane, and an ideal constraint holds it
     there. Lubricated with `CaponeFilm(0.02)`, say, it floats up to where the film carries it; there
-    it is stable at up to some 1160 rad/s, and whirls with half the speed beyond.
+    it is stable at up to some 1220 rad/s, and whirls with half the speed beyond.
 
     **Arguments:**
 
@@ -65,6 +67,6 @@ def rotor_in_bearing(
         else LubricatedJoint(bearing, film, TRANSITION * clearance),
         "motor": PrescribedRotation(GROUND, "rotor", Z_AXIS, speed),
     }
-    position = offset[0] * clearance, offset[1] * clearance, 0.0
-    state = State({"rotor": body_state(position, spin=(0.0, 0.0, speed))})
+    position, spin = np.array([*offset, 0.0]) * clearance, np.array([0.0, 0.0, 1.0]) * speed
+    state = State({"rotor": body_state(position, spin=spin)})
     return Scene({"rotor": Body(mass, (0.061, 0.061, 0.1))}, joints, gravity=gravity), state
