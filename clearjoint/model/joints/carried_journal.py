@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import optimistix
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from numpy.typing import ArrayLike
 
 from ...compilation import Compiled
@@ -33,7 +33,7 @@ class CarriedJournal(NamedTuple):
     stiffness: Float[jax.Array, "2 2"]
     damping: Float[jax.Array, "2 2"]
 
-    def growth(self, mass: Scalar) -> Float[jax.Array, "4"]:
+    def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
         """Eigenvalues of small motions of a mass in kg that the film carries, 1/s, complex: stable
         if no real part is positive."""
         speeds = jnp.eye(2) / mass
