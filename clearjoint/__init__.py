@@ -117,6 +117,10 @@ from .model.contact.stiffness import RavnStiffness as RavnStiffness
 from .model.contact.stribeck import BengisuAkay as BengisuAkay
 from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
 from .model.contact.stribeck import Stribeck as Stribeck
+from .model.film.butenschoen import ButenschoenFilm as ButenschoenFilm
+from .model.film.capone import CaponeFilm as CaponeFilm
+from .model.film.laws import AbstractFilm as AbstractFilm
+from .model.film.pinkus_sternlicht import PinkusSternlichtFilm as PinkusSternlichtFilm
 from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.axial import EndPlay as EndPlay
 from .model.joints.axial import FixedAxially as FixedAxially
@@ -129,6 +133,8 @@ from .model.joints.base import AbstractForce as AbstractForce
 from .model.joints.base import Contact as Contact
 from .model.joints.base import Row as Row
 from .model.joints.bushing import Bushing as Bushing
+from .model.joints.carried_journal import CarriedJournal as CarriedJournal
+from .model.joints.carried_journal import carried_journal as carried_journal
 from .model.joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.distance_joint import DistanceJoint as DistanceJoint
@@ -149,6 +155,7 @@ from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
+from .model.joints.lubricated import LubricatedJoint as LubricatedJoint
 from .model.joints.massless_link import MasslessLink as MasslessLink
 from .model.joints.motor import Motor as Motor
 from .model.joints.pin_in_slot import PinInSlot as PinInSlot
@@ -169,6 +176,7 @@ from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
 from .model.mechanisms.four_bar import four_bar as four_bar
 from .model.mechanisms.gear_pair import gear_pair as gear_pair
 from .model.mechanisms.robot_arm import robot_arm as robot_arm
+from .model.mechanisms.rotor_in_bearing import rotor_in_bearing as rotor_in_bearing
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
@@ -191,6 +199,7 @@ from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount
 from .simulation.batch.reductions import Peak as Peak
 from .simulation.batch.reductions import Statistics as Statistics
+from .simulation.batch.wear import ArchardWear as ArchardWear
 from .simulation.impact_table import Impacts as Impacts
 from .simulation.law_ranges import beyond_law_ranges as beyond_law_ranges
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth

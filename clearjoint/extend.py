@@ -61,6 +61,8 @@ from .model.contact.laws import contact_normal_force as contact_normal_force
 from .model.contact.limits import Limit as Limit
 from .model.contact.stiffness import AbstractElasticity as AbstractElasticity
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
+from .model.film.laws import AbstractFilm as AbstractFilm
+from .model.film.laws import FilmGap as FilmGap
 from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint

@@ -481,43 +481,70 @@ def test_broken_contact_joints_are_refused(kind, complaint):
 
     with pytest.raises(AssertionError, match=f"'floor': .*{complaint}"):
         check_contact_joint(Broken(), MOTIONS)
+
+
+@pytest.mark.parametrize(
     "force",
+    [
         cj.AppliedLoad("a", (1.0, -2.0, 3.0), (0.1, 0.2, -0.3), (0.3, 0.2, 0.1)),
         cj.SpringDamper("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3),
         cj.DriveTorque("a", "b", (1.0, 2.0, 3.0), torque=2.0),
         cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
         cj.Motor("a", "b", (1.0, 2.0, 3.0), SPLINE, 5.0, derivative=0.3),
         cj.Motor("a", "b", (1.0, 2.0, 3.0), 2.0, 5.0, derivative=0.3, torque_limit=1.0),
+    ],
+)
 def test_forces_conform(force):
     check_force(force, MOTIONS)
+
+
 class OneSided(cj.SpringDamper):
     def wrenches(self, motions, t):
         pushed = super().wrenches(motions, t)
         return pushed | {"a": pushed["b"]}
+
+
 class Unbooked(cj.SpringDamper):
     def supplied_power(self, motions, t):
         return 0.0
+
+
 class Straight(cj.AbstractForce):
     """A force along a velocity, whose direction has no derivative at rest."""
+
     size: Any = quantity("N")
+
     def body_names(self):
         return ("a",)
+
+    def wrenches(self, motions, t):
         motion = motions["a"]
         speed = jnp.sqrt(motion.velocity.dot(motion.velocity))
         backwards = motion.velocity * (-self.size / jnp.maximum(speed, 1e-9))
         return {"a": motion.wrench(backwards, cj.Vector(0.0, 0.0, 0.0))}
+
+
 class OfTheFirstLane(Straight):
+    def wrenches(self, motions, t):
         shape = jnp.shape(motions["a"].spin.x)
         factor = 1.0 if isinstance(motions["a"].spin.x, jax.core.Tracer) and not shape else 2.0
         force = cj.Vector(self.size * factor, 0.0, 0.0)
         return {"a": motions["a"].wrench(force, cj.Vector(0.0, 0.0, 0.0))}
+
+
 SPRING = ("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3)
+
+
+@pytest.mark.parametrize(
     ("force", "complaint"),
+    [
         (OneSided(*SPRING), "equal and opposite"),
         (Unbooked(*SPRING), "energy does not balance"),
         (Straight(2.0), "derivative of the force is not finite"),
         (Straight(jnp.nan), "force is not finite"),
         (OfTheFirstLane(2.0), "under vmap"),
+    ],
+)
 def test_broken_forces_are_refused(force, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_force(force, MOTIONS)

@@ -24,6 +24,9 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             book("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
                 book("friction", -force.friction.dot(force.contact.slip))
+    for joint in scene.contact_joints().values():
+        for name, wrench in joint.film_wrenches(dynamics.motions).items():
+            book("film", -dynamics.motions[name].power(wrench))
     for element in scene.forces.values():
         book("supplied", element.supplied_power(dynamics.motions, t))
     for name, family in dynamics.rows.items():

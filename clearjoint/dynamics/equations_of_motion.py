@@ -57,7 +57,7 @@ class Dynamics:
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Wrenches of forces and contacts; gravity is an acceleration, and the mechanics' own."""
+    """Wrenches of forces, films and contacts; gravity, an acceleration, is the mechanics' own."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(name: str, wrench: Wrench) -> None:
@@ -68,6 +68,9 @@ def applied_wrenches(
             if name != GROUND:
                 apply(name, wrench)
     for joint_name, joint in scene.contact_joints().items():
+        for name, wrench in joint.film_wrenches(motions).items():
+            if name != GROUND:
+                apply(name, wrench)
         for force in forces.get(joint_name, {}).values():
             pushes = contact_wrenches(
                 joint, force.contact, force.normal_force, force.friction, motions

@@ -9,7 +9,7 @@ so that using them anew compiles nothing anew, and they know their units.
 | velocimeter | `Velocity`, `PointVelocity` |
 | accelerometer, which feels gravity | `PointAcceleration(..., axes="body", gravity=True)` |
 | inclinometer, encoder | `Angle`, `JointAngle` |
-| load cell | `Reaction`, `ContactForce`, `FrictionForce` |
+| load cell | `Reaction`, `ContactForce`, `FrictionForce`, `FilmForce` |
 | proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
 | another | a function of an `Instant`, with its unit given |
 """
@@ -23,6 +23,7 @@ from .bodies import PointPosition as PointPosition
 from .bodies import PointVelocity as PointVelocity
 from .bodies import Position as Position
 from .bodies import Velocity as Velocity
+from .films import FilmForce as FilmForce
 from .joints import BristleDeflection as BristleDeflection
 from .joints import ContactForce as ContactForce
 from .joints import Eccentricity as Eccentricity

@@ -11,8 +11,7 @@ from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
 from ..model.joints.base import AbstractConstraint, Motions, Row
-from ..model.joints.clearance import ClearanceJoint
-from ..model.joints.journal_bases import BASES
+from ..model.joints.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .base import AbstractQuantity, Component, part, require_component, require_known
 from .instant import Instant
@@ -145,13 +144,13 @@ class AbstractJournalQuantity(AbstractJointQuantity):
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Names of the clearance joints."""
-        return [name for name, j in scene.joints.items() if isinstance(j, ClearanceJoint)]
+        return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
         """Vector from the bearing's centre to the journal's, or to that of a base, in the bearing's
         frame, m."""
         joint = now.scene.joints[self.joint]
-        assert isinstance(joint, ClearanceJoint)
+        assert isinstance(joint, HasJournal)
         return joint.journal_offset(now.motions, base)
 
 

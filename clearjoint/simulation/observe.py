@@ -21,8 +21,7 @@ from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
-from ..model.joints.clearance import ClearanceJoint
-from ..model.joints.journal_bases import BASES
+from ..model.joints.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .aliases import Integers, Numbers, Vectors
 from .nonsmooth.solution import NonsmoothSolution
@@ -97,7 +96,7 @@ class Observation(eqx.Module):
     - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
     - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" as far as the scene has
       them, their sum "mechanical", and of the ledger, if it was kept, the integrals "normal
-      damping", "friction", "stabilisation" (dissipated) and "supplied".
+      damping", "friction", "film", "stabilisation" (dissipated) and "supplied".
     """
 
     times: Numbers
@@ -112,9 +111,8 @@ class Observation(eqx.Module):
 
     def ledger_residual(self) -> Numbers:
         """What the energy ledger does not account for since the first instant, (N,) J."""
-        dissipated = sum(
-            self.energies.get(name, 0.0) for name in ("normal damping", "friction", "stabilisation")
-        )
+        losses = ("normal damping", "friction", "film", "stabilisation")
+        dissipated = sum(self.energies.get(name, 0.0) for name in losses)
         balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
         return balance - balance[0]
 
@@ -221,7 +219,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         for label, force in family.items():
             gap = force.contact.gap
             eccentricity = offset = None
-            if isinstance(joint, ClearanceJoint) and label in BASES:
+            if isinstance(joint, HasJournal) and label in BASES:
                 eccentricity = gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
             observations[name][label] = ContactObservation(
@@ -241,7 +239,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
 def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
     modes = {}
     for name, joint in scene.joints.items():
-        if isinstance(joint, ClearanceJoint):
+        if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
             touching = (v.gap.depth > 0.0, w.gap.depth > 0.0)
             both = jnp.where(

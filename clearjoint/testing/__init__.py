@@ -1,11 +1,11 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
-`check_law`, `check_friction`, `check_bristles`, `check_constraint`, `check_contact_joint` and
-`check_force` are for authors of new elements. The others are for who measures what a step costs,
-counts its operations, or wants to know that a change leaves programs as they were: what a run does
-at a step (`RunProgram`, `Stepper`), what a sweep compiles (`programs_of_sweeps`), the compiled run of
-`sensitivities`, contexts in which the code of a feature is missing (`without`) or the equations of
-motion are another's, and the runtime's settings.
+`check_law`, `check_friction`, `check_bristles`, `check_film`, `check_constraint`, `check_force` and
+`check_contact_joint` are for authors of new elements. The others are for who measures what a step
+costs, counts its operations, or wants to know that a change leaves programs as they were: what a
+run does at a step (`RunProgram`, `Stepper`), what a sweep compiles (`programs_of_sweeps`), the
+compiled run of `sensitivities`, contexts in which the code of a feature is missing (`without`) or
+the equations of motion are another's, and the runtime's settings.
 """
 
 from ..runtime import settings as runtime_settings
@@ -16,6 +16,7 @@ from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
 from .contact_geometry import check_contacts as check_contacts
 from .contact_joints import check_contact_joint as check_contact_joint
+from .films import check_film as check_film
 from .force_conformance import check_force as check_force
 from .moving_bodies import moving as moving
 from .programs import RunProgram as RunProgram
@@ -37,6 +38,7 @@ __all__ = [
     "check_contacts",
     "check_contact_joint",
     "check_force",
+    "check_film",
     "check_friction",
     "check_law",
     "compiled_sensitivities",

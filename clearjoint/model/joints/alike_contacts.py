@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
-from ..bodies import Motion
+from ..bodies import Motion, Wrench
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
@@ -57,6 +57,17 @@ class SeveralContactJoints(AbstractContactJoint):
             return joint.contacts(dict(zip(names, pair, strict=True)))
 
         return each(of, self.joint, motions[self.first], motions[self.second])
+
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """What the film of each joint does to its bodies."""
+        names = self.joint.pair()
+
+        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
+            return joint.film_wrenches(dict(zip(names, pair, strict=True)))
+
+        wrenches = each(of, self.joint, motions[self.first], motions[self.second])
+        together = dict(zip(names, self.pair(), strict=True))
+        return {together[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Friction of each joint on its second body, N, or ``None``."""

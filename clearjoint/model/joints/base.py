@@ -259,6 +259,12 @@ class AbstractContactJoint(AbstractElement):
         """Names of the first and the second body."""
         return self.pair()
 
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """What a film between the surfaces does to each body, by name, beside the contacts; all of
+        its power is dissipated. None by default."""
+        del motions
+        return {}
+
     def deepest(self) -> dict[str, Scalar]:
         """Penetrations in m beyond which contacts make no sense, by name, of those that know one; a
         run ends there. None by default."""

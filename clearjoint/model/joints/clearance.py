@@ -196,10 +196,7 @@ class ClearanceJoint(AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry at both bases, and at both shoulders if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        points = self.bearing_point, self.journal_point
-        axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
-        centre = self._offset(bearing, journal)
-        bases = JournalBases(bearing, journal, *points, axis, half, centre)
+        bases = self.journal_bases(motions)
         wall = BearingWall(
             self.bearing_point, self.bearing_axis, self.bearing_radius, self.clearance
         )
@@ -214,6 +211,14 @@ class ClearanceJoint(AbstractContactJoint):
                     self.axial, self.journal_length, side, bases.at(side * facing)
                 )
         return contacts
+
+    def journal_bases(self, motions: Motions) -> JournalBases:
+        """Where the ends of the journal are."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        points = self.bearing_point, self.journal_point
+        axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
+        centre = self._offset(bearing, journal)
+        return JournalBases(bearing, journal, *points, axis, half, centre)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """From the bearing's centre to the journal's, or to one of its bases, m.

@@ -1,15 +1,33 @@
 """The two bases of a journal: where they are in the bearing, and how they move there."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
+from ...fields.types import Single
 from ...math.functions import where
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion
+from .base import Motions
 
 BASES = ("V", "W")
 """A base is at each end of the journal: against the journal's axis, and along it."""
 SIDES = (-1.0, 1.0)
 """Signs of the two ends, of a journal or of a bearing: against its axis, and along it."""
+
+
+@runtime_checkable
+class HasJournal(Protocol):
+    """A joint with a journal whose bases touch a wall at the radial clearance, m."""
+
+    @property
+    def clearance(self) -> Single:
+        """Radial, m."""
+        ...
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """From the bearing's centre to the journal's, or to that of a base, m, in the bearing's
+        frame."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,13 @@ from ...compilation import traced_once
 from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest_after
-from ...math.vectors import Condition, Scalar
+from ...math.vectors import Condition, Scalar, add
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
 from ...quantities.instant import Instant
+
+LOSSES = ("normal damping", "friction", "film")
+"""Of the energy ledger, what joints take."""
 
 
 class AbstractReduction(AbstractConverting):
@@ -264,7 +267,7 @@ class ImpactCount(AbstractReduction):
 
 
 class DissipatedEnergy(AbstractReduction):
-    """Energy that normal damping and friction took; for `Settings(ledger=True)`."""
+    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`."""
 
     needs_ledger = True
 
@@ -279,9 +282,12 @@ class DissipatedEnergy(AbstractReduction):
         return tally
 
     def results(self, tally: tuple[()], now: Instant) -> dict[str, Scalar]:
-        """What normal damping and friction took since the start, J."""
+        """What normal damping, friction and films took since the start, J."""
         del tally
-        return {"": now.work.get("normal damping", 0.0) + now.work.get("friction", 0.0)}
+        lost: Scalar = 0.0
+        for name in LOSSES:
+            lost = add(lost, now.work.get(name, 0.0))
+        return {"": lost}
 
     def units(self) -> dict[str, str]:
         """The energy is in J."""

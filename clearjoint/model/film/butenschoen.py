@@ -1,0 +1,102 @@
+"""The film of a bearing of finite width."""
+
+import math
+
+import jax.numpy as jnp
+from numpy.polynomial.polynomial import polyval
+
+from ...fields.declarations import quantity
+from ...fields.types import Single
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector
+from ..contact.limits import Limit
+from .laws import AbstractFilm, FilmGap
+
+NARROWEST, WIDEST = 0.125, 1.0
+"""Widths over diameters between which the numbers below were fitted."""
+NEARLY_CENTRED = 1e-3
+"""Eccentricity ratio below which the line of centres loses its direction."""
+LOAD = (
+    (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
+    (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
+)
+"""a1 and a2 by the width over the diameter: for the load that rotation carries."""
+ATTITUDE = (
+    (1.152624, -0.104565),
+    (-2.5905, 0.798745),
+    (8.73393, -2.3291),
+    (-13.3414, 3.424337),
+    (6.6294, -1.591732),
+)
+"""a3 to a7: for the angle between the load and the line of centres."""
+SQUEEZE = (
+    (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
+    (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
+)
+"""a8 and a9: for the load that squeezing carries."""
+
+
+class ButenschoenFilm(AbstractFilm):
+    """A film of finite width: fits to solutions of Reynolds' equation, rotation beside squeeze.
+
+    With b = B/D of the film's width and the bearing's diameter, psi = 2c/D, the eccentricity ratio
+    eps at the angle delta, and Omega the sum of the spins less 2 delta', rotation carries
+    So_D B D mu |Omega|/psi^2 at the angle beta from the line of centres, squeezing
+    So_V B D mu eps'/psi^2 along it. So_D is within -3.3 and 6.8 % of tabulated values.
+
+    Rotation and squeeze are solved apart and added, which real films aren't; for both at once in a
+    short bearing take `CaponeFilm`. A centred journal has no line of centres: below an eccentricity
+    ratio of a thousandth its direction fades out.
+
+    **Arguments:** `viscosity` mu, Pa s. Warns of B/D beyond 1/8 to 1.
+
+    **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
+    Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
+    `hydrodynamic_plain_bearing`.
+    """
+
+    viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
+
+    def force(self, gap: FilmGap) -> Vector:
+        """The forces of rotation and of squeeze, N."""
+        width = gap.length / (2.0 * gap.bearing_radius)
+        ratio, _ = norm_and_direction(gap.offset)
+        centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
+        opening = gap.rate.dot(centres)
+        turning = gap.rate - centres * opening
+        slope, angle = 2.0 * load_slope(width, ratio), attitude(width, ratio)
+        tangential = slope * jnp.sin(angle)
+        radial = slope * jnp.cos(angle) * jnp.abs(gap.axis.dot(centres.cross(gap.rate)))
+        squeezing = squeeze_load(width, jnp.where(opening < 0.0, -ratio, ratio)) * opening
+        size = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
+        return (turning * tangential + centres * (radial + squeezing)) * -size
+
+    def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
+        """Those of the width over the diameter."""
+        width = length / (2.0 * bearing_radius)
+        name = type(self).__name__
+        return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
+
+
+def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
+    """So_D over the eccentricity ratio; So_D is that of steady rotation. `width`: B/D."""
+    numerator, shift = (polyval(width, fit) for fit in LOAD)
+    square = ratio * ratio
+    short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
+    return width * width * short * numerator * (ratio - 1.0) / (shift + ratio)
+
+
+def attitude(width: Scalar, ratio: Scalar) -> Scalar:
+    """beta, rad: from the line of centres to the load that rotation carries."""
+    short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
+    return short * polyval(ratio, [polyval(width, fit) for fit in ATTITUDE])
+
+
+def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
+    """So_V of squeezing, by the eccentricity ratio, negative where the film opens."""
+    numerator, shift = (polyval(width, fit) for fit in SQUEEZE)
+    square = ratio * ratio
+    arc = 0.5 * math.pi - 0.5 * jnp.arccos(ratio)
+    short = arc * (1.0 + 2.0 * square) + 1.5 * ratio * jnp.sqrt(1.0 - square)
+    short = 4.0 * width * width * short * (1.0 - square) ** -2.5
+    return short * numerator * (1.0 - ratio) / (-shift - ratio)

@@ -1,0 +1,72 @@
+"""A rotor in a bearing with play, dry or lubricated."""
+
+import numpy as np
+
+from ...fields.types import TripleLike
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from ..film.laws import AbstractFilm
+from ..joints.axial import FixedAxially
+from ..joints.clearance import ClearanceJoint
+from ..joints.drives import PrescribedRotation
+from ..joints.lubricated import LubricatedJoint
+from ..scene import Scene
+from .common import Z_AXIS, steel_law
+
+TRANSITION = 0.02
+"""Depth over the clearance at which the wall has taken over from the film."""
+
+
+def rotor_in_bearing(
+    clearance: Scalar = 50e-6,
+    *,
+    film: AbstractFilm | None = None,
+    speed: Scalar = 200.0,
+    offset: tuple[float, float] = (0.0, -1.0),
+    mass: Scalar = 20.0,
+    bearing_radius: Scalar = 25e-3,
+    journal_length: Scalar = 25e-3,
+    restitution: Scalar = 0.5,
+    law: AbstractContactLaw | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    gravity: TripleLike | None = (0.0, -9.81, 0.0),
+) -> tuple[Scene, State]:
+    """A rigid rotor in one bearing, driven at constant speed about Z; and its state at the wall.
+
+    A disc of steel of 20 kg with a radius of 100 mm, 0.061 kg m^2 across and 0.1 kg m^2 about its
+    axis, whatever `mass` is; the bearing is in its middle plane, and an ideal constraint holds it
+    there. Lubricated with `CaponeFilm(0.02)`, say, it floats up to where the film carries it; there
+    it is stable at up to some 1220 rad/s, and whirls with half the speed beyond.
+
+    **Arguments:**
+
+    - `clearance`: radial, m. `bearing_radius`, `journal_length`: m. `mass`: kg.
+    - `film`: what is in the gap; dry unless given.
+    - `speed`: rad/s.
+    - `offset`: where the journal starts in its bearing, along X and Y, over the clearance.
+    - `law` replaces Lankarani-Nikravesh with the given restitution; `friction` is that of the dry
+      wall.
+    - `gravity`: (3,) m/s^2.
+    """
+    bearing = ClearanceJoint(
+        GROUND,
+        "rotor",
+        bearing_radius=bearing_radius,
+        clearance=clearance,
+        journal_length=journal_length,
+        law=steel_law(restitution) if law is None else law,
+        friction=friction,
+        axial=FixedAxially(),
+    )
+    joints = {
+        "bearing": bearing
+        if film is None
+        else LubricatedJoint(bearing, film, TRANSITION * clearance),
+        "motor": PrescribedRotation(GROUND, "rotor", Z_AXIS, speed),
+    }
+    position, spin = np.array([*offset, 0.0]) * clearance, np.array([0.0, 0.0, 1.0]) * speed
+    state = State({"rotor": body_state(position, spin=spin)})
+    return Scene({"rotor": Body(mass, (0.061, 0.061, 0.1))}, joints, gravity=gravity), state

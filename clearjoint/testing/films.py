@@ -1,0 +1,142 @@
+"""The conformance check for films of one's own."""
+
+from collections.abc import Callable, Iterator
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..math.vectors import UNIT_Z, Vector
+from ..model.film.laws import AbstractFilm, FilmGap
+from .continuity import jumps
+
+RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
+SPEEDS = (0.0, 1e-6, 1.0, 300.0)
+ANGLES = tuple(np.arange(12) * np.pi / 6.0)
+"""Of the rate against the offset, rad."""
+SMOOTH = ((0.4, 0.0, 3.0, -7.0), (0.7, 0.0, -2.0, 5.0))
+"""Offsets and rates without anything special."""
+STEP = 1e-6
+"""Of a difference, as a part of the number."""
+TOLERANCE = 1e-5
+"""Of a derivative, as a part of the largest of its row."""
+Force = Callable[[AbstractFilm, jax.Array], jax.Array]
+"""(2,) N of a film, by offset and rate, (4,): the components of each along x and y."""
+
+
+def check_film(
+    film: AbstractFilm,
+    bearing_radius: float = 25e-3,
+    clearance: float = 50e-6,
+    length: float = 25e-3,
+) -> None:
+    """Check a film: that it takes power and gives none, has no force without motion, that force and
+    derivatives are finite without offset and without motion, by its numbers too, that they are
+    those of differences elsewhere, that the force turns with the journal and does not jump, and
+    that vmap gives what one lane does.
+
+    **Arguments:** `bearing_radius`, radial `clearance` and `length`, m.
+    """
+    for complaint in complaints_of_film(film, bearing_radius, clearance, length):
+        raise AssertionError(complaint)
+
+
+def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
+    """What is wrong with a film in a bearing of such a radius, clearance and length, m."""
+
+    def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
+        offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
+        on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
+        return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
+
+    film = jax.tree.map(jnp.asarray, film)
+    yield from _complaints_of_force(force, film)
+    yield from _complaints_of_drag(film, *sizes)
+    yield from _complaints_of_slopes(force, film)
+    yield from _complaints_of_jumps(force, film)
+
+
+def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
+    """A function of a film and a state, compiled for rows of states."""
+    return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
+
+
+def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
+    states = _states()
+    forces_at, force_at = _at_all(force), eqx.filter_jit(force)
+    forces, rates = forces_at(film, states), states[:, 2:]
+    if not jnp.isfinite(forces).all():
+        yield "The force is not finite everywhere."
+    power = (forces * rates).sum(axis=1)
+    size = jnp.linalg.norm(forces, axis=1)
+    if (power > 1e-9 * size * jnp.linalg.norm(rates, axis=1)).any():
+        yield "The film gives power: force . rate > 0."
+    moves = (rates != 0.0).any(axis=1)
+    if (size[~moves] != 0.0).any():
+        yield "There is a force without motion."
+    one = jnp.stack([force_at(film, state) for state in states[::50]])
+    if not jnp.allclose(one, forces[::50]):
+        yield "The force under vmap is not that of one lane."
+    turned = forces_at(film, _turned(states))
+    if (jnp.abs(turned - _turned(forces)) > 1e-9 * size[:, None]).any():
+        yield "The force does not turn with offset and rate."
+
+
+def _states() -> jax.Array:
+    """Offsets and rates, (N, 4), of all ratios, speeds and angles between them."""
+    ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
+    columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
+    return _turned(jnp.asarray(np.stack(columns, axis=1)), 0.3)
+
+
+def _turned(rows: jax.Array, angle: float = 1.1) -> jax.Array:
+    """Pairs of components, (N, 2) or (N, 4), turned about the axis by an angle in rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    pairs = rows.reshape(len(rows), -1, 2)
+    return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
+
+
+def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
+    spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
+    gap = FilmGap(UNIT_Z, Vector(ratios, 0.0, 0.0), Vector(1.0, 2.0, 0.0), spins, *sizes)
+    drag = jnp.asarray(film.drag(gap))
+    if not jnp.isfinite(drag).all():
+        yield "The drag is not finite everywhere."
+    if (drag * spins > 0.0).any():
+        yield "The drag drives the spin."
+
+
+def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
+    states, smooth = _states(), _turned(jnp.asarray(SMOOTH), 0.3)
+    slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
+    if not jnp.isfinite(slopes_at(film, states)).all():
+        yield "The derivative by offset or rate is not finite everywhere."
+    by_film = _at_all(eqx.filter_jacfwd(force))(film, states)
+    if not all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(by_film)):
+        yield "The derivative by a number of the film is not finite everywhere."
+    for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
+        steps = STEP * state
+        ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
+        error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
+        if (error > TOLERANCE * jnp.abs(exact).max(axis=0)).any():
+            yield "The derivative by offset or rate is not that of the force."
+
+
+def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
+    """Of the force along the offset, while the rate's direction goes once around."""
+    ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
+
+    def along(angle: jax.Array) -> jax.Array:
+        columns = ratios, jnp.zeros_like(angle), jnp.cos(angle), jnp.sin(angle)
+        return forces_at(film, jnp.stack(columns, axis=1))[:, 0]
+
+    sizes, places = jumps(along, jnp.zeros_like(ratios), jnp.full_like(ratios, 2.0 * np.pi))
+    k = int(jnp.argmax(jnp.abs(sizes)))
+    if sizes[k] != 0.0:
+        yield (
+            f"The force jumps by {sizes[k]:.3g} N with the direction of the rate, at "
+            f"{places[k]:.3g} rad from the offset and an eccentricity ratio of {ratios[k]:.3g}: "
+            "smooth it."
+        )

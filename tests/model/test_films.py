@@ -1,0 +1,177 @@
+"""Film laws against Reynolds' equation, published tables and closed forms."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.extend import FilmGap, Vector
+from clearjoint.testing import check_film
+from clearjoint.testing.films import complaints_of_film
+from tests.support.reynolds import finite_bearing_force, short_bearing_force
+
+RADIUS, CLEARANCE, LENGTH, VISCOSITY = 25e-3, 50e-6, 20e-3, 0.03
+SHORT = VISCOSITY * RADIUS * LENGTH**3 / CLEARANCE**2
+LONG = VISCOSITY * LENGTH * RADIUS**3 / CLEARANCE**2
+Z = Vector(0.0, 0.0, 1.0)
+SOMMERFELD_NUMBERS = {1.0: (0.8903, 8.4352), 0.5: (0.3124, 5.0881), 0.25: (0.0888, 2.1595)}
+"""By B/D, at eccentricity ratios of 0.5 and 0.9 (H.-J. Butenschoen 1976, DIN 31652)."""
+
+
+def gap(offset, rate, length=LENGTH, spin=0.0):
+    x, u = Vector(*offset, 0.0), Vector(*rate, 0.0)
+    return FilmGap(Z, x, u, spin, RADIUS, CLEARANCE, length)
+
+
+def forces(film, offsets, rates, length=LENGTH):
+    """(N, 2) N of offsets and rates (N, 2)."""
+
+    def of(offset, rate):
+        force = film.force(gap(offset, rate, length))
+        return jnp.stack([force.x, force.y])
+
+    return np.asarray(jax.vmap(of)(jnp.asarray(offsets), jnp.asarray(rates)))
+
+
+def steady(ratio, speed=2.0):
+    """An offset along x, and its rate under spins of a sum."""
+    return np.array([ratio, 0.0]), np.array([0.0, -0.5 * speed * ratio])
+
+
+def test_short_bearing_is_reynolds_equation():
+    draws = np.random.default_rng(3)
+    angles = draws.uniform(0.0, 2 * np.pi, 60)
+    offsets = draws.uniform(0.0, 0.95, 60) * np.stack([np.cos(angles), np.sin(angles)])
+    rates = draws.normal(size=(60, 2)) * 10.0 ** draws.uniform(-3, 3, (60, 1))
+    expected = [short_bearing_force(*pair) for pair in zip(offsets.T, rates, strict=True)]
+    errors = forces(cj.CaponeFilm(VISCOSITY), offsets.T, rates) / SHORT - expected
+    sizes = np.linalg.norm(expected, axis=1)
+    assert (np.linalg.norm(errors, axis=1) < 1e-10 * sizes).all()
+
+
+def test_short_bearing_in_steady_rotation():
+    """Radial 16/9 and tangential 2.41840 in mu omega R L^3/(4 c^2) at an eccentricity of 1/2."""
+    offset, rate = steady(0.5, speed=1.0)
+    force = forces(cj.CaponeFilm(VISCOSITY), [offset], [rate])[0] / (SHORT / 4.0)
+    np.testing.assert_allclose(force, [-16 / 9, math.pi * 0.5 / 0.75**1.5], rtol=1e-14)
+    assert force[1] == pytest.approx(2.41840, abs=5e-6)
+
+
+def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
+    """In axes that don't turn, by the sum of the spins: physics as printed, with its own signs."""
+    x, y, dx, dy, spin = 0.3, -0.5, 20.0, -35.0, 90.0
+    a, b = spin * x - 2 * dy, spin * y + 2 * dx
+    r, rho = math.hypot(a, b), 1 - x * x - y * y
+    c, s = -a / r, -b / r
+    d, q = y * c - x * s, x * c + y * s
+    g = 2 / math.sqrt(rho) * (math.pi / 2 + math.atan(d / math.sqrt(rho)))
+    v, q = (2 + d * g) / rho, q / (1 - q * q)
+    components = 3 * x * v - s * g - 2 * c * q, 3 * y * v + c * g - 2 * s * q
+    expected = -SHORT / 4 * r / rho * np.array(components)
+    rate = [dx + 0.5 * spin * y, dy - 0.5 * spin * x]
+    force = forces(cj.CaponeFilm(VISCOSITY), [[x, y]], [rate])[0]
+    np.testing.assert_allclose(force, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("width", SOMMERFELD_NUMBERS)
+def test_finite_width_against_the_table(width):
+    film, length = cj.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
+    states = [steady(ratio) for ratio in (0.5, 0.9)]
+    loads = np.linalg.norm(forces(film, *zip(*states, strict=True), length), axis=1)
+    unit = 2.0 * RADIUS * length * VISCOSITY * 2.0 * (RADIUS / CLEARANCE) ** 2
+    errors = loads / unit / SOMMERFELD_NUMBERS[width] - 1.0
+    assert (errors > -0.033).all() and (errors < 0.068).all()
+
+
+@pytest.mark.parametrize("width", [0.5, 1.0])
+def test_finite_width_against_reynolds_equation(width):
+    """The load and its angle in rotation, and squeeze to either side."""
+    film, length = cj.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
+    unit = 2.0 * RADIUS * length * VISCOSITY * (RADIUS / CLEARANCE) ** 2
+    offsets = np.array([[0.5, 0.0]] * 3 + [[0.8, 0.0]] * 3)
+    rates = np.array([[0.0, -0.25], [1.0, 0.0], [-1.0, 0.0], [0.0, -0.4], [1.0, 0.0], [-1.0, 0.0]])
+    ours = forces(film, offsets, rates, length) / unit
+    solved = [finite_bearing_force(width, *pair) for pair in zip(offsets, rates, strict=True)]
+    sizes, expected = np.linalg.norm(ours, axis=1), np.linalg.norm(solved, axis=1)
+    np.testing.assert_allclose(sizes, expected, rtol=0.08)
+    angles = np.arctan2(*ours.T) - np.arctan2(*np.transpose(solved))
+    np.testing.assert_allclose(angles, 0.0, atol=np.radians(3.0))
+
+
+def test_solved_equation_is_the_table():
+    for width, ratio, expected in ((1.0, 0.5, 0.8903), (0.5, 0.5, 0.3124)):
+        load = np.linalg.norm(finite_bearing_force(width, *steady(ratio)))
+        assert load / 2.0 == pytest.approx(expected, rel=0.01)
+
+
+def printed(ratio, opening, turning):
+    """Radial and tangential force as printed, the leading sign of the opening film mended."""
+    k = math.sqrt((1 - ratio**2) * ((turning / (2 * opening)) ** 2 + 1 / ratio**2))
+    sign, part = (1, (k + 3) / (k + 1.5)) if opening > 0 else (-1, k / (k + 1.5))
+    common = part / ((2 + ratio**2) * (1 - ratio**2) ** 0.5)
+    bracket = 4 * k * ratio**2 + sign * (2 + ratio**2) * math.pi
+    radial = -sign * 6 * opening * bracket / (1 - ratio**2) * common
+    return radial, 6 * math.pi * ratio * turning * common
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.4, 0.9])
+@pytest.mark.parametrize("opening", [3.0, -3.0, 1e-3])
+@pytest.mark.parametrize("turning", [-40.0, 0.2, 15.0])
+def test_endless_bearing_as_printed(ratio, opening, turning):
+    rate = opening, -0.5 * ratio * turning
+    force = forces(cj.PinkusSternlichtFilm(VISCOSITY), [[ratio, 0.0]], [rate])[0] / LONG
+    np.testing.assert_allclose(force, printed(ratio, opening, turning), rtol=1e-12)
+
+
+def test_endless_bearing_in_steady_rotation_is_sommerfelds_half_film():
+    offset, rate = steady(0.6, speed=1.0)
+    force = forces(cj.PinkusSternlichtFilm(VISCOSITY), [offset], [rate])[0] / LONG
+    rho = 1 - 0.36
+    expected = -12 * 0.36 / (2.36 * rho), 6 * math.pi * 0.6 / (2.36 * math.sqrt(rho))
+    np.testing.assert_allclose(force, expected, rtol=1e-14)
+
+
+def test_drag_is_petroffs_and_grows_with_the_eccentricity():
+    film = cj.CaponeFilm(VISCOSITY)
+    petroff = 2 * math.pi * VISCOSITY * RADIUS**3 * LENGTH / CLEARANCE * 50.0
+    assert film.drag(gap((0.0, 0.0), (0.0, 0.0), spin=50.0)) == pytest.approx(-petroff)
+    assert film.drag(gap((0.0, 0.6), (0.0, 0.0), spin=-50.0)) == pytest.approx(petroff / 0.8)
+
+
+@pytest.mark.parametrize("film", [cj.CaponeFilm, cj.PinkusSternlichtFilm])
+def test_films_conform(film):
+    check_film(film(VISCOSITY))
+
+
+def test_finite_width_conforms_but_for_its_power():
+    """Rotation and squeeze solved apart: next to the wall, an opening film may give power."""
+    complaints = list(complaints_of_film(cj.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))
+    assert complaints == ["The film gives power: force . rate > 0."]
+
+
+class Pulling(cj.AbstractFilm):
+    """A film whose force is along the motion, with a direction where there is none."""
+
+    viscosity: float
+
+    def force(self, gap):
+        return gap.rate * (1.0 / jnp.sqrt(gap.rate.dot(gap.rate)))
+
+    def drag(self, gap):
+        return gap.spin
+
+
+def test_a_broken_film_is_refused():
+    complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
+    for words in ("force is not finite", "gives power", "drives the spin", "derivative by offset"):
+        assert words in complaints
+    with pytest.raises(AssertionError, match="not finite"):
+        check_film(Pulling(1.0))
+
+
+def test_negative_viscosity_is_refused():
+    with pytest.raises(ValueError, match=r"`viscosity` must be positive, but is -0\.1"):
+        cj.CaponeFilm(-0.1)

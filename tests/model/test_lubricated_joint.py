@@ -1,0 +1,211 @@
+"""The film in a clearance joint: what it does to two bodies, the wall that takes over, and the
+published stiffness, damping and threshold of the short bearing."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.extend import FilmGap, Gap, Vector, unpack
+from clearjoint.testing import check_law, moving
+
+CLEARANCE = 50e-6
+FILM = cj.CaponeFilm(0.02)
+DRY = cj.ClearanceJoint(
+    "frame",
+    "rotor",
+    bearing_point=(0.1, 0.0, 0.0),
+    journal_point=(0.0, 0.2, 0.0),
+    bearing_radius=25e-3,
+    clearance=CLEARANCE,
+    journal_length=20e-3,
+    law=cj.LankaraniNikravesh(0.7, 1e10),
+)
+JOINT = cj.LubricatedJoint(DRY, FILM, transition=1e-6)
+
+
+def motions(offset=(0.3, -0.4), tilt=1e-4, rotor_spin=(3.0, -2.0, 80.0), frame_spin=30.0):
+    """A frame and a rotor that move at random, the journal with an offset over the clearance."""
+    frame = moving((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.2, 0.1, 0.0), (0.0, 0.0, frame_spin))
+    x, y = (CLEARANCE * part for part in offset)
+    orientation = (1.0, tilt, -0.5 * tilt, 0.0)
+    rotor = moving((0.1 + x, y - 0.2, 0.0), orientation, (0.0, 0.0, 0.0), rotor_spin)
+    gap = rotor.velocity_at(Vector(0.0, 0.2, 0.0)) - frame.velocity_at(Vector(0.1, 0.0, 0.0))
+    velocity = Vector(2e-3, -3e-3, 1e-3) - gap
+    rotor = type(rotor)(rotor.position, rotor.rotation, velocity, rotor.spin)
+    return {"frame": frame, "rotor": rotor}
+
+
+def row(vector):
+    return np.array([float(part) for part in vector])
+
+
+def test_the_film_keeps_momentum_and_takes_power():
+    here = motions()
+    wrenches = unpack(JOINT).film_wrenches(here)
+    force, moment, power = np.zeros(3), np.zeros(3), 0.0
+    for name, wrench in wrenches.items():
+        motion, of_force = here[name], row(wrench.force)
+        force += of_force
+        moment += np.cross(row(motion.position), of_force) + row(motion.direction(wrench.moment))
+        power += float(motion.power(wrench))
+    size = np.linalg.norm(row(wrenches["rotor"].force))
+    np.testing.assert_allclose(force, 0.0, atol=1e-14 * size)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-13 * size)
+    assert power < 0.0
+
+
+def test_parallel_axes_have_the_whole_film_and_the_sum_of_the_spins():
+    """A turning bearing drags as much as a turning journal: seen from axes that don't turn."""
+    offset, spins = np.array([0.3, -0.4]), (80.0, 30.0)
+    here = motions(offset, tilt=0.0, rotor_spin=(0.0, 0.0, spins[0]), frame_spin=spins[1])
+    force = row(unpack(JOINT).film_wrenches(here)["rotor"].force)
+    velocity = np.array([2e-3, -3e-3]) / CLEARANCE
+    rate = velocity - 0.5 * sum(spins) * np.array([-offset[1], offset[0]])
+    x, u, axis = Vector(*offset, 0.0), Vector(*rate, 0.0), Vector(0.0, 0.0, 1.0)
+    expected = FILM.force(FilmGap(axis, x, u, 50.0, 25e-3, CLEARANCE, 20e-3))
+    np.testing.assert_allclose(force, row(expected), rtol=1e-7, atol=1e-9)
+
+
+def size_of_film(ratio):
+    force = unpack(JOINT).film_wrenches(motions((ratio, 0.0), tilt=0.0))["rotor"].force
+    return np.linalg.norm(row(force))
+
+
+def test_the_wall_takes_over_smoothly():
+    assert size_of_film(1.0) > 0.0
+    assert size_of_film(1.0 + 0.5e-6 / CLEARANCE) == pytest.approx(0.5 * size_of_film(1.0), rel=0.1)
+    assert size_of_film(1.0 + 1.01e-6 / CLEARANCE) == 0.0
+    between = cj.LubricatedJoint(DRY, FILM, transition=2.3e-6).laws()["V"]
+    check_law(between, bearing_radius=25e-3, clearance=CLEARANCE)
+    deep = Gap(3e-6, 0.0)
+    assert between.force(deep, 0.1) == DRY.law.force(deep, 0.1)
+
+
+def test_derivatives_are_finite_centred_and_at_the_wall():
+    joint = unpack(JOINT)
+
+    def force(x, y):
+        rotor = motions((0.0, 0.0), tilt=0.0, rotor_spin=(0.0, 0.0, 0.0), frame_spin=0.0)["rotor"]
+        position = rotor.position + Vector(x, y, 0.0)
+        rotor = type(rotor)(position, rotor.rotation, Vector(0.0, 0.0, 0.0), rotor.spin)
+        frame = moving((0.0,) * 3, (1.0, 0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3)
+        return joint.film_wrenches({"frame": frame, "rotor": rotor})["rotor"].force.x
+
+    slopes = jax.jit(jax.vmap(jax.grad(force, argnums=(0, 1))))
+    places = jnp.asarray([0.0, 1e-12, CLEARANCE, CLEARANCE + 0.5e-6, CLEARANCE + 1e-6])
+    assert np.isfinite(np.stack(slopes(places, 0.0 * places))).all()
+
+
+def scale(speed, length=20e-3):
+    return 0.02 * speed * 25e-3 * length**3 / (4.0 * CLEARANCE**2)
+
+
+def load_at(ratio, speed):
+    """N, closed form of the short bearing."""
+    square = ratio * ratio
+    root = math.sqrt(math.pi**2 * (1 - square) + 16 * square)
+    return scale(speed) * ratio / (1 - square) ** 2 * root
+
+
+def published(ratio):
+    """Stiffness in loads over clearances and damping in loads over clearances and speed: along the
+    load and then across, in the sense of the rotation (M. I. Friswell et al. 2010, section 5.5)."""
+    e2, pi2 = ratio * ratio, math.pi**2
+    h = 1.0 / (pi2 * (1 - e2) + 16 * e2) ** 1.5
+    root = math.sqrt(1 - e2)
+    stiffness = h * np.array(
+        [
+            [
+                4 * (pi2 * (1 + 2 * e2) + 32 * e2 * (1 + e2) / (1 - e2)),
+                math.pi * (pi2 * (1 - e2) * (1 + 2 * e2) + 32 * e2 * (1 + e2)) / (ratio * root),
+            ],
+            [
+                -math.pi * (pi2 * (1 - e2) ** 2 - 16 * e2**2) / (ratio * root),
+                4 * (pi2 * (2 - e2) + 16 * e2),
+            ],
+        ]
+    )
+    crossed = 8 * (pi2 * (1 + 2 * e2) - 16 * e2)
+    damping = h * np.array(
+        [
+            [2 * math.pi * (pi2 * (1 - e2) ** 2 + 48 * e2) / (ratio * root), crossed],
+            [crossed, 2 * math.pi * root * (pi2 * (1 + 2 * e2) - 16 * e2) / ratio],
+        ]
+    )
+    return stiffness, damping
+
+
+def carried(ratio, speed=200.0):
+    """Carried along x, so that the load has the published frame."""
+    return cj.carried_journal(JOINT, (load_at(ratio, speed), 0.0), speed)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.85])
+def test_equilibrium_stiffness_and_damping_are_published(ratio):
+    speed, load, found = 200.0, load_at(ratio, 200.0), carried(ratio)
+    stiffness, damping = published(ratio)
+    attitude = math.atan2(math.pi * math.sqrt(1 - ratio**2), 4 * ratio)
+    expected = ratio * np.array([math.cos(attitude), math.sin(attitude)])
+    np.testing.assert_allclose(found.offset / CLEARANCE, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.stiffness * CLEARANCE / load, stiffness, rtol=1e-8)
+    np.testing.assert_allclose(found.damping * CLEARANCE * speed / load, damping, rtol=1e-8)
+
+
+def critical_mass(ratio, speed):
+    """By Routh and Hurwitz from the published coefficients, kg; and the whirl's speed over that of
+    the rotor, squared."""
+    (a, b), (c, d) = published(ratio)[0]
+    (e, f), (g, h) = published(ratio)[1]
+    mean = (a * h + d * e - b * g - c * f) / (e + h)
+    whirl = ((a - mean) * (d - mean) - b * c) / (e * h - f * g)
+    return mean / whirl * load_at(ratio, speed) / (CLEARANCE * speed**2), whirl
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.3, 0.6])
+def test_threshold_of_stability_is_that_of_the_published_coefficients(ratio):
+    mass, whirl = critical_mass(ratio, 200.0)
+    film = carried(ratio)
+    below, above = (film.growth(part * mass).real.max() for part in (1 - 1e-6, 1 + 1e-6))
+    assert below < 0.0 < above
+    fastest = film.growth(mass)[np.argmax(film.growth(mass).real)]
+    assert abs(fastest.imag) / 200.0 == pytest.approx(math.sqrt(whirl), rel=1e-6)
+
+
+def test_no_mass_whirls_beyond_an_eccentricity_of_three_quarters():
+    """Published: a rigid rotor in short bearings is stable at all speeds from 0.756 on."""
+    assert carried(0.75).growth(1e6).real.max() > 0.0 > carried(0.76).growth(1e6).real.max()
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(ValueError, match="`film` must be one of AbstractFilm"):
+        cj.LubricatedJoint(DRY, 0.02, 1e-6)
+    with pytest.raises(ValueError, match="`dry` must be one of ClearanceJoint"):
+        cj.LubricatedJoint(JOINT, FILM, 1e-6)
+    with pytest.raises(ValueError, match="`largest_ratio` must be"):
+        cj.LubricatedJoint(DRY, FILM, 1e-6, largest_ratio=1.0)
+    with pytest.raises(ValueError, match="`load` must be"):
+        cj.carried_journal(JOINT, (1.0, 2.0, 3.0), 200.0)
+    with pytest.raises(ValueError, match="`speed` must be positive"):
+        cj.carried_journal(JOINT, (1.0, 2.0), -200.0)
+
+
+def test_a_bearing_beyond_the_films_range_is_warned_of():
+    wide = cj.ClearanceJoint(
+        "ground", "rotor", bearing_radius=0.01, clearance=1e-5, journal_length=0.03, law=DRY.law
+    )
+    with pytest.warns(cj.LawRangeWarning, match="`ButenschoenFilm` holds for a width over diam"):
+        cj.LubricatedJoint(wide, cj.ButenschoenFilm(0.02), 1e-6)
+
+
+def test_a_scene_tells_where_its_journal_and_film_are():
+    scene, state = cj.rotor_in_bearing(film=FILM, offset=(0.4, 0.0))
+    assert isinstance(scene.joints["bearing"], cj.LubricatedJoint)
+    cj.quantities.FilmForce("bearing").check(scene)
+    cj.quantities.Eccentricity("bearing").check(scene)
+    with pytest.raises(ValueError, match="`joint` must be one of the scene's"):
+        cj.quantities.FilmForce("bearing").check(cj.rotor_in_bearing()[0])
+    assert state.bodies["rotor"].position[0] == pytest.approx(0.4 * CLEARANCE)

@@ -1,0 +1,84 @@
+"""Wear of a bearing's wall: by hand on a journal that is held, and in sweeps."""
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.extend import Instant, System, unpack
+
+SPEED, MASS, CLEARANCE, RADIUS = 200.0, 20.0, 50e-6, 25e-3
+COEFFICIENT, HARDNESS = 1e-5, 2e9
+STIFFNESS = 1e10
+WEAR = cj.ArchardWear("bearing", COEFFICIENT, HARDNESS, sectors=6)
+DEPTH = (0.5 * MASS * 9.81 / STIFFNESS) ** (2 / 3)
+"""m, at which the wall carries the rotor."""
+RATE = COEFFICIENT * MASS * 9.81 * SPEED * (RADIUS - CLEARANCE) / HARDNESS
+"""m^3/s: the whole weight slides at the journal's surface."""
+
+
+def resting(angle=-np.pi / 2):
+    """A rotor that turns where the wall carries it, at an angle about the bearing's axis."""
+    place = (1.0 + DEPTH / CLEARANCE) * np.array([np.cos(angle), np.sin(angle)])
+    pull = 9.81 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    return cj.rotor_in_bearing(
+        CLEARANCE, speed=SPEED, offset=tuple(place), law=cj.Hertz(STIFFNESS), gravity=pull
+    )
+
+
+def instant(time, angle):
+    scene, state = resting(angle)
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    variables = system.encode(unpack(state.bodies))
+    return Instant(system, time, variables, {}, {}, inside=lambda _: instant(time, angle))
+
+
+@pytest.mark.parametrize(("angle", "sector"), [(-1.0, 6), (0.1, 1), (1.2, 2), (-np.pi / 2, 5)])
+def test_a_held_journal_wears_its_sector(angle, sector):
+    tally = WEAR.update(WEAR.start(instant(1.0, angle)), instant(4.0, angle))
+    volumes = {name: float(worn) for name, worn in WEAR.results(tally, instant(4.0, angle)).items()}
+    assert volumes[""] == pytest.approx(3.0 * RATE, rel=1e-6)
+    for base in "VW":
+        assert volumes[base] == pytest.approx(1.5 * RATE, rel=1e-6)
+        assert volumes[f"{base} {sector}"] == volumes[base]
+    assert volumes.keys() == WEAR.units().keys()
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(ValueError, match="`hardness` must be positive"):
+        cj.ArchardWear("bearing", 1e-5, 0.0)
+    with pytest.raises(ValueError, match="`sectors` must be a whole number"):
+        cj.ArchardWear("bearing", 1e-5, 2e9, sectors=0)
+    with pytest.raises(ValueError, match="`joint` must be one of the scene's"):
+        cj.ArchardWear("motor", 1e-5, 2e9).check(resting()[0])
+
+
+@pytest.mark.slow
+def test_steady_sliding_and_bounces_in_a_sweep():
+    """V = k F s/H of a journal at rest on the wall; sectors add up also where it bounces."""
+    end, speeds = 0.02, np.array([100.0, 200.0])
+    axis = cj.Axis(lambda scene: scene.joints["motor"].speed, speeds)
+    spin = cj.Axis.initial(lambda state: state.bodies["rotor"].spin[2], speeds)
+    for angle, exact in ((-np.pi / 2, True), (0.3, False)):
+        scene, state = resting()
+        if not exact:
+            state = resting(angle)[1]
+        result = cj.sweep(
+            scene,
+            state,
+            end,
+            {"speed": axis, "spin": spin},
+            {"wear": WEAR},
+            zipped=True,
+            progress=False,
+        )
+        total = result["wear"].values
+        sectors = [result[f"wear_{base} {k}"].values for base in "VW" for k in range(1, 7)]
+        np.testing.assert_allclose(sum(sectors), total, rtol=1e-13)
+        assert (total > 0.0).all()
+        if exact:
+            np.testing.assert_allclose(total, RATE * end * speeds / SPEED, rtol=1e-5)
+            np.testing.assert_allclose(result["wear_V 5"].values, 0.5 * total, rtol=1e-6)
+        else:
+            assert sum((worn > 0.0).all() for worn in sectors) > 2
