@@ -151,9 +151,12 @@ from .model.mechanisms.bricard import bricard as bricard
 from .model.mechanisms.common import STEEL as STEEL
 from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
+from .model.mechanisms.guided_slider_crank import guided_slider_crank as guided_slider_crank
+from .model.mechanisms.quick_return import quick_return as quick_return
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
+from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
 from .parametrisation.places import parameters as parameters
