@@ -175,11 +175,14 @@ from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
 from .model.mechanisms.four_bar import four_bar as four_bar
 from .model.mechanisms.gear_pair import gear_pair as gear_pair
+from .model.mechanisms.guided_slider_crank import guided_slider_crank as guided_slider_crank
+from .model.mechanisms.quick_return import quick_return as quick_return
 from .model.mechanisms.robot_arm import robot_arm as robot_arm
 from .model.mechanisms.rotor_in_bearing import rotor_in_bearing as rotor_in_bearing
 from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
+from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
 from .parametrisation.places import parameters as parameters

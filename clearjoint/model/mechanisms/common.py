@@ -7,7 +7,8 @@ from ..contact.damping_factors import LankaraniNikravesh
 from ..contact.stiffness import RavnStiffness
 from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 
-ORIGIN, X_AXIS, Z_AXIS = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+ORIGIN = (0.0, 0.0, 0.0)
+X_AXIS, Y_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
 """Ravn's stiffness for the paper's steel (Table 2)."""
 Joints = dict[str, AbstractConstraint | AbstractContactJoint]

@@ -1,0 +1,121 @@
+"""The slider-crank with play in its guide."""
+
+import numpy as np
+
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.damping_factors import ExactRestitution
+from ..contact.friction import AbstractFriction, RegularisedCoulomb
+from ..contact.laws import AbstractContactLaw
+from ..joints.axial import FixedAxially
+from ..joints.base import AbstractConstraint, AbstractContactJoint
+from ..joints.clearance import ClearanceJoint
+from ..joints.ideal import RevoluteJoint
+from ..joints.planes import LineInPlaneJoint
+from ..joints.slider_in_guide import SliderInGuide
+from ..scene import Scene
+from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
+
+CRANK, ROD = 0.153, 0.306
+"""Lengths, m."""
+HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
+"""Of the slider, m."""
+GUIDE_STIFFNESS = 1e9
+"""Of a corner on a wall, N/m^1.5; the publication's contacts are rigid."""
+FRICTION = RegularisedCoulomb(0.01)
+"""The publication's coefficient."""
+
+
+def guided_slider_crank(
+    clearance: Scalar | None = 1e-3,
+    pin_clearance: Scalar | None = None,
+    *,
+    law: AbstractContactLaw | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = FRICTION,
+    pin_law: AbstractContactLaw | None = None,
+    speed: Scalar = 150.0,
+) -> tuple[Scene, State]:
+    """The slider-crank of Flores, Leine and Glocker (Multibody System Dynamics 23, 2010), whose
+    slider has play in its guide, and its state at the start.
+
+    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 turns about Z in the origin, free but for the
+    start; a rod of 306 mm, 0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and
+    2.7e-6 kg m^2 along X, between walls that leave 1 mm above and below. Centres of mass are
+    half-way, the pin in the slider's middle; gravity 9.81 along -Y. The other moments of inertia
+    don't enter the planar motion. All starts in one line, the slider farthest out, in the motion of
+    an ideal guide.
+
+    **Arguments:**
+
+    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
+    - `pin_clearance`: m, radial play of the pin between rod and slider besides, in a bearing of
+      10 mm radius and 20 mm length; ``None``, the default, for an ideal pin.
+    - `law`: of the slider's corners; an exact restitution of 0.4 unless given. `friction`: of the
+      guide, with a coefficient of 0.01 unless given, or ``None``; `pin_law`: the pin's, that of
+      the other mechanisms' steel unless given.
+    - `speed`: of the crank at the start, rad/s.
+    """
+    near, far = 0.5, -0.5
+    joints: dict[str, AbstractConstraint | AbstractContactJoint] = {
+        "crank bearing": RevoluteJoint(
+            GROUND, "crank", ORIGIN, (far * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
+        ),
+        "crank pin": RevoluteJoint(
+            "crank", "rod", (near * CRANK, 0.0, 0.0), (far * ROD, 0.0, 0.0), Z_AXIS, Z_AXIS
+        ),
+        "slider pin": _pin(pin_clearance, pin_law),
+    }
+    if clearance is None:
+        joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
+    else:
+        joints["guide"] = SliderInGuide(
+            GROUND,
+            "slider",
+            half_length=HALF_LENGTH,
+            half_height=HALF_HEIGHT,
+            clearance=clearance,
+            law=ExactRestitution(0.4, GUIDE_STIFFNESS) if law is None else law,
+            friction=friction,
+        )
+    bodies = {
+        "crank": Body(0.038, (2e-6, 7.4e-5, 7.4e-5)),
+        "rod": Body(0.038, (2e-6, 5.9e-4, 5.9e-4)),
+        "slider": Body(0.076, (2.7e-6, 2.7e-6, 2.7e-6)),
+    }
+    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), _start(speed)
+
+
+def _pin(
+    clearance: Scalar | None, law: AbstractContactLaw | None
+) -> RevoluteJoint | ClearanceJoint:
+    """Of the rod in the slider. With play, its bearing keeps the slider in the plane."""
+    end = (0.5 * ROD, 0.0, 0.0)
+    if clearance is None:
+        return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
+    return ClearanceJoint(
+        "slider",
+        "rod",
+        journal_point=end,
+        bearing_radius=10e-3,
+        clearance=clearance,
+        journal_length=20e-3,
+        law=steel_law(0.9) if law is None else law,
+        axial=FixedAxially(),
+    )
+
+
+def _start(speed: Scalar) -> State:
+    tip = np.array([0.0, CRANK * speed, 0.0])
+    turning = np.array([0.0, 0.0, 1.0])
+    return State(
+        {
+            "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=turning * speed),
+            "rod": body_state(
+                (CRANK + 0.5 * ROD, 0.0, 0.0),
+                velocity=0.5 * tip,
+                spin=turning * (-speed * CRANK / ROD),
+            ),
+            "slider": body_state((CRANK + ROD, 0.0, 0.0)),
+        }
+    )

@@ -1,0 +1,124 @@
+"""The quick-return mechanism: a crank whose pin slides in the slot of a lever."""
+
+import math
+
+import numpy as np
+
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.damping_factors import HuntCrossley
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from ..contact.stiffness import GivenStiffness
+from ..joints.drives import PrescribedRotation
+from ..joints.ideal import RevoluteJoint
+from ..joints.pin_in_slot import PinInSlot
+from ..joints.planes import PointInPlaneJoint
+from ..scene import Scene
+from .common import ORIGIN, Y_AXIS, Z_AXIS
+
+CRANK, BASE, LEVER = 0.05, 0.1, 0.25
+"""Of the crank's pin from its axis, of that axis over the lever's, and of the lever: m."""
+SLOT = 0.13
+"""Travel of the pin between the slot's ends, m, about the crank's axis; the stroke takes 0.1."""
+LINE_STIFFNESS = 1e9
+"""Of the pin along 10 mm of a flat steel wall, N/m: (pi/4) E* L."""
+
+
+def quick_return(
+    play: Scalar | None = 0.1e-3,
+    *,
+    speed: Scalar = 10.0,
+    angle: float = 0.0,
+    law: AbstractContactLaw | None = None,
+    friction: AbstractFriction | AbstractBristleFriction | None = None,
+) -> tuple[Scene, State]:
+    """A quick-return mechanism, as of a shaper, and its state in the motion without play.
+
+    A crank whose pin is 50 mm from its axis, the origin, turns about Z at constant speed. The pin,
+    of 5 mm radius, slides in the slot of a lever of 250 mm that swings about an axis 100 mm below.
+    From the vertical, the lever's angle is atan(r sin a/(d + r cos a)), with the crank's r and a
+    and the distance d of the axes: it swings by 30 degrees to either side, one way while the crank
+    turns by 240 degrees and the other by 120, in half the time. The crank has 0.1 kg, the lever
+    0.5 kg; slender bars with their centres of mass half-way. No gravity.
+
+    **Arguments:**
+
+    - `play`: m, the slot's width less the pin's diameter; ``None`` for an ideal slot. The slot has
+      ends that the pin does not reach.
+    - `speed`, `angle`: of the crank, rad/s, and rad at the start, from the vertical, against the
+      clock. The pin starts centred.
+    - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
+      of 0.8, unless given. `friction`: of them.
+    """
+    foot = (-0.5 * LEVER, 0.0, 0.0)
+    pin, middle = (0.5 * CRANK, 0.0, 0.0), (BASE - 0.5 * LEVER, 0.0, 0.0)
+    if play is None:
+        slot = PointInPlaneJoint("lever", "crank", middle, pin, Y_AXIS)
+    else:
+        slot = PinInSlot(
+            "lever",
+            "crank",
+            slot_point=middle,
+            pin_point=pin,
+            pin_radius=5e-3,
+            play=play,
+            travel=SLOT,
+            law=_line_law() if law is None else law,
+            friction=friction,
+        )
+    joints = {
+        "crank bearing": RevoluteJoint(
+            GROUND, "crank", ORIGIN, (-0.5 * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
+        ),
+        "lever bearing": RevoluteJoint(GROUND, "lever", (0.0, -BASE, 0.0), foot, Z_AXIS, Z_AXIS),
+        "motor": PrescribedRotation(GROUND, "crank", Z_AXIS, speed, 0.5 * math.pi + angle),
+        "slot": slot,
+    }
+    bodies = {
+        "crank": Body(0.1, (2e-6, *(0.1 * CRANK**2 / 12.0,) * 2)),
+        "lever": Body(0.5, (2e-5, *(0.5 * LEVER**2 / 12.0,) * 2)),
+    }
+    return Scene(bodies, joints), _start(speed, angle)
+
+
+def _line_law() -> HuntCrossley:
+    stiffness = GivenStiffness(LINE_STIFFNESS)
+    return HuntCrossley(restitution=0.8, stiffness=stiffness, exponent=1.0)
+
+
+def _start(speed: Scalar, angle: float) -> State:
+    """The motion without play; angles from the vertical, against the clock."""
+    across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)
+    lever_angle = math.atan2(across, height)
+    ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)
+
+    def along(angle: float) -> np.ndarray:
+        return np.array([-math.sin(angle), math.cos(angle), 0.0])
+
+    def turned(angle: float) -> tuple[float, float, float, float]:
+        half = 0.5 * (0.5 * math.pi + angle)
+        return math.cos(half), 0.0, 0.0, math.sin(half)
+
+    def moving(length: float, angle: float, rate: float) -> np.ndarray:
+        return 0.5 * length * rate * np.array([-math.cos(angle), -math.sin(angle), 0.0])
+
+    turning = np.array([0.0, 0.0, 1.0])
+    foot = np.array([0.0, -BASE, 0.0])
+    return State(
+        {
+            "crank": body_state(
+                0.5 * CRANK * along(angle),
+                turned(angle),
+                moving(CRANK, angle, 1.0) * speed,
+                turning * speed,
+            ),
+            "lever": body_state(
+                foot + 0.5 * LEVER * along(lever_angle),
+                turned(lever_angle),
+                moving(LEVER, lever_angle, ratio) * speed,
+                turning * (ratio * speed),
+            ),
+        }
+    )
