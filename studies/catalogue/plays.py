@@ -1,0 +1,146 @@
+"""Joints with play: flights, rebounds and impacts whose numbers are known in closed form."""
+
+import math
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.special import beta
+
+import clearjoint as cj
+from clearjoint.plot import style
+from studies.catalogue.check import Check
+
+TIGHT = cj.Settings(rtol=1e-10, atol=1e-12)
+GRAVITY = 9.81
+HERE, Z_AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+INERTIAS, PLAY, RADIUS, SPEED = (1e-3, 4e-3), 2e-3, 0.05, 2.0
+"""Of two shafts: kg m^2, rad, m and rad/s."""
+FIRST_TOUCH = 0.002692503
+"""Of Siconos' slider-crank, whose slider has play in its guide, s."""
+FIGURE = "[plays](plays.png)"
+
+
+def checks(quick: bool) -> list[Check]:
+    """Each play; two shafts alone are quick."""
+    rows = [_backlash()]
+    return rows if quick else [*rows, _gears(), _ball(), _pin(), _slider(), _clearance()]
+
+
+def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.Impacts:
+    """Those of a run."""
+    run = cj.simulate(scene, state, end, TIGHT, cj.Saving(impacts=True), progress=False)
+    assert run.impacts is not None
+    return run.impacts
+
+
+def off(found: Any, expected: Any) -> float:
+    """The largest relative difference."""
+    return float(np.abs(np.asarray(found) / np.asarray(expected) - 1.0).max())
+
+
+def shafts(restitution: float) -> tuple[cj.Scene, cj.State]:
+    """Two shafts on one axis with backlash between them, of which one turns."""
+    bodies = {
+        name: cj.Body(1.0, (5e-3, 5e-3, inertia))
+        for name, inertia in zip("ab", INERTIAS, strict=True)
+    }
+    joints: dict[str, Any] = {
+        name: cj.RevoluteJoint("ground", name, HERE, HERE, Z_AXIS, Z_AXIS) for name in "ab"
+    }
+    law = cj.ExactRestitution(restitution, 1e8, exponent=1.0)
+    joints["play"] = cj.Backlash("b", "a", play=PLAY, radius=RADIUS, law=law)
+    states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
+    return cj.Scene(bodies, joints), cj.State(states)
+
+
+def _backlash() -> Check:
+    hits = impacts(*shafts(0.6), 0.02)
+    entries = RADIUS * SPEED * 0.6 ** np.arange(len(hits))
+    flights = hits.onset[1:] - hits.separation[:-1]
+    largest = max(off(hits.entry_speed, entries), off(flights, RADIUS * PLAY / entries[1:]))
+    against = "speeds and flights of two shafts that hit each other: closed forms"
+    return Check("Backlash", "Nordin, Gutman 2002", against, largest, 1e-6, FIGURE)
+
+
+def _gears() -> Check:
+    hits = impacts(*cj.gear_pair(backlash=1e-4, restitution=0.8), 0.02)
+    base_radius = 20 * 0.5 * 3e-3 * math.cos(math.radians(20.0))
+    entries = 10.0 * base_radius * 0.8 ** np.arange(len(hits))
+    flights = hits.onset[1:] - hits.separation[:-1]
+    expected = 1e-4 * math.cos(math.radians(20.0)) / entries[1:]
+    largest = max(off(hits.entry_speed, entries), off(flights, expected))
+    against = "speeds and flights of two gears in their backlash: closed forms"
+    return Check("GearBacklash, gear_pair", "involute gears", against, largest, 1e-6, FIGURE)
+
+
+def _ball() -> Check:
+    clearance, restitution = 0.2e-3, 0.7
+    law = cj.ExactRestitution(restitution, 1e16)
+    joint = cj.BallInSocket("ground", "b", socket_radius=10e-3, clearance=clearance, law=law)
+    body = cj.Body(2.0, (1e-3, 1e-3, 1e-3))
+    scene = cj.Scene({"b": body}, {"joint": joint}, gravity=(0.0, -GRAVITY, 0.0))
+    hits = impacts(scene, cj.State({"b": cj.body_state(HERE)}), 0.02)
+    again = hits.separation[0] + 2.0 * hits.exit_speed[0] / GRAVITY
+    largest = max(
+        off(hits.onset[:2], (math.sqrt(2.0 * clearance / GRAVITY), again)),
+        off(hits.entry_speed[0], math.sqrt(2.0 * GRAVITY * clearance)),
+    )
+    against = "fall into the socket, and the bounce after it: closed forms"
+    return Check("BallInSocket", "a sphere in a sphere", against, largest, 1e-7, FIGURE)
+
+
+def _pin() -> Check:
+    speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
+    joint = cj.PinInSlot("ground", "b", play=play, pin_radius=5e-3, law=cj.Hertz(stiffness))
+    scene = cj.Scene({"b": cj.Body(mass, (1e-4, 1e-4, 1e-4))}, {"joint": joint})
+    state = cj.State({"b": cj.body_state(HERE, velocity=(0.3, speed, 0.0))})
+    hits = impacts(scene, state, 0.012)
+    deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
+    lasts = 2.0 * deepest / speed * beta(0.4, 0.5) / 2.5
+    largest = max(
+        off(np.diff(hits.onset), play / speed + lasts), off(hits.largest_penetration, deepest)
+    )
+    against = "flights between the walls, and Hertz's contacts with them: closed forms"
+    return Check("PinInSlot", "a circle between lines", against, largest, 1e-5, FIGURE)
+
+
+def _slider() -> Check:
+    scene, state = cj.guided_slider_crank()
+    hits = impacts(scene, state, 4e-3)
+    against = "first touch in Siconos' example, s: converged independent solution"
+    source = "Flores, Leine, Glocker 2010"
+    largest = off(hits.onset[0], FIRST_TOUCH)
+    return Check("SliderInGuide, guided_slider_crank", source, against, largest, 1e-5, FIGURE)
+
+
+def _clearance() -> Check:
+    clearance = 0.5e-3
+    hits = impacts(*cj.double_pendulum(clearance), 0.012)
+    largest = off(hits.onset[0], math.sqrt(2.0 * clearance / GRAVITY))
+    against = "fall of the journal to the wall: closed form"
+    return Check("ClearanceJoint", "the paper", against, largest, 1e-7, FIGURE)
+
+
+def figure() -> Figure:
+    """Two shafts in their backlash: the angle between them, and the energy that is left."""
+    drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
+    times = np.linspace(0.0, 0.012, 1500)
+    for restitution, colour in ((1.0, style.BLUE), (0.6, style.VERMILLION)):
+        scene, state = shafts(restitution)
+        run = cj.simulate(scene, state, times[-1], TIGHT, cj.Saving(times), progress=False)
+        bodies = run.states.bodies
+        angles = {name: 2.0 * np.arcsin(bodies[name].orientation[:, 3]) for name in "ab"}
+        spins = np.stack([np.asarray(bodies[name].spin)[:, 2] for name in "ab"])
+        energies = 0.5 * (np.array(INERTIAS)[:, None] * spins**2).sum(axis=0)
+        label = f"restitution {restitution:g}"
+        left.plot(1e3 * times, 1e3 * (angles["a"] - angles["b"]), color=colour, label=label)
+        right.plot(1e3 * times, 1e3 * energies, color=colour, label=label)
+    for edge in (-0.5e3 * PLAY, 0.5e3 * PLAY):
+        left.axhline(edge, color="0.5", linestyle="--")
+    style.dress(left, "time, ms", "angle between the shafts, mrad")
+    style.dress(right, "time, ms", "kinetic energy, mJ")
+    right.set_ylim(bottom=0.0)
+    left.legend(frameon=False, loc="upper right")
+    return drawn
