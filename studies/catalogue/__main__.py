@@ -10,7 +10,7 @@ import argparse
 from types import ModuleType
 
 import clearjoint as cj
-from studies.catalogue import cylinders, frictions, laws, mechanisms
+from studies.catalogue import cylinders, films, frictions, joints, laws, mechanisms, plays
 from studies.catalogue.check import HEAD, Check
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
@@ -19,6 +19,9 @@ FAMILIES: dict[str, ModuleType] = {
     "Normal laws": laws,
     "Line contact": cylinders,
     "Friction": frictions,
+    "Films": films,
+    "Joints with play": plays,
+    "Ideal joints and elements": joints,
     "Mechanisms": mechanisms,
 }
 """What checks each family, and draws it if it has a `figure`."""

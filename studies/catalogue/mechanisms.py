@@ -16,11 +16,24 @@ FIRST_IMPACTS = {
 }
 """Of the paper's pendulum: s, m/s and N of a base."""
 
+LENGTHS = (0.1, 0.3, 0.25, 0.3)
+"""Of the four-bar: crank, coupler, rocker and ground, m."""
+SQUEEZED = (
+    15.81077119629904,
+    -15.75637105984298,
+    0.04082224013073101,
+    -0.5347301163226948,
+    0.5244099658805304,
+    0.5347301163226948,
+    1.048080741042263,
+)
+"""Angles of Andrews' mechanism, rad."""
+
 
 def checks(quick: bool) -> list[Check]:
     """Each mechanism; the quick ones by themselves."""
     rows = [_double_pendulum()]
-    return rows if quick else [*rows, _double_four_bar(), _bricard()]
+    return rows if quick else [*rows, _double_four_bar(), _bricard(), _squeezer(), _four_bar()]
 
 
 def place(scene: cj.Scene, state: cj.State, end: float, body: str, local: tuple) -> np.ndarray:
@@ -58,3 +71,35 @@ def _bricard() -> Check:
     off = float(np.abs(found - (-0.7781353730, -0.9803526834, -0.1972526706)).max())
     against = "a corner after 2 s: independent least-squares solver, m"
     return Check("bricard", "IFToMM benchmark A04", against, off, 1e-7, "")
+
+
+def _squeezer() -> Check:
+    bodies = cj.simulate(*cj.andrews_squeezer(), 0.03, TIGHT, progress=False).final.bodies
+    e = {name: np.asarray(body.orientation) for name, body in bodies.items()}
+    k = [2.0 * np.arctan2(e[f"K{n}"][3], e[f"K{n}"][0]) for n in range(1, 8)]
+    found = np.array(k) - np.array([0.0, k[0], 0.0, k[4], 0.0, k[6], 0.0])
+    off = found - np.array(SQUEEZED)
+    off = float(np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max())
+    against = "seven angles after 0.03 s: IVP test set, rad"
+    return Check("andrews_squeezer", "Andrews; Schiehlen 1990", against, off, 1e-7, "")
+
+
+def _four_bar() -> Check:
+    """Freudenstein's equation at the start and after half a turn of the crank."""
+    scene, state = cj.four_bar(lengths=LENGTHS, speed=5.0)
+    final = cj.simulate(scene, state, 0.6, TIGHT, progress=False).final
+    off = max(_freudenstein(here.bodies) for here in (state, final))
+    against = "angles of crank and rocker: Freudenstein's equation"
+    return Check("four_bar", "Freudenstein 1954", against, off, 1e-9, "")
+
+
+def _freudenstein(bodies: dict[str, cj.BodyState]) -> float:
+    turned = {
+        name: 2.0 * np.arctan2(*np.asarray(body.orientation)[[3, 0]])
+        for name, body in bodies.items()
+    }
+    crank, rocker = turned["crank"], turned["rocker"]
+    a, b, c, d = LENGTHS
+    ratios = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)
+    left = ratios[0] * np.cos(rocker) - ratios[1] * np.cos(crank) + ratios[2]
+    return float(abs(left - np.cos(crank - rocker)))

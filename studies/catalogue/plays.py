@@ -138,9 +138,11 @@ def figure() -> Figure:
         left.plot(1e3 * times, 1e3 * (angles["a"] - angles["b"]), color=colour, label=label)
         right.plot(1e3 * times, 1e3 * energies, color=colour, label=label)
     for edge in (-0.5e3 * PLAY, 0.5e3 * PLAY):
-        left.axhline(edge, color="0.5", linestyle="--")
+        label = "flanks" if edge > 0.0 else None
+        left.axhline(edge, color="0.5", linestyle="--", label=label)
     style.dress(left, "time, ms", "angle between the shafts, mrad")
     style.dress(right, "time, ms", "kinetic energy, mJ")
     right.set_ylim(bottom=0.0)
-    left.legend(frameon=False, loc="upper right")
+    handles = left.get_legend_handles_labels()
+    drawn.legend(*handles, loc="outside lower center", ncols=3, frameon=False)
     return drawn

@@ -1,0 +1,131 @@
+"""Ideal joints, drives and elements: motions in closed form, of all of them in one run."""
+
+import math
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.integrate import solve_ivp
+
+import clearjoint as cj
+from clearjoint.plot import style
+from studies.catalogue import machines as of
+from studies.catalogue.check import Check
+
+SETTINGS = cj.Settings(rtol=1e-10, atol=1e-10, stabilisation=cj.Projection())
+END = 3.0
+TIMES = np.linspace(0.0, END, 601)
+"""s."""
+FIGURE = "[joints](joints.png)"
+
+
+def run() -> dict[str, cj.BodyState]:
+    """The motion of all machines."""
+    scene, state = of.machines()
+    save = cj.Saving(TIMES)
+    return cj.simulate(scene, state, END, SETTINGS, save, progress=False).states.bodies
+
+
+def checks(quick: bool) -> list[Check]:
+    """Each joint, drive and element; none is quick."""
+    if quick:
+        return []
+    bodies = run()
+    return [
+        _row(
+            "UniversalJoint, PrescribedAngle", "Hooke", "speed of the second shaft", *cardan(bodies)
+        ),
+        _row("ScrewJoint", "a nut on a spindle", "descent under its weight", *nut(bodies)),
+        _row("GearJoint", "teeth", "speeds under a torque", *gears(bodies)),
+        _row("PlanarJoint", "a plate on a slope", "its path", *plate(bodies)),
+        _row("PrescribedTranslation, PrismaticJoint", "a pusher", "the cart", *cart(bodies)),
+        _row("TorsionalSpring", "a damped oscillator", "angle", *sprung(bodies)),
+        _row("Motor", "PD, clipped", "speed: SciPy's DOP853", *driven(bodies)),
+    ]
+
+
+def _row(entry: str, source: str, what: str, found: np.ndarray, expected: np.ndarray) -> Check:
+    off = float(np.abs(found - expected).max() / np.abs(expected).max())
+    against = what if ":" in what else f"{what}: closed form"
+    return Check(entry, source, f"{against}, of the largest", off, 1e-7, FIGURE)
+
+
+def cardan(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Speed of the shaft behind a universal joint, and Hooke's."""
+    angle = of.DRIVE[0] + TIMES * (of.DRIVE[1] + TIMES * of.DRIVE[2])
+    speed = of.DRIVE[1] + 2.0 * of.DRIVE[2] * TIMES
+    return np.asarray(bodies["tilted"].spin)[:, 2], speed * of.hooke(angle, of.TILT)[1]
+
+
+def nut(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Height of a nut on its spindle."""
+    heavier = 1.0 + of.NUT_INERTIA * (2.0 * math.pi / of.LEAD) ** 2 / of.NUT
+    return np.asarray(bodies["nut"].position)[:, 1], -0.5 * of.GRAVITY / heavier * TIMES**2
+
+
+def gears(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Speeds of two gears under a torque on the first."""
+    acceleration = of.TORQUE / (of.PINION + of.WHEEL / 9.0)
+    spins = [np.asarray(bodies[name].spin)[:, 2] for name in ("pinion", "wheel")]
+    return np.stack(spins), acceleration * np.stack([TIMES, -TIMES / 3.0])
+
+
+def plate(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Path of a plate on a slope, in the slope's axes."""
+    down = of.SLOPE.inv().apply((0.0, -of.GRAVITY, 0.0)) * (1.0, 1.0, 0.0)
+    path = np.outer(TIMES, (1.0, 2.0, 0.0)) + 0.5 * np.outer(TIMES**2, down)
+    return of.SLOPE.inv().apply(np.asarray(bodies["plate"].position)), path
+
+
+def cart(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Place of a cart that is pushed to and fro."""
+    return np.asarray(bodies["cart"].position)[:, 0], of.STROKE * np.cos(of.PACE * TIMES)
+
+
+def sprung(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Angle of a rotor on a torsional spring."""
+    decay = 0.5 * of.DAMPING / of.ROTOR
+    pace = math.sqrt(of.STIFFNESS / of.ROTOR - decay**2)
+    away = np.exp(-decay * TIMES) * (np.cos(pace * TIMES) + decay / pace * np.sin(pace * TIMES))
+    turned = np.asarray(bodies["sprung"].orientation)
+    return 2.0 * np.arctan2(turned[:, 3], turned[:, 0]), of.REST + of.RELEASED * away
+
+
+def driven(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
+    """Speed of a rotor that a motor turns to its target, within its limit."""
+    width = 0.02 * of.LIMIT
+
+    def clipped(wanted: float) -> float:
+        over = abs(wanted) - of.LIMIT
+        bend = 0.0 if over < -width else over if over > width else (over + width) ** 2 / 4 / width
+        return math.copysign(abs(wanted) - bend, wanted)
+
+    def rates(t: float, y: np.ndarray) -> tuple[float, float]:
+        del t
+        return y[1], clipped(of.GAIN * (of.TARGET - y[0]) - of.DAMPER * y[1]) / of.ROTOR
+
+    options = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.02}
+    path = solve_ivp(rates, (0.0, END), (0.0, 0.0), "DOP853", TIMES, **options)
+    return np.asarray(bodies["driven"].spin)[:, 2], path.y[1]
+
+
+def figure() -> Figure:
+    """Four of the motions, found and in closed form."""
+    bodies = run()
+    drawn, panels = plt.subplots(2, 2, figsize=(10.0, 6.0), layout="constrained", sharex=True)
+    shown = {
+        "shaft behind a cardan joint, rad/s": cardan,
+        "nut on its spindle, m": nut,
+        "rotor on a torsional spring, rad": sprung,
+        "rotor on a clipped motor, rad/s": driven,
+    }
+    for axes, (label, motion) in zip(panels.flat, shown.items(), strict=True):
+        found, expected = motion(bodies)
+        axes.plot(TIMES, found, color=style.BLUE, label="clearjoint")
+        axes.plot(
+            TIMES[::20], expected[::20], "o", color=style.VERMILLION, markersize=3, label="expected"
+        )
+        style.dress(axes, "time, s" if axes in panels[1] else "", label)
+    handles = panels[0, 0].get_legend_handles_labels()
+    drawn.legend(*handles, loc="outside lower center", ncols=2, frameon=False)
+    return drawn
