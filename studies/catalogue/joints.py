@@ -1,6 +1,7 @@
 """Ideal joints, drives and elements: motions in closed form, of all of them in one run."""
 
 import math
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -104,7 +105,7 @@ def driven(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
         del t
         return y[1], clipped(of.GAIN * (of.TARGET - y[0]) - of.DAMPER * y[1]) / of.ROTOR
 
-    options = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.02}
+    options: Any = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.02}
     path = solve_ivp(rates, (0.0, END), (0.0, 0.0), "DOP853", TIMES, **options)
     return np.asarray(bodies["driven"].spin)[:, 2], path.y[1]
 

@@ -30,6 +30,7 @@ SLOPE = Rotation.from_rotvec([0.3, 0.2, 0.1])
 CART, STROKE, PACE = 0.7, 0.1, 4.0
 ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
 GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
+PUSH: Any = lambda t: STROKE * jnp.cos(PACE * t)  # noqa: E731
 
 
 def machines() -> tuple[cj.Scene, cj.State]:
@@ -66,13 +67,21 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "rod": cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 1.0),
         "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
         "pusher": cj.PrescribedTranslation(
-            "ground", "cart", ORIGIN, ORIGIN, X, lambda t: STROKE * jnp.cos(PACE * t)
+            "ground", "cart", ORIGIN, ORIGIN, X, PUSH
         ),
     }
     forces = {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
         "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
-        "motor": cj.Motor("ground", "driven", Z, TARGET, GAIN, DAMPER, torque_limit=LIMIT),
+        "motor": cj.Motor(
+            "ground",
+            "driven",
+            Z,
+            target=cj.Polynomial([TARGET]),
+            proportional=GAIN,
+            derivative=DAMPER,
+            torque_limit=LIMIT,
+        ),
     }
     angle, speed = DRIVE[0], DRIVE[1]
     second, ratio = hooke(angle, TILT)
