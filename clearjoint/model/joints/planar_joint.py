@@ -43,4 +43,4 @@ class PlanarJoint(AbstractAxisJoint):
         """The second body slides along the plane and turns about its normal."""
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(*points, here, aligning(there, here))
+        return PlanarMotion(*points, there, here, aligning(there, here))
