@@ -78,6 +78,10 @@ def joint(kind, first, second):
         return cj.FixedJoint(first, second, one, other, TURN)
     if kind == "prismatic":
         return cj.PrismaticJoint(first, second, one, other, axis, TURN)
+    if kind == "planar":
+        return cj.PlanarJoint(first, second, one, other, axis, axis_second)
+    if kind == "universal":
+        return cj.UniversalJoint(first, second, one, other, axis, axis_second)
     return Rail(first, second, one, axis, TURN)
 
 
@@ -92,7 +96,12 @@ EDGES = {
         ("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"),
         ("a", "e", "prismatic"),
     ),
+    "on a table": (
+        (GROUND, "a", "planar"), ("a", "b", "universal"), ("b", "c", "planar"),
+    ),
+    "from a cross": ((GROUND, "a", "universal"), ("a", "b", "universal")),
 }  # fmt: skip
+SELDOM = ("on a table", "from a cross")
 
 
 def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):
@@ -145,7 +154,10 @@ def arrays(tree):
     [False, pytest.param(True, marks=pytest.mark.slow)],
     ids=["forwards", "backwards"],
 )
-@pytest.mark.parametrize("kind", EDGES)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow) if kind in SELDOM else kind for kind in EDGES],
+)
 def test_trees_move_as_in_absolute_coordinates(kind, backwards):
     """Accelerations equal those with multipliers; the motions satisfy the joints, have the rates
     that the variables' rates give them, and come back from the bodies' states."""

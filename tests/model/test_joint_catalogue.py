@@ -8,9 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint import quantities as Q  # noqa: N812
 from clearjoint.dynamics.multipliers import row_rate
 from clearjoint.math.vectors import unpack
 from clearjoint.testing import moving
@@ -152,7 +154,12 @@ PINION, WHEEL, TORQUE = 2e-3, 5e-2, 0.03
 SLOPE = Rotation.from_rotvec([0.3, 0.2, 0.1])
 CART, STROKE, PACE = 0.7, 0.1, 4.0
 ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
-GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
+GAIN, DAMPER, LIMIT = 3.0, 0.4, 0.5
+TABLE = np.array([[0.0, 0.7, 2.0, 4.5, 6.0, 9.0], [2.0, 2.2, 1.0, -1.0, 0.5, 1.5]])
+"""Times, s, and angles, rad, of the motor's target."""
+
+
+TARGET = cj.Spline.through(*TABLE)
 
 
 def machines() -> tuple[cj.Scene, cj.State]:
@@ -307,29 +314,96 @@ def test_torsional_spring_swings_and_dies_away(run):
     close(np.sin(0.5 * (angle - REST - RELEASED * away)), 0.0, 1e-8)
 
 
-@pytest.mark.slow
-def test_motor_reaches_its_target_within_its_limit(run):
-    """Against SciPy, with the same bend into the limit."""
-    bodies, _ = run
-    width = 0.02 * LIMIT
+def motor_path(limit, times):
+    """Angle and speed under the motor by SciPy: its spline, and a bend into the limit."""
+    spline, width, last = CubicSpline(*TABLE, bc_type="natural"), 0.02 * limit, TABLE[0, -1]
+
+    def target(t, order):
+        beyond = max(t - last, 0.0) * spline(last, 1) if order == 0 else 0.0
+        return spline(min(t, last), order) + beyond
 
     def clipped(wanted):
-        over = abs(wanted) - LIMIT
+        over = abs(wanted) - limit
         bend = 0.0 if over < -width else over if over > width else (over + width) ** 2 / 4 / width
         return math.copysign(abs(wanted) - bend, wanted)
 
     def rates(t, y):
-        return y[1], clipped(GAIN * (TARGET - y[0]) - DAMPER * y[1]) / ROTOR
+        wanted = GAIN * (target(t, 0) - y[0]) + DAMPER * (target(t, 1) - y[1])
+        return y[1], clipped(wanted) / ROTOR
 
-    start = (0.0, 0.0)
-    path = solve_ivp(
-        rates, (0.0, END), start, "DOP853", TIMES, rtol=1e-12, atol=1e-13, max_step=0.02
-    )
-    assert path.y[1].max() > 2.0
-    close(bodies["driven"].spin[:, 2], path.y[1], 1e-7)
+    fine = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.01}
+    return solve_ivp(rates, (0.0, times[-1]), (0.0, 0.0), "DOP853", times, **fine).y
+
+
+@pytest.mark.slow
+def test_motor_follows_a_table_within_its_limit(run):
+    bodies, _ = run
+    angle, speed = motor_path(LIMIT, TIMES)
+    assert speed.max() > 2.0
+    close(bodies["driven"].spin[:, 2], speed, 1e-6)
+    turned = 2.0 * np.arctan2(*bodies["driven"].orientation[:, [3, 0]].T)
+    close(np.sin(0.5 * (turned - angle)), 0.0, 1e-6)
 
 
 @pytest.mark.slow
 def test_the_ledger_of_all_machines_closes(run):
     _, observed = run
     close(observed.ledger_residual() / observed.energies["kinetic"].max(), 0.0, 1e-9)
+
+
+def slope(function, value):
+    """Derivative by central differences of fourth order."""
+    step = 1e-4 * value
+    at = [function(value + k * step) for k in (-2, -1, 1, 2)]
+    return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+
+
+@pytest.mark.slow
+def test_sensitivities_are_those_of_the_closed_forms():
+    """Of the screw to its lead, of the gears to their teeth, of the spring to its stiffness, and
+    of the motor, which is at its limit for a part of the time, to that."""
+    end = 0.3
+    scene, state = machines()
+    kept = ("nut", "pinion", "wheel", "sprung", "driven")
+    joints = {
+        name: joint
+        for name, joint in scene.joints.items()
+        if set(joint.body_names()) <= {"ground", *kept}
+    }
+    bodies = {name: scene.bodies[name] for name in kept}
+    scene = cj.Scene(bodies, joints, scene.forces, scene.gravity)
+    state = cj.State({name: state.bodies[name] for name in kept})
+    parameters = {
+        "lead": cj.Parameter(lambda s: s.joints["screw"].lead),
+        "teeth": cj.Parameter(lambda s: s.joints["gears"].teeth_second),
+        "stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness),
+        "limit": cj.Parameter(lambda s: s.forces["motor"].torque_limit),
+    }
+    outputs = {
+        "nut": Q.Velocity("nut", "y"),
+        "pinion": Q.Angle("pinion", (0.0, 0.0, 1.0)),
+        "sprung": Q.Angle("sprung", (0.0, 0.0, 1.0)),
+        "driven": Q.Angle("driven", (0.0, 0.0, 1.0)),
+    }
+    settings = cj.Settings(rtol=1e-10, atol=1e-10)
+    found = cj.sensitivities(scene, state, end, parameters, outputs, [end], settings)
+    derivatives = np.array([found.derivatives[name][0] for name in outputs])
+
+    def nut(lead):
+        return -GRAVITY * end / (1.0 + NUT_INERTIA * (2.0 * math.pi / lead) ** 2 / NUT)
+
+    def pinion(teeth):
+        return 0.5 * TORQUE * end**2 / (PINION + WHEEL * (17.0 / teeth) ** 2)
+
+    def sprung(stiffness):
+        decay = 0.5 * DAMPING / ROTOR
+        pace = math.sqrt(stiffness / ROTOR - decay**2)
+        swing = math.cos(pace * end) + decay / pace * math.sin(pace * end)
+        return REST + RELEASED * math.exp(-decay * end) * swing
+
+    def driven(limit):
+        return motor_path(limit, [end])[0, -1]
+
+    pairs = ((nut, LEAD), (pinion, 51.0), (sprung, STIFFNESS), (driven, LIMIT))
+    expected = np.diag([slope(function, value) for function, value in pairs])
+    np.testing.assert_allclose(derivatives, expected, rtol=1e-6, atol=1e-7)

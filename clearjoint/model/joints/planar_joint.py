@@ -10,6 +10,8 @@ from ...math.vectors import Scalar
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
+from .motion_subspaces import aligning
+from .planar_motion import PlanarMotion
 
 
 class PlanarJoint(AbstractAxisJoint):
@@ -36,3 +38,9 @@ class PlanarJoint(AbstractAxisJoint):
         normal = unit(self.axis_first)
         height = point_in_plane(names, *pair, self.point_first, normal, self.point_second)
         return {"height": height} | self._tilts(motions)
+
+    def freedom(self, parent: str) -> PlanarMotion:
+        """The second body slides along the plane and turns about its normal."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return PlanarMotion(*points, there, here, aligning(there, here))

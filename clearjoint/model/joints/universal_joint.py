@@ -9,6 +9,7 @@ from ...math.rotations import unit
 from ...math.vectors import Scalar
 from .base import Motions, Row
 from .ideal import AbstractPairJoint
+from .universal_motion import UniversalMotion
 
 
 class UniversalJoint(AbstractPairJoint):
@@ -38,3 +39,9 @@ class UniversalJoint(AbstractPairJoint):
         del t
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
+
+    def freedom(self, parent: str) -> UniversalMotion:
+        """The bodies turn about the two arms of the cross."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return UniversalMotion(*points, *arms)
