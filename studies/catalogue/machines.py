@@ -66,9 +66,7 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "table": cj.PlanarJoint("ground", "plate", ORIGIN, ORIGIN, normal, Z),
         "rod": cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 1.0),
         "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
-        "pusher": cj.PrescribedTranslation(
-            "ground", "cart", ORIGIN, ORIGIN, X, PUSH
-        ),
+        "pusher": cj.PrescribedTranslation("ground", "cart", ORIGIN, ORIGIN, X, PUSH),
     }
     forces = {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),

@@ -49,7 +49,7 @@ def shafts(restitution: float) -> tuple[cj.Scene, cj.State]:
     joints: dict[str, Any] = {
         name: cj.RevoluteJoint("ground", name, HERE, HERE, Z_AXIS, Z_AXIS) for name in "ab"
     }
-    law = cj.ExactRestitution(restitution, stiffness=1e8, exponent=1.0)
+    law = cj.ExactRestitution(restitution=restitution, stiffness=1e8, exponent=1.0)
     joints["play"] = cj.Backlash("b", "a", play=PLAY, radius=RADIUS, law=law)
     states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
     return cj.Scene(bodies, joints), cj.State(states)

@@ -38,6 +38,8 @@ ELEMENTS = {
 }
 LAW = cj.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
+BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
+SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
     "ClearanceJoint": lambda: cj.ClearanceJoint("ground", "a", **PIN, friction=cj.Ambrosio(0.1)),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
@@ -47,6 +49,9 @@ EXAMPLES = {
     "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
+    "BallInSocket": lambda: cj.BallInSocket("ground", "a", **BALL, friction=cj.Ambrosio(0.1)),
+    "SliderInGuide": lambda: cj.SliderInGuide("ground", "a", **SLIDER, friction=cj.Ambrosio(0.1)),
+    "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
     "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
     "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
@@ -149,6 +154,7 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
     [
         *(cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.double_four_bar, cj.bricard),
         *(cj.andrews_squeezer, cj.gear_pair, cj.robot_arm),
+        *(cj.guided_slider_crank, cj.quick_return, cj.spatial_four_bar),
     ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
