@@ -67,8 +67,60 @@ def shaken(state, seed=1):
     return cj.State(bodies, jax.tree.map(np.asarray, memory))
 
 
+class OiledBall(cj.AbstractContactJoint):
+    """A ball in an oiled socket: a third party's, with a film of its own."""
+
+    first: str
+    second: str
+    end_first: tuple[float, float, float]
+    end_second: tuple[float, float, float]
+    clearance: float
+    damping: float
+    law: cj.AbstractContactLaw
+
+    def pair(self):
+        return self.first, self.second
+
+    def laws(self):
+        return {"V": self.law}
+
+    def _moving(self, motions):
+        first, second = (motions[name] for name in self.pair())
+        apart = second.point(self.end_second) - first.point(self.end_first)
+        return apart, second.velocity_at(self.end_second) - first.velocity_at(self.end_first)
+
+    def contacts(self, motions):
+        apart, velocity = self._moving(motions)
+        distance, normal = cj.norm_and_direction(apart)
+        gap = cj.Gap(distance - self.clearance, velocity.dot(normal))
+        return {"V": cj.Contact(gap, normal, self.end_first, self.end_second, None)}
+
+    def friction_force(self, name, contact, normal_force):
+        return None
+
+    def film_wrenches(self, motions):
+        force = self._moving(motions)[1] * -self.damping
+        first, second = (motions[name] for name in self.pair())
+        on_first, on_second = (
+            first.wrench(-force, self.end_first),
+            second.wrench(force, self.end_second),
+        )
+        return dict(zip(self.pair(), (on_first, on_second), strict=True))
+
+
+def oiled():
+    """The chain with such balls in the place of its journals."""
+    scene, state = uneven(8)
+    joints = {}
+    for k, (name, dry) in enumerate(scene.joints.items()):
+        ends = dry.bearing_point, dry.journal_point
+        joints[name] = OiledBall(*dry.pair(), *ends, 2.5 * dry.clearance, 5.0 + k, cj.Hertz(1e8))
+    return dataclasses.replace(scene, joints=joints), state
+
+
 SCENES = {
     "chain": uneven(8),
+    "oiled balls": oiled(),
     "friction and end play": uneven(8, friction=ROUGH, axial=STOPS),
     "unlike rods in the middle, spring": uneven(8, (3, 6), SPRING),
 }

@@ -25,6 +25,7 @@ DRY = cj.ClearanceJoint(
     law=cj.LankaraniNikravesh(0.7, 1e10),
 )
 JOINT = cj.LubricatedJoint(DRY, FILM, transition=1e-6)
+BETWEEN = cj.LubricatedJoint(DRY, FILM, transition=2.3e-6)
 
 
 def motions(offset=(0.3, -0.4), tilt=1e-4, rotor_spin=(3.0, -2.0, 80.0), frame_spin=30.0):
@@ -79,10 +80,16 @@ def test_the_wall_takes_over_smoothly():
     assert size_of_film(1.0) > 0.0
     assert size_of_film(1.0 + 0.5e-6 / CLEARANCE) == pytest.approx(0.5 * size_of_film(1.0), rel=0.1)
     assert size_of_film(1.0 + 1.01e-6 / CLEARANCE) == 0.0
-    between = cj.LubricatedJoint(DRY, FILM, transition=2.3e-6).laws()["V"]
-    check_law(between, bearing_radius=25e-3, clearance=CLEARANCE)
-    deep = Gap(3e-6, 0.0)
-    assert between.force(deep, 0.1) == DRY.law.force(deep, 0.1)
+    law, deep = BETWEEN.laws()["V"], Gap(3e-6, 0.0)
+    assert law.force(deep, 0.1) == DRY.law.force(deep, 0.1)
+    for depth in (-1e-7, 0.0, 0.3e-6, 2e-6, 4e-6):
+        slope = jax.grad(lambda depth: law.stored_energy(Gap(depth, 0.0)))(depth)
+        assert slope == pytest.approx(float(law.elastic_force(Gap(depth, 0.0))), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_the_wall_that_takes_over_conforms():
+    check_law(BETWEEN.laws()["V"], bearing_radius=25e-3, clearance=CLEARANCE)
 
 
 def test_derivatives_are_finite_centred_and_at_the_wall():

@@ -38,6 +38,7 @@ ELEMENTS = {
 }
 LAW = cj.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
+DRY = cj.ClearanceJoint("ground", "a", **PIN)
 BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
@@ -52,6 +53,7 @@ EXAMPLES = {
     "BallInSocket": lambda: cj.BallInSocket("ground", "a", **BALL, friction=cj.Ambrosio(0.1)),
     "SliderInGuide": lambda: cj.SliderInGuide("ground", "a", **SLIDER, friction=cj.Ambrosio(0.1)),
     "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
+    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.CaponeFilm(0.1 / 3), 1e-6 / 3),
     "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
     "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
@@ -124,6 +126,8 @@ def scene_with(element: Any) -> cj.Scene:
         return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
     if isinstance(element, cj.AbstractConstraint | cj.AbstractContactJoint):
         joints["element"] = element
+    elif isinstance(element, cj.AbstractFilm):
+        joints["element"] = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
     elif isinstance(element, cj.AbstractContactLaw):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
     elif isinstance(element, AbstractElasticity):

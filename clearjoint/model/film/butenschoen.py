@@ -1,9 +1,10 @@
 """The film of a bearing of finite width."""
 
 import math
+from collections.abc import Sequence
+from functools import reduce
 
 import jax.numpy as jnp
-from numpy.polynomial.polynomial import polyval
 
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -80,7 +81,7 @@ class ButenschoenFilm(AbstractFilm):
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
     """So_D over the eccentricity ratio; So_D is that of steady rotation. `width`: B/D."""
-    numerator, shift = (polyval(width, fit) for fit in LOAD)
+    numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio
     short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
     return width * width * short * numerator * (ratio - 1.0) / (shift + ratio)
@@ -89,14 +90,19 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
     """beta, rad: from the line of centres to the load that rotation carries."""
     short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
-    return short * polyval(ratio, [polyval(width, fit) for fit in ATTITUDE])
+    return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
     """So_V of squeezing, by the eccentricity ratio, negative where the film opens."""
-    numerator, shift = (polyval(width, fit) for fit in SQUEEZE)
+    numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)
     square = ratio * ratio
     arc = 0.5 * math.pi - 0.5 * jnp.arccos(ratio)
     short = arc * (1.0 + 2.0 * square) + 1.5 * ratio * jnp.sqrt(1.0 - square)
     short = 4.0 * width * width * short * (1.0 - square) ** -2.5
     return short * numerator * (1.0 - ratio) / (-shift - ratio)
+
+
+def polynomial(coefficients: Sequence[Scalar], x: Scalar) -> Scalar:
+    """The polynomial of x with such coefficients, the constant one first; also of traced ones."""
+    return reduce(lambda value, coefficient: value * x + coefficient, reversed(coefficients))
