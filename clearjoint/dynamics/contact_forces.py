@@ -6,7 +6,7 @@ the same slip. So deflections are variables of a run, as the motion is, and come
 contact; whoever has no such laws passes none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -77,24 +77,23 @@ def contact_wrenches(
     normal_force: Scalar,
     friction: Vector | None,
     motions: Motions,
-) -> dict[str, Wrench]:
-    """What a contact of a joint with such forces, N, does to its bodies, by name but for the
-    ground."""
+) -> Iterator[tuple[str, Wrench]]:
+    """What a contact of a joint with such forces, N, does to its bodies but the ground, each by
+    name."""
     first, second = joint.pair()
     if contact.turning is not None:
-        turned = zip((first, second), contact.turning, strict=True)
-        moments = {name: Wrench(ZERO, turning * -normal_force) for name, turning in turned}
-        return {name: wrench for name, wrench in moments.items() if name != GROUND}
+        for name, turning in zip((first, second), contact.turning, strict=True):
+            if name != GROUND:
+                yield name, Wrench(ZERO, turning * -normal_force)
+        return
     push = -(contact.normal * normal_force)
     if friction is not None:
         push = push + friction
     on_first, on_second = contact.points_of_force(friction is not None)
-    wrenches = {}
     if second != GROUND:
-        wrenches[second] = motions[second].wrench(push, on_second)
+        yield second, motions[second].wrench(push, on_second)
     if first != GROUND:
-        wrenches[first] = motions[first].wrench(-push, on_first)
-    return wrenches
+        yield first, motions[first].wrench(-push, on_first)
 
 
 def contact_force(

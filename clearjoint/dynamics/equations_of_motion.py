@@ -75,7 +75,7 @@ def applied_wrenches(
             pushes = contact_wrenches(
                 joint, force.contact, force.normal_force, force.friction, motions
             )
-            for name, wrench in pushes.items():
+            for name, wrench in pushes:
                 apply(name, wrench)
     return wrenches
 

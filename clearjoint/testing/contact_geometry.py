@@ -33,7 +33,7 @@ def check_contacts(
 
         rate = (ahead[label].gap.depth - behind[label].gap.depth) / (2.0 * STEP)
         require(contact.gap.rate, rate, "the gap's rate is not that of its depth")
-        wrenches = contact_wrenches(joint, contact, 1.0, None, here)
+        wrenches = dict(contact_wrenches(joint, contact, 1.0, None, here))
         power = sum(here[name].power(wrench) for name, wrench in wrenches.items())
         require(power, -contact.gap.rate, "the power of 1 N is not minus the rate")
         if len(wrenches) == 2:

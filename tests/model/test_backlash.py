@@ -97,7 +97,7 @@ def test_a_play_about_an_axis_pushes_by_couples_alone():
     turned = {"a": spinning(0.0, 0.0), "b": spinning(3e-3, 0.0)}
     upper = joint.contacts(turned)["upper flank"]
     assert float(upper.gap.depth) == pytest.approx(0.05 * (3e-3 - 1e-3), rel=1e-12)
-    wrenches = contact_wrenches(joint, upper, 100.0, None, turned)
+    wrenches = dict(contact_wrenches(joint, upper, 100.0, None, turned))
     for name, moment in (("a", 5.0), ("b", -5.0)):
         assert tuple(wrenches[name].force) == (0.0, 0.0, 0.0)
         assert [float(part) for part in wrenches[name].moment] == pytest.approx([0, 0, moment])

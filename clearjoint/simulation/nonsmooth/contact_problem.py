@@ -76,7 +76,7 @@ def _touch(
 
     normal = row(-contact.normal)
     if contact.turning is not None:
-        normal = Row(0.0, contact_wrenches(joint, contact, 1.0, None, motions), 0.0)
+        normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
     size = -contact.gap.depth, contact.gap.clearance
     if contact.slip is None:
         return Touch(name, label, *size, normal, (), 0.0)

@@ -1,0 +1,31 @@
+"""One joint with play, here and by MuJoCo's documented recipe, beside the exact motion.
+
+    python -m studies.backlash [--quick] [--output results/backlash]
+
+A motor's shaft turns into the play of a link; nothing drives them, so that motion, energy and the
+derivative by the play are known in closed form. Needs MuJoCo: pip install -e '.[mujoco]'.
+"""
+
+import argparse
+
+import clearjoint as cj
+from studies.backlash.figures import figure
+from studies.backlash.trials import derivatives, motions, rows
+from studies.common.output import Output, add_options
+from studies.common.report import markdown
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run both, print the tables, and draw."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    add_options(parser, "few steps and tolerances")
+    options = parser.parse_args(arguments)
+    cj.configure()
+    runs, slopes = motions(options.quick), derivatives(options.quick)
+    print(markdown(rows(runs, "error of the angles, rad", "of the energy")))
+    print("\n" + markdown(rows(slopes, "error of the derivative")))
+    Output.of(__file__, options).save(figure(runs, slopes), "backlash")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""The shafts in clearjoint: ideal hinges and a `Backlash`."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+import clearjoint as cj
+from studies.backlash.shafts import (
+    DAMPING,
+    END,
+    FREQUENCY,
+    LINK,
+    MOTOR,
+    PLAY,
+    SPEED,
+    TOGETHER,
+    Motion,
+    timed,
+)
+
+AXIS, HERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+RADIUS = 0.05
+"""Of the flanks, m: it is free, as the contact is given by its frequency and damping."""
+PARAMETERS = {"play": cj.Parameter(lambda scene: scene.joints["play"].play)}
+CHANNELS = {"link": cj.quantities.JointAngle("link")}
+
+
+def shafts() -> tuple[cj.Scene, cj.State]:
+    """The scene, and its state at the start."""
+    mass = TOGETHER / RADIUS**2
+    requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
+    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    bodies = {
+        "motor": cj.Body(1.0, (5e-3, 5e-3, MOTOR)),
+        "link": cj.Body(1.0, (5e-3, 5e-3, LINK)),
+    }
+    hinges = {name: cj.RevoluteJoint("ground", name, HERE, HERE, AXIS, AXIS) for name in bodies}
+    play = cj.Backlash("link", "motor", play=PLAY, radius=RADIUS, law=law)
+    states = {"motor": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "link": cj.body_state(HERE)}
+    return cj.Scene(bodies, {**hinges, "play": play}), cj.State(states)
+
+
+def run(rtol: float) -> tuple[Motion, float]:
+    """The motion at the end, and how long a run takes once it is compiled, s."""
+    scene, state = shafts()
+    settings = cj.Settings(rtol=rtol, atol=1e-3 * rtol)
+    solution, seconds = timed(lambda: cj.simulate(scene, state, END, settings, progress=False))
+    pair = [solution.final.bodies[name] for name in ("motor", "link")]
+    angles = [2.0 * math.atan2(body.orientation[3], body.orientation[0]) for body in pair]
+    return Motion(np.array(angles), np.array([body.spin[2] for body in pair])), seconds
+
+
+def path(times: np.ndarray) -> np.ndarray:
+    """The motor's angle less the link's, rad, at times (N,) in s."""
+    scene, state = shafts()
+    states = cj.simulate(scene, state, END, save=cj.Saving(times), progress=False).states
+    turned = {
+        name: 2.0 * np.arctan2(body.orientation[:, 3], body.orientation[:, 0])
+        for name, body in states.bodies.items()
+    }
+    return turned["motor"] - turned["link"]
+
+
+def derivative(rtol: float) -> tuple[float, float]:
+    """Of the link's angle at the end by the play, and how long the compiled run takes, s."""
+    scene, state = shafts()
+    settings = replace(cj.presets.derivatives, rtol=rtol)
+    found, seconds = timed(
+        lambda: cj.sensitivities(
+            scene, state, END, PARAMETERS, CHANNELS, [END], settings=settings, progress=False
+        )
+    )
+    return float(np.ravel(found.derivatives["link"])[0]), seconds

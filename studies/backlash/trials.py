@@ -1,0 +1,71 @@
+"""What is compared: runs and derivatives of both, by their errors and times."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from studies.backlash import ours, recipe
+from studies.backlash.shafts import END, exact, exact_derivative
+
+STEPS = (5e-4, 1e-4, 1e-5, 1e-6)
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+QUICK = slice(0, 1)
+INTEGRATORS = ("implicitfast", "RK4")
+CHANGES = (1e-2, 1e-4)
+"""Of the play, relative, for differences."""
+HERE = "clearjoint"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run, or a derivative: who, with what setting, its `errors`, and how long it takes, s."""
+
+    who: str
+    setting: str
+    errors: tuple[float, ...]
+    seconds: float
+
+
+def motions(quick: bool) -> list[Trial]:
+    """Errors of the angles at the end, rad, and of the energy, relative."""
+    truth = exact(np.array([END]))[0]
+    few = QUICK if quick else slice(None)
+    found = [(HERE, f"rtol {rtol:g}", ours.run(rtol)) for rtol in TOLERANCES[few]]
+    for name in INTEGRATORS:
+        for step in STEPS[few]:
+            found.append((f"MuJoCo, {name}", f"step {step:g} s", recipe.run(step, name)))
+    return [
+        Trial(
+            who,
+            setting,
+            (float(abs(run.angles - truth.angles).max()), abs(run.energy / truth.energy - 1.0)),
+            seconds,
+        )
+        for who, setting, (run, seconds) in found
+    ]
+
+
+def derivatives(quick: bool) -> list[Trial]:
+    """Errors of the derivative of the link's angle by the play, over its size."""
+    truth = exact_derivative(END)
+    few = QUICK if quick else slice(None)
+    found = [(HERE, f"rtol {rtol:g}", ours.derivative(rtol)) for rtol in TOLERANCES[few]]
+    for change in CHANGES:
+        for step in STEPS[few]:
+            who = f"MuJoCo, RK4, play ±{100.0 * change:g} %"
+            found.append((who, f"step {step:g} s", recipe.derivative(step, "RK4", change)))
+    return [
+        Trial(who, setting, (abs(slope / truth - 1.0),), seconds)
+        for who, setting, (slope, seconds) in found
+    ]
+
+
+def rows(trials: Sequence[Trial], *errors: str) -> list[list[str]]:
+    """Of a table: the errors by name, and times in ms."""
+    head = ["", "", *errors, "time, ms"]
+    return [head, *([t.who, t.setting, *map("{:.1e}".format, t.errors), _ms(t)] for t in trials)]
+
+
+def _ms(trial: Trial) -> str:
+    return f"{1e3 * trial.seconds:.2g}"

@@ -1,0 +1,69 @@
+"""The study of backlash runs, and what it calls exact is."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from studies.backlash.shafts import (
+    DAMPING,
+    END,
+    FREQUENCY,
+    PLAY,
+    SPEED,
+    exact,
+    exact_derivative,
+    relative,
+)
+
+needs_mujoco = pytest.mark.skipif(
+    importlib.util.find_spec("mujoco") is None,
+    reason="MuJoCo is not installed: pip install -e '.[mujoco]'",
+)
+
+
+def test_the_exact_motion_is_that_of_small_steps():
+    def rates(_, y):
+        beyond, side = abs(y[0]) - 0.5 * PLAY, np.sign(y[0])
+        push = FREQUENCY**2 * beyond + 2.0 * DAMPING * FREQUENCY * side * y[1]
+        return y[1], -side * max(push, 0.0) * (beyond > 0.0)
+
+    found = solve_ivp(rates, (0.0, END), (0.0, SPEED), rtol=1e-9, atol=1e-13, max_step=1e-5)
+    angle, rate = relative(np.array([END]))
+    assert float(angle[0]) == pytest.approx(found.y[0, -1], abs=1e-6)
+    assert float(rate[0]) == pytest.approx(found.y[1, -1], rel=1e-4)
+
+
+def test_its_derivative_is_that_of_differences():
+    end, change = np.array([END]), 1e-6 * PLAY
+    more, less = (float(relative(end, PLAY + s * change)[0][0]) for s in (1.0, -1.0))
+    assert exact_derivative(END) == pytest.approx(-0.2 * (more - less) / (2.0 * change), rel=1e-6)
+    assert exact(end)[0].energy < 0.5 * 1e-3 * SPEED**2
+
+
+@pytest.mark.slow
+@needs_mujoco
+def test_the_study_runs_quickly_and_finds_what_its_readme_says(tmp_path):
+    from studies.backlash.__main__ import main
+    from studies.backlash.trials import HERE, derivatives, motions
+
+    main(["--quick", "--output", str(tmp_path)])
+    assert {path.name for path in tmp_path.iterdir()} == {"backlash.png"}
+    for trials, most in ((motions(True), 1e-5), (derivatives(True), 1e-4)):
+        ours = [trial.errors[0] for trial in trials if trial.who == HERE]
+        theirs = [trial.errors[0] for trial in trials if trial.who != HERE]
+        assert max(ours) < most and max(ours) < 0.1 * min(theirs)
+
+
+@pytest.mark.slow
+@needs_mujoco
+def test_both_tend_to_the_exact_motion():
+    from studies.backlash import ours, recipe
+
+    truth = exact(np.array([END]))[0]
+    (here, _), (there, _) = ours.run(1e-8), recipe.run(1e-6, "RK4")
+    np.testing.assert_allclose(here.angles, truth.angles, atol=1e-8)
+    np.testing.assert_allclose(there.angles, truth.angles, atol=1e-6)
+    assert here.energy == pytest.approx(truth.energy, rel=1e-6)
+    assert there.energy == pytest.approx(truth.energy, rel=1e-3)
