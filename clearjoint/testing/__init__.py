@@ -14,7 +14,6 @@ from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
-from .contact_geometry import check_contacts as check_contacts
 from .contact_joints import check_contact_joint as check_contact_joint
 from .films import check_film as check_film
 from .force_conformance import check_force as check_force
@@ -35,7 +34,6 @@ __all__ = [
     "SweepProgram",
     "check_bristles",
     "check_constraint",
-    "check_contacts",
     "check_contact_joint",
     "check_force",
     "check_film",

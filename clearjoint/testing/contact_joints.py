@@ -37,20 +37,24 @@ class _Look(NamedTuple):
     slopes: Rows
 
 
-def check_contact_joint(joint: AbstractContactJoint, motions: Mapping[str, Motion]) -> None:
+def check_contact_joint(
+    joint: AbstractContactJoint, motions: Mapping[str, Motion], together: bool = True
+) -> None:
     """Check a joint with play at given motions, at the first touch of each contact and a micrometre
     deeper, with its points on both bodies together, and at all of them without velocity:
 
     - normals are unit vectors, and penetrations grow at their rates;
-    - the forces on both bodies are equal and opposite on one line, and do the work that the rate of
-      the penetration tells, which of the elastic force is that of the stored energy;
+    - the forces on both bodies are equal and opposite on one line, or the couples are, and do the
+      work that the rate of the penetration tells, which of the elastic force is that of the stored
+      energy;
     - slip is tangential, and friction acts across the normal and against sliding;
     - derivatives by motion and numbers are finite, and those of the penetration by each number are
       what differences give;
     - `jax.vmap` gives what one lane does.
 
     **Arguments:** `motions` of the joint's bodies (`moving` makes them); that of the ground may be
-    left out. Moving and turning ones, in flight by less than a centimetre, test most.
+    left out. Moving and turning ones, in flight by less than a centimetre, test most. `together`:
+    whether the joint's points can meet, as the centres of two gears cannot.
 
     **Raises:** `AssertionError` that says what is wrong with which contact.
     """
@@ -74,7 +78,7 @@ def check_contact_joint(joint: AbstractContactJoint, motions: Mapping[str, Motio
         )
         return _Look(_wrong(*joint_and_motions(point), found, rates), _rows(found), _rows(rates))
 
-    places = _places(joint, motions)
+    places = _places(joint, motions, together)
     points = jnp.stack([ravel_pytree((numbers, place))[0] for place in places])
     still = jax.tree.map(jnp.zeros_like, numbers)
     along = jnp.stack([ravel_pytree((still, _velocities(place)))[0] for place in places])
@@ -113,7 +117,7 @@ def _require_alike_names(joint: AbstractContactJoint, motions: Motions) -> None:
         raise AssertionError(f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
 
 
-def _places(joint: AbstractContactJoint, motions: Motions) -> list[Motions]:
+def _places(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
     """The motions given, and those that are looked at beside."""
     moving, scalar = [motions], unpack(joint)
     for contact in scalar.contacts(motions).values():
@@ -121,7 +125,7 @@ def _places(joint: AbstractContactJoint, motions: Motions) -> list[Motions]:
             moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
     points = {body: point for _, body, point in scalar.attachments()}
     first, second = joint.pair()
-    if first in points and second in points:
+    if together and first in points and second in points:
         apart = motions[second].point(points[second]) - motions[first].point(points[first])
         moving.append(_shifted(joint, motions, -apart))
     resting = [
@@ -186,8 +190,25 @@ def _wrong_gap(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
     }
 
 
+def _wrong_couples(
+    contact: Contact, turning: tuple[Vector, Vector], first: Motion, second: Motion
+) -> Rows:
+    on_first, on_second = turning
+    power = on_first.dot(first.spin) + on_second.dot(second.spin)
+    return {
+        "the couples on both bodies are not equal and opposite": (
+            _vanishes_not(first.direction(on_first) + second.direction(on_second))
+        ),
+        "the couples do another work than the rate of the penetration tells": (
+            _differ(power, contact.gap.rate)
+        ),
+    }
+
+
 def _wrong_forces(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
     contact, friction = loaded.contact, loaded.friction
+    if contact.turning is not None:
+        return _wrong_couples(contact, contact.turning, first, second)
     here, there = contact.points_of_force(friction is not None)
     apart = second.point(there) - first.point(here)
     moving = second.velocity_at(there) - first.velocity_at(here)
