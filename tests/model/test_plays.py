@@ -74,11 +74,15 @@ def test_ideal_joints_in_planes_conform(joint):
 @pytest.mark.parametrize(
     ("make", "options", "complaint"),
     [
-        (socket, {"clearance": 0.011}, "`clearance` must be smaller than `socket_radius` = 0.01 m"),
+        (
+            socket,
+            {"clearance": 0.011},
+            "`clearance` must be smaller than the socket's radius 0.01 m",
+        ),
         (socket, {"law": 1e9}, "`law` must be an AbstractContactLaw"),
         (socket, {"second": "a"}, "another body than"),
         (guide, {"friction": 0.1}, "`friction` must be an AbstractFriction or"),
-        (guide, {"clearance": 0.03}, "`clearance` must be smaller than `half_height`"),
+        (guide, {"clearance": 0.03}, "`clearance` must be smaller than half the slider's"),
         (guide, {"slider_axis": (1, 1, 0)}, "`slider_axis` must be at a right angle"),
         (guide, {"law": cj.Hertz(STEEL)}, "guide's walls are flat"),
         (slot, {"slot_axis": (0, 2, 0)}, "`slot_axis` must be at a right angle"),
