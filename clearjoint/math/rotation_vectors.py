@@ -9,6 +9,8 @@ from .vectors import Matrix, Scalar, Vector
 SMALL = 1e-4
 """Squared sine up to which its angle over it is a series, to rounding; and hundredth of the squared
 angle up to which `_curvature` is."""
+TINY = 1e-200
+"""Squared sine that is zero."""
 
 
 class RotationVector(NamedTuple):
@@ -33,7 +35,8 @@ class RotationVector(NamedTuple):
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
     """The rotation vector of a rotation matrix, which turns the fixed frame's axes into the turned
-    one's. It has no direction at half a revolution, where it jumps to its opposite."""
+    one's. It has no direction at half a revolution, where it jumps to its opposite; there
+    it is zero, between both."""
     x, y, z = rotation.row_x, rotation.row_y, rotation.row_z
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
@@ -45,9 +48,9 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """An angle of 0 to pi, over its sine; one at zero."""
+    """An angle of 0 to pi, over its sine; one at zero, and finite at pi."""
     near = (squared_sine < SMALL) & (cosine > 0.0)
-    sine = jnp.sqrt(jnp.where(near, 1.0, squared_sine))
+    sine = jnp.sqrt(jnp.where(near | (squared_sine <= TINY), 1.0, squared_sine))
     s = jnp.where(near, squared_sine, 0.0)
     series = 1.0 + s * (1.0 / 6.0 + s * (3.0 / 40.0 + s * (15.0 / 336.0)))
     return jnp.where(near, series, jnp.arctan2(sine, cosine) / sine)

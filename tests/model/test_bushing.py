@@ -56,6 +56,12 @@ def test_rotation_vectors_and_their_rates(angle):
     np.testing.assert_allclose(pack(torque), np.linalg.solve(series.T, spin), rtol=1e-10)
 
 
+def test_a_half_turn_has_no_direction_but_is_a_number():
+    found = rotation_vector(as_matrix(np.diag([1.0, -1.0, -1.0])))
+    assert [float(part) for part in found.vector] == [0.0, 0.0, 0.0]
+    assert np.isfinite(float(found.factor))
+
+
 @pytest.mark.slow
 def test_derivatives_of_a_relaxed_bushing_are_finite():
     """Its generalised force by the turn about each axis, where the turn vanishes."""

@@ -67,7 +67,7 @@ class BallInSocket(AbstractPlay):
     )
 
     def _check_together(self) -> None:
-        require_smaller_clearance(self.clearance, "socket_radius", self.socket_radius)
+        require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
 
     def _caution_together(self) -> None:
         caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")

@@ -200,7 +200,8 @@ class Contact:
 
 
 class AbstractContactJoint(AbstractElement):
-    """A joint of unilateral contacts, each with a normal law that may remember its impact.
+    """A joint of unilateral contacts, each with a normal law that may remember its impact;
+    `clearjoint.testing.check_contact_joint` tells whether it behaves.
 
     ```python
     import clearjoint as cj

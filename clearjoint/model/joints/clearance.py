@@ -144,7 +144,7 @@ class ClearanceJoint(AbstractContactJoint):
         )
 
     def _check_together(self) -> None:
-        require_smaller_clearance(self.clearance, "bearing_radius", self.bearing_radius)
+        require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
 
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)

@@ -81,16 +81,16 @@ def require_law_of_flats(law: AbstractContactLaw, surfaces: str) -> None:
         )
 
 
-def require_smaller_clearance(clearance: Single, argument: str, radius: Single) -> None:
-    """Check that a radial clearance, m, leaves something of a radius, m, by the name of its
-    argument."""
+def require_smaller_clearance(clearance: Single, radius: Single, of: str) -> None:
+    """Check that a radial clearance, m, is smaller than a radius, m, of which one is told
+    what it is."""
     width, size = concrete(clearance), concrete(radius)
     if width is not None and size is not None:
         require(
             bool(width < size),
             "clearance",
             float(width),
-            f"smaller than `{argument}` = {float(size)} m",
+            f"smaller than {of} {float(size)} m",
             "check the units (m)",
         )
 

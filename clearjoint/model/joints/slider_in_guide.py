@@ -92,7 +92,7 @@ class SliderInGuide(AbstractPlay):
 
     def _check_together(self) -> None:
         require_law_of_flats(self.law, "the guide's walls")
-        require_smaller_clearance(self.clearance, "half_height", self.half_height)
+        require_smaller_clearance(self.clearance, self.half_height, "half the slider's height")
         require_right_angle("slider_axis", self.slider_axis, "slider_normal", self.slider_normal)
 
     def pair(self) -> tuple[str, str]:

@@ -8,11 +8,10 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import AbstractFriction, RegularisedCoulomb
 from ..contact.laws import AbstractContactLaw
-from ..joints.axial import FixedAxially
 from ..joints.base import AbstractConstraint, AbstractContactJoint
 from ..joints.clearance import ClearanceJoint
 from ..joints.ideal import RevoluteJoint
-from ..joints.planes import LineInPlaneJoint
+from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
 from ..joints.slider_in_guide import SliderInGuide
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
@@ -66,6 +65,8 @@ def guided_slider_crank(
         ),
         "slider pin": _pin(pin_clearance, pin_law),
     }
+    if pin_clearance is not None:
+        joints |= _in_plane()
     if clearance is None:
         joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
     else:
@@ -89,7 +90,7 @@ def guided_slider_crank(
 def _pin(
     clearance: Scalar | None, law: AbstractContactLaw | None
 ) -> RevoluteJoint | ClearanceJoint:
-    """Of the rod in the slider. With play, its bearing keeps the slider in the plane."""
+    """Of the rod in the slider."""
     end = (0.5 * ROD, 0.0, 0.0)
     if clearance is None:
         return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
@@ -101,8 +102,16 @@ def _pin(
         clearance=clearance,
         journal_length=20e-3,
         law=steel_law(0.9) if law is None else law,
-        axial=FixedAxially(),
     )
+
+
+def _in_plane() -> dict[str, AbstractConstraint]:
+    """What keeps the slider in the plane where its pin has play."""
+    beside = (0.0, HALF_HEIGHT, 0.0)
+    return {
+        "plane along": LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS),
+        "plane across": PointInPlaneJoint(GROUND, "slider", ORIGIN, beside, Z_AXIS),
+    }
 
 
 def _start(speed: Scalar) -> State:
