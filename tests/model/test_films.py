@@ -96,7 +96,7 @@ def test_finite_width_against_reynolds_equation(width):
     ours = forces(film, offsets, rates, length) / unit
     solved = [finite_bearing_force(width, *pair) for pair in zip(offsets, rates, strict=True)]
     sizes, expected = np.linalg.norm(ours, axis=1), np.linalg.norm(solved, axis=1)
-    np.testing.assert_allclose(sizes, expected, rtol=0.08)
+    np.testing.assert_allclose(sizes, expected, rtol=0.04)
     angles = np.arctan2(*ours.T) - np.arctan2(*np.transpose(solved))
     np.testing.assert_allclose(angles, 0.0, atol=np.radians(3.0))
 
@@ -146,6 +146,7 @@ def test_films_conform(film):
     check_film(film(VISCOSITY))
 
 
+@pytest.mark.slow
 def test_finite_width_conforms_but_for_its_power():
     """Rotation and squeeze solved apart: next to the wall, an opening film may give power."""
     complaints = list(complaints_of_film(cj.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))

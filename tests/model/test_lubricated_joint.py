@@ -82,9 +82,9 @@ def test_the_wall_takes_over_smoothly():
     assert size_of_film(1.0 + 1.01e-6 / CLEARANCE) == 0.0
     law, deep = BETWEEN.laws()["V"], Gap(3e-6, 0.0)
     assert law.force(deep, 0.1) == DRY.law.force(deep, 0.1)
-    for depth in (-1e-7, 0.0, 0.3e-6, 2e-6, 4e-6):
-        slope = jax.grad(lambda depth: law.stored_energy(Gap(depth, 0.0)))(depth)
-        assert slope == pytest.approx(float(law.elastic_force(Gap(depth, 0.0))), rel=1e-12)
+    slopes = jax.jit(jax.vmap(jax.grad(lambda depth: law.stored_energy(Gap(depth, 0.0)))))
+    depths = jnp.asarray([-1e-7, 0.0, 0.3e-6, 2e-6, 4e-6])
+    np.testing.assert_allclose(slopes(depths), law.elastic_force(Gap(depths, 0.0)), rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_threshold_of_stability_is_that_of_the_published_coefficients(ratio):
 
 def test_no_mass_whirls_beyond_an_eccentricity_of_three_quarters():
     """Published: a rigid rotor in short bearings is stable at all speeds from 0.756 on."""
-    assert carried(0.75).growth(1e6).real.max() > 0.0 > carried(0.76).growth(1e6).real.max()
+    assert carried(0.7555).growth(1e8).real.max() > 0.0 > carried(0.7565).growth(1e8).real.max()
 
 
 def test_wrong_arguments_are_refused():
