@@ -10,7 +10,16 @@ import argparse
 from types import ModuleType
 
 import clearjoint as cj
-from studies.catalogue import cylinders, films, frictions, joints, laws, mechanisms, plays
+from studies.catalogue import (
+    cylinders,
+    films,
+    frictions,
+    joints,
+    laws,
+    mechanisms,
+    mechanisms_with_play,
+    plays,
+)
 from studies.catalogue.check import HEAD, Check
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
@@ -23,6 +32,7 @@ FAMILIES: dict[str, ModuleType] = {
     "Joints with play": plays,
     "Ideal joints and elements": joints,
     "Mechanisms": mechanisms,
+    "Mechanisms with play": mechanisms_with_play,
 }
 """What checks each family, and draws it if it has a `figure`."""
 

@@ -55,6 +55,21 @@ BY_INTEGRATION: dict[str, tuple[str, Callable[[float], cj.AbstractContactLaw]]] 
     "KelvinVoigt": ("Kelvin, Voigt", lambda c: cj.KelvinVoigt(c, 1.5e8, MASS)),
     "FloresKelvinVoigt": ("Flores", lambda c: cj.FloresKelvinVoigt(c, 1.5e8)),
     "Tsuji": ("Tsuji et al. 1992", lambda c: cj.Tsuji(c, STIFFNESS, MASS)),
+    "MemorylessHuntCrossley": (
+        "Hunt, Crossley 1975, v0 fixed",
+        lambda c: cj.MemorylessHuntCrossley(c, STIFFNESS, SPEED),
+    ),
+    "KuwabaraKono": ("Kuwabara, Kono 1987", lambda c: cj.KuwabaraKono(STIFFNESS, 4e6 * (1 - c))),
+    "Ristow": ("Ristow 1992", lambda c: cj.Ristow(STIFFNESS, 1e4 * (1 - c))),
+    "BordbarHyppanen": (
+        "Bordbar, Hyppänen 2007",
+        lambda c: cj.BordbarHyppanen(STIFFNESS, 4e7 * (1 - c)),
+    ),
+    "ElastoGap": ("Modelica's ElastoGap", lambda c: cj.ElastoGap(1.5e8, 2e4 * (1 - c))),
+    "ImpactFunction": (
+        "Adams' IMPACT",
+        lambda c: cj.ImpactFunction(STIFFNESS, 2e4 * (1 - c), 3e-6),
+    ),
     "Jankowski": ("Jankowski 2005", lambda c: cj.Jankowski(c, STIFFNESS, MASS)),
 }
 BY_RELATION: dict[str, tuple[float, ...]] = {

@@ -29,6 +29,7 @@ PINION, WHEEL, TORQUE = 2e-3, 5e-2, 0.03
 SLOPE = Rotation.from_rotvec([0.3, 0.2, 0.1])
 CART, STROKE, PACE = 0.7, 0.1, 4.0
 ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
+CUSHIONED, SOFTNESS, SOFTENING, SHIFT = 2.0, 800.0, 3.0, 0.01
 GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
 PUSH: Any = lambda t: STROKE * jnp.cos(PACE * t)  # noqa: E731
 
@@ -47,6 +48,7 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "cart": cj.Body(CART, (1e-3, 1e-3, 1e-3)),
         "sprung": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
         "driven": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
+        "cushioned": cj.Body(CUSHIONED, (1e-2, 1e-2, 1e-2)),
     }
 
     def bearing(body: str) -> cj.RevoluteJoint:
@@ -71,6 +73,16 @@ def machines() -> tuple[cj.Scene, cj.State]:
     forces = {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
         "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
+        "liner": cj.Bushing(
+            "ground",
+            "cushioned",
+            ORIGIN,
+            ORIGIN,
+            stiffness=(SOFTNESS, 1e3, 1e3),
+            damping=(SOFTENING, 0.0, 0.0),
+            rotational_stiffness=(1.0, 1.0, 1.0),
+            rotational_damping=(0.0, 0.0, 0.0),
+        ),
         "motor": cj.Motor(
             "ground",
             "driven",
@@ -92,6 +104,7 @@ def machines() -> tuple[cj.Scene, cj.State]:
             ORIGIN, SLOPE.as_quat(scalar_first=True), SLOPE.apply((1.0, 2.0, 0.0)), (0.0, 0.0, 3.0)
         ),
         "ball": cj.body_state((-1.0, 0.0, 0.0)),
+        "cushioned": cj.body_state((SHIFT, 0.0, 0.0)),
         "cart": cj.body_state((STROKE, 0.0, 0.0)),
         "sprung": cj.body_state(ORIGIN, quaternion(REST + RELEASED)),
     }
