@@ -80,6 +80,8 @@ def joint(kind, first, second):
         return cj.PrismaticJoint(first, second, one, other, axis, TURN)
     if kind == "planar":
         return cj.PlanarJoint(first, second, one, other, axis, axis_second)
+    if kind == "screw":
+        return cj.ScrewJoint(first, second, one, other, axis, axis_second, lead=-0.7)
     if kind == "universal":
         return cj.UniversalJoint(first, second, one, other, axis, axis_second)
     return Rail(first, second, one, axis, TURN)
@@ -99,7 +101,10 @@ EDGES = {
     "on a table": (
         (GROUND, "a", "planar"), ("a", "b", "universal"), ("b", "c", "planar"),
     ),
-    "from a cross": ((GROUND, "a", "universal"), ("a", "b", "universal")),
+    "from a cross": (
+        (GROUND, "a", "universal"), ("a", "b", "universal"), ("b", "c", "screw"),
+        (GROUND, "d", "screw"),
+    ),
 }  # fmt: skip
 SELDOM = ("on a table", "from a cross")
 

@@ -134,6 +134,29 @@ def test_splines_go_through_their_table_smoothly():
     assert float(unpack(cj.Polynomial([1.0, -2.0, 0.5]))(3.0)) == -0.5
 
 
+class Kinked(cj.AbstractFunctionOfTime):
+    """It begins to move at an instant."""
+
+    start: float
+
+    def __call__(self, t):
+        return jnp.maximum(t - self.start, 0.0)
+
+    def breakpoints(self):
+        return self.start
+
+
+def test_drives_have_the_breakpoints_of_what_they_follow():
+    kinked = Kinked(0.3)
+    drives = (
+        cj.PrescribedAngle("a", "b", Z, kinked),
+        cj.PrescribedTranslation("a", "b", ORIGIN, ORIGIN, Z, kinked),
+        cj.Motor("a", "b", Z, kinked, 1.0, 0.1),
+    )
+    assert [float(drive.breakpoints()) for drive in drives] == [0.3] * 3
+    assert cj.PrescribedAngle("a", "b", Z, cj.Polynomial([1.0])).breakpoints() == ()
+
+
 def test_a_motor_clips_its_torque():
     """Exactly, but for a bend over a fiftieth of the limit."""
     motor = cj.Motor("a", "b", Z, cj.Polynomial([0.5, 3.0]), 2.0, derivative=0.1, torque_limit=1.0)

@@ -16,6 +16,7 @@ from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
 from .row_combinations import scaled_row, sum_of_rows
+from .screw_motion import ScrewMotion, along, shortest_turn
 
 
 def _require_lead(argument: str, value: ArrayLike) -> None:
@@ -63,3 +64,11 @@ class ScrewJoint(AbstractAxisJoint):
         by_angle = scaled_row(self.turn(motions), self.lead * (-0.5 / math.pi))
         row = sum_of_rows((advance, by_angle))
         return replace(row, value=wrapped(row.value, self.lead))
+
+    def freedom(self, parent: str) -> ScrewMotion:
+        """The second body turns about the axis and advances."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        axis = unit(self.axis_first)
+        there, here = self._ordered(parent, axis, along(unit(self.axis_second), axis))
+        pitch = self.lead * (0.5 / math.pi)
+        return ScrewMotion(*points, here, shortest_turn(there, here), pitch)
