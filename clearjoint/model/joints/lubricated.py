@@ -35,6 +35,9 @@ class LubricatedJoint(AbstractContactJoint):
     at most as thin as the eccentricity ratio `largest_ratio` makes it, since its force would be
     infinite at the wall.
 
+    A film lets the journal touch slowly, which a law that divides by the entry speed answers with
+    vast damping: where the wall shall carry load, give `dry` a law without memory.
+
     **Arguments:**
 
     - `dry`: the `ClearanceJoint` without the film, from which all geometry comes.
