@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 import jax
+from jax.interpreters import mlir
 
 from .compilation import keep_programs, keeps_programs
 from .fields.checks import require_count
@@ -132,7 +133,20 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    _mend_arctan()
     keep_programs()
+
+
+def _mend_arctan() -> None:
+    """Have arctangents compiled as those of two arguments: with vectors of 512 bits, XLA's own is
+    zero for nearly all of an array of doubles (jax issue 39352)."""
+
+    def by_two_arguments(x: jax.Array, **options: object) -> jax.Array:
+        del options
+        return jax.lax.atan2(x, jax.numpy.ones_like(x))
+
+    lowering = mlir.lower_fun(by_two_arguments, multiple_results=False)
+    mlir.register_lowering(jax.lax.atan_p, lowering, platform="cpu")
 
 
 def busy_devices() -> list[Device]:
@@ -175,6 +189,7 @@ def adopt(values: dict[str, Setting]) -> None:
         os.environ["XLA_FLAGS"] = str(values["XLA_FLAGS"])
         for name in _SHARED:
             jax.config.update(name, values[name])
+        _mend_arctan()
         keep_programs(bool(values["keeps_programs"]))
         if not values["lonely"] and jax.config.jax_num_cpu_devices < LEAST_DEVICES:  # pyright: ignore
             jax.config.update("jax_num_cpu_devices", LEAST_DEVICES)

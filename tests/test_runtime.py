@@ -5,6 +5,8 @@ import subprocess
 import sys
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from clearjoint import runtime
@@ -230,3 +232,11 @@ def test_short_run_says_nothing(slow_run, monkeypatch, recwarn):
     monkeypatch.setenv("XLA_FLAGS", "")
     slow_run.check()
     assert not recwarn
+
+
+@pytest.mark.optimised
+def test_arctangents_of_arrays_are_right():
+    """Programs as users have them: vectors of 512 bits."""
+    x = np.linspace(-3.0, 3.0, 1001)
+    found = jax.jit(jnp.arctan)(x)  # noqa: TID251
+    np.testing.assert_allclose(found, np.arctan(x), rtol=1e-15)
