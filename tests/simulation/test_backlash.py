@@ -171,6 +171,24 @@ def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
     assert float(np.ravel(found.derivatives["angle"])[0]) == pytest.approx(difference, rel=1e-5)
 
 
+def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
+    """Times in flight, and so counts, go with the play; each lane keeps its own entry speed."""
+    scene, state = cj.gear_pair()
+    plays = np.array([2e-5, 5e-5, 2e-4])
+    axes = {"play": cj.Axis(lambda s: s.joints["mesh"].backlash, plays)}
+    outputs = {"hits": cj.ImpactTable(20), "peak": cj.Peak(cj.quantities.ContactForce("mesh"), "N")}
+    found = cj.sweep(scene, state, 5e-3, axes, outputs, TIGHT, progress=False)
+    entries = 10.0 * _base_radii()[0] * 0.8 ** np.arange(40)
+    for k, play in enumerate(plays):
+        moved, _ = cj.gear_pair(backlash=play)
+        single = cj.simulate(moved, state, 5e-3, TIGHT, save=cj.Saving(impacts=True)).impacts
+        speeds = found["hits_entry_speed"].values[k].ravel()
+        speeds = np.sort(speeds[np.isfinite(speeds) & (speeds > 0.0)])[::-1]
+        assert len(speeds) == len(single) > 2
+        np.testing.assert_allclose(speeds, entries[: len(speeds)], rtol=1e-7)
+    np.testing.assert_allclose(found["peak"], found["peak"][0], rtol=1e-5)
+
+
 def test_impacts_without_duration_are_those_of_time_stepping():
     """Moreau's steps take couples, too: the speeds after as many impacts as the stiff law's."""
     scene, state = shafts(cj.ExactRestitution(0.6, 1e8, exponent=1.0))
