@@ -2,14 +2,13 @@
 
 from typing import ClassVar
 
-from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, AbstractElasticLaw
-from ..contact.stiffness import GivenStiffness
+from ..contact.laws import AbstractContactLaw
 
 
 class AbstractAxialPolicy(AbstractConverting):
@@ -86,14 +85,7 @@ class EndPlay(AbstractAxialPolicy):
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
-        if isinstance(self.law, AbstractElasticLaw):
-            require(
-                isinstance(self.law.stiffness, GivenStiffness),
-                "law",
-                type(self.law.stiffness).__name__,
-                "a law with a given stiffness",
-                "shoulders are flat, so pass a number in N/m^n as the law's stiffness",
-            )
+        require_flat_law(self.law)
 
     def shoulder_law(self) -> AbstractContactLaw:
         """The law that was given, for both shoulders."""

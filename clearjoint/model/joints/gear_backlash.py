@@ -20,12 +20,13 @@ from ...math.functions import cosine, sine, where, within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..bodies import Motion
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
 from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from .constraint_rows import Pose, rows_from_residual
-from .flanks import FLANKS, SIDE_OF, require_flat_law
+from .flanks import FLANKS, SIDE_OF
 from .gear_mesh import LineOfCentres, involute, sine_of
 from .pairs import AbstractPairAtPoints
 
