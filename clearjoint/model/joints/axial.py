@@ -6,9 +6,9 @@ from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
-from .plays import require_law_of_flats
 
 
 class AbstractAxialPolicy(AbstractConverting):
@@ -85,7 +85,7 @@ class EndPlay(AbstractAxialPolicy):
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
-        require_law_of_flats(self.law, "shoulders")
+        require_flat_law(self.law, "shoulders")
 
     def shoulder_law(self) -> AbstractContactLaw:
         """The law that was given, for both shoulders."""

@@ -12,12 +12,13 @@ from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
 from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from .constraint_rows import turning_about_axes
-from .flanks import FLANKS, SIDE_OF, require_flat_law
+from .flanks import FLANKS, SIDE_OF
 from .pairs import require_distinct
 
 TURN = 2.0 * math.pi
@@ -118,7 +119,7 @@ class Backlash(AbstractContactJoint):
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
-        require_flat_law(self.law)
+        require_flat_law(self.law, "flanks")
 
     def _check_together(self) -> None:
         play = concrete(self.play)

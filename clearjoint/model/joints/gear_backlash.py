@@ -20,12 +20,13 @@ from ...math.functions import cosine, sine, where, within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..bodies import Motion
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
 from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from .constraint_rows import Pose, rows_from_residual
-from .flanks import FLANKS, SIDE_OF, require_flat_law
+from .flanks import FLANKS, SIDE_OF
 from .gear_mesh import LineOfCentres, involute, sine_of
 from .pairs import AbstractPairAtPoints
 
@@ -115,7 +116,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     phase: Single = quantity("rad", shape=(), default=0.0)
 
     def __check_init__(self):
-        require_flat_law(self.law)
+        require_flat_law(self.law, "flanks")
 
     def _check_together(self) -> None:
         first, second = concrete(self.teeth_first), concrete(self.teeth_second)

@@ -9,12 +9,13 @@ from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
 from ..contact.bristles import AbstractBristleFriction
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from .base import AbstractConstraint, Attachment, Contact, Motions
 from .flat_walls import FlatWall
 from .planes import PointInPlaneJoint
-from .plays import AbstractPlay, require_law_of_flats, require_right_angle
+from .plays import AbstractPlay, require_right_angle
 from .seating import seat_on_plane
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
@@ -74,7 +75,7 @@ class PinInSlot(AbstractPlay):
     )
 
     def _check_together(self) -> None:
-        require_law_of_flats(self.law, "the slot's walls")
+        require_flat_law(self.law, "the slot's walls")
         require_right_angle("slot_axis", self.slot_axis, "slot_normal", self.slot_normal)
 
     def pair(self) -> tuple[str, str]:

@@ -11,8 +11,7 @@ from ...math.vectors import Scalar, Vector
 from ..bodies import GROUND, Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw, AbstractElasticLaw
-from ..contact.stiffness import GivenStiffness
+from ..contact.laws import AbstractContactLaw
 from .base import AbstractContactJoint, Contact
 from .pairs import require_distinct
 
@@ -66,18 +65,6 @@ def require_law_and_friction(law: object, friction: object) -> None:
             value,
             f"an {names}",
             f"subclass {names} or pass one of clearjoint's",
-        )
-
-
-def require_law_of_flats(law: AbstractContactLaw, surfaces: str) -> None:
-    """Check that the law of flat surfaces needs no radii."""
-    if isinstance(law, AbstractElasticLaw):
-        require(
-            isinstance(law.stiffness, GivenStiffness),
-            "law",
-            type(law.stiffness).__name__,
-            "a law with a given stiffness",
-            f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness",
         )
 
 

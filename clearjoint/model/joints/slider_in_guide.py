@@ -9,6 +9,7 @@ from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar, add
 from ..contact.bristles import AbstractBristleFriction
+from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from .base import AbstractConstraint, Attachment, Contact, Motions
@@ -16,7 +17,6 @@ from .flat_walls import FlatWall
 from .planes import LineInPlaneJoint
 from .plays import (
     AbstractPlay,
-    require_law_of_flats,
     require_right_angle,
     require_smaller_clearance,
 )
@@ -91,7 +91,7 @@ class SliderInGuide(AbstractPlay):
     )
 
     def _check_together(self) -> None:
-        require_law_of_flats(self.law, "the guide's walls")
+        require_flat_law(self.law, "the guide's walls")
         require_smaller_clearance(self.clearance, self.half_height, "half the slider's height")
         require_right_angle("slider_axis", self.slider_axis, "slider_normal", self.slider_normal)
 

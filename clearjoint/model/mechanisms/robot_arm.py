@@ -18,8 +18,8 @@ NOMINAL = (0.0, 0.5 * QUARTER, 2.0 * QUARTER)
 """Angles of the nominal pose, rad."""
 FLANK_RADIUS = 0.05
 """m."""
-FLANK_STIFFNESS = 1e7
-"""N/m: 25 kN m/rad at the flanks' radius."""
+FLANK_STIFFNESS = 1e9
+"""N/m^1.5: the elbow, at its load in the nominal pose, turns by half a mrad."""
 FLANGE = Body(1e-3, (1e-6, 1e-6, 1e-6))
 """Of a gearbox: so light that it is the arm's that counts."""
 GRAVITY = (0.0, 0.0, -9.81)
@@ -47,7 +47,7 @@ def robot_arm(
 
     The motors are stiff: each turns the flange of its gearbox, "flange 1" to "flange 3" (1 g), as
     told (`PrescribedRotation` "motor 1" to "motor 3"), and the "play 1" to "play 3" lies between
-    flange and link. Its angle, and the flanks' 1e7 N/m at 50 mm, are ours. Hinges are
+    flange and link. Its angle, and the flanks' 1e9 N/m^1.5 at 50 mm, are ours. Hinges are
     "joint 1" to "joint 3", whose `JointAngle` is that of Denavit and Hartenberg.
 
     **Arguments:** `play` in rad, of all three joints, from flank to flank; ``None`` lets the motors
@@ -55,7 +55,7 @@ def robot_arm(
     `law` replaces one that delivers the restitution.
     """
     if law is None:
-        law = ExactRestitution(restitution=restitution, stiffness=FLANK_STIFFNESS, exponent=1.0)
+        law = ExactRestitution(restitution=restitution, stiffness=FLANK_STIFFNESS)
     joints: Joints = {}
     bodies = {name: Body(lump.mass, lump.inertia) for name, lump in zip(LINKS, LUMPS, strict=True)}
     for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
