@@ -139,11 +139,13 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
 
 def _mend_arctan() -> None:
     """Have arctangents compiled as those of two arguments: with vectors of 512 bits, XLA's own is
-    zero for nearly all of an array of doubles (jax issue 39352)."""
+    zero for nearly all of an array of doubles (jax issue 39352). A second argument of one it would
+    turn back into that."""
 
     def by_two_arguments(x: jax.Array, **options: object) -> jax.Array:
         del options
-        return jax.lax.atan2(x, jax.numpy.ones_like(x))
+        half = jax.numpy.full_like(x, 0.5)
+        return jax.lax.atan2(half * x, half)
 
     lowering = mlir.lower_fun(by_two_arguments, multiple_results=False)
     mlir.register_lowering(jax.lax.atan_p, lowering, platform="cpu")
