@@ -5,8 +5,8 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    of its arrays (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
 3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
-4. `model/joints/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
-   `model/joints/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
+4. `model/plays/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
+   `model/plays/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
    (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
 5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
@@ -117,37 +117,31 @@ from .model.contact.stiffness import RavnStiffness as RavnStiffness
 from .model.contact.stribeck import BengisuAkay as BengisuAkay
 from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
 from .model.contact.stribeck import Stribeck as Stribeck
+from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
+from .model.drives.functions_of_time import Polynomial as Polynomial
+from .model.drives.functions_of_time import Spline as Spline
+from .model.drives.motor import Motor as Motor
+from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
+from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
+from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
+from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
+from .model.drives.rotation import DriveTorque as DriveTorque
+from .model.drives.rotation import PrescribedRotation as PrescribedRotation
 from .model.film.butenschoen import ButenschoenFilm as ButenschoenFilm
 from .model.film.capone import CaponeFilm as CaponeFilm
 from .model.film.laws import AbstractFilm as AbstractFilm
 from .model.film.pinkus_sternlicht import PinkusSternlichtFilm as PinkusSternlichtFilm
-from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
-from .model.joints.axial import EndPlay as EndPlay
-from .model.joints.axial import FixedAxially as FixedAxially
-from .model.joints.axial import FreeAxially as FreeAxially
-from .model.joints.backlash import Backlash as Backlash
-from .model.joints.ball_in_socket import BallInSocket as BallInSocket
+from .model.forces.bushing import Bushing as Bushing
+from .model.forces.springs_and_loads import AppliedLoad as AppliedLoad
+from .model.forces.springs_and_loads import SpringDamper as SpringDamper
+from .model.forces.torsional_spring import TorsionalSpring as TorsionalSpring
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
 from .model.joints.base import Contact as Contact
 from .model.joints.base import Row as Row
-from .model.joints.bushing import Bushing as Bushing
-from .model.joints.carried_journal import CarriedJournal as CarriedJournal
-from .model.joints.carried_journal import carried_journal as carried_journal
-from .model.joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.distance_joint import DistanceJoint as DistanceJoint
-from .model.joints.drives import AbstractDriveTorque as AbstractDriveTorque
-from .model.joints.drives import AbstractRotationDriver as AbstractRotationDriver
-from .model.joints.drives import DriveTorque as DriveTorque
-from .model.joints.drives import PrescribedRotation as PrescribedRotation
-from .model.joints.forces import AppliedLoad as AppliedLoad
-from .model.joints.forces import SpringDamper as SpringDamper
-from .model.joints.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
-from .model.joints.functions_of_time import Polynomial as Polynomial
-from .model.joints.functions_of_time import Spline as Spline
-from .model.joints.gear_backlash import GearBacklash as GearBacklash
 from .model.joints.gear_joint import GearJoint as GearJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
@@ -155,18 +149,11 @@ from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
-from .model.joints.lubricated import LubricatedJoint as LubricatedJoint
 from .model.joints.massless_link import MasslessLink as MasslessLink
-from .model.joints.motor import Motor as Motor
-from .model.joints.pin_in_slot import PinInSlot as PinInSlot
 from .model.joints.planar_joint import PlanarJoint as PlanarJoint
 from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
-from .model.joints.prescribed import PrescribedAngle as PrescribedAngle
-from .model.joints.prescribed import PrescribedTranslation as PrescribedTranslation
 from .model.joints.screw_joint import ScrewJoint as ScrewJoint
-from .model.joints.slider_in_guide import SliderInGuide as SliderInGuide
-from .model.joints.torsional_spring import TorsionalSpring as TorsionalSpring
 from .model.joints.universal_joint import UniversalJoint as UniversalJoint
 from .model.mechanisms.andrews_squeezer import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.bricard import bricard as bricard
@@ -183,6 +170,19 @@ from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
+from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
+from .model.plays.axial import EndPlay as EndPlay
+from .model.plays.axial import FixedAxially as FixedAxially
+from .model.plays.axial import FreeAxially as FreeAxially
+from .model.plays.backlash import Backlash as Backlash
+from .model.plays.ball_in_socket import BallInSocket as BallInSocket
+from .model.plays.carried_journal import CarriedJournal as CarriedJournal
+from .model.plays.carried_journal import carried_journal as carried_journal
+from .model.plays.clearance import ClearanceJoint as ClearanceJoint
+from .model.plays.gear_backlash import GearBacklash as GearBacklash
+from .model.plays.lubricated import LubricatedJoint as LubricatedJoint
+from .model.plays.pin_in_slot import PinInSlot as PinInSlot
+from .model.plays.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
 from .parametrisation.places import parameters as parameters

@@ -61,9 +61,10 @@ from .model.contact.laws import contact_normal_force as contact_normal_force
 from .model.contact.limits import Limit as Limit
 from .model.contact.stiffness import AbstractElasticity as AbstractElasticity
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
+from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
+from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
 from .model.film.laws import AbstractFilm as AbstractFilm
 from .model.film.laws import FilmGap as FilmGap
-from .model.joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.joints.base import AbstractConstraint as AbstractConstraint
 from .model.joints.base import AbstractContactJoint as AbstractContactJoint
 from .model.joints.base import AbstractForce as AbstractForce
@@ -75,12 +76,11 @@ from .model.joints.constraint_rows import perpendicular as perpendicular
 from .model.joints.constraint_rows import point_in_plane as point_in_plane
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.constraint_rows import turning_angle as turning_angle
-from .model.joints.drives import AbstractDriveTorque as AbstractDriveTorque
-from .model.joints.drives import AbstractRotationDriver as AbstractRotationDriver
 from .model.joints.motion_subspaces import AbstractFreedom as AbstractFreedom
 from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist
+from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
-from ..model.joints.journal_bases import BASES
+from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
 from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT

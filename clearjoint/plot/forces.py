@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..model.joints.journal_bases import BASES
+from ..model.plays.journal_bases import BASES
 from ..simulation.impact_table import Impacts
 from ..simulation.observe import Observation
 from . import observed

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from ..model.joints.journal_bases import BASES
+from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
 from .observed import contact
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines

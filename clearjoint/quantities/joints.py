@@ -11,7 +11,7 @@ from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
 from ..model.joints.base import AbstractConstraint, Motions, Row
-from ..model.joints.journal_bases import BASES, HasJournal
+from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .base import AbstractQuantity, Component, part, require_component, require_known
 from .instant import Instant

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.types import TripleLike
 from ..model.bodies import BodyState, State, body_state
-from ..model.joints.clearance import ClearanceJoint
+from ..model.plays.clearance import ClearanceJoint
 from ..model.scene import Scene
 from .complaints import FilePlace, listed, nearest
 from .expectations import arguments

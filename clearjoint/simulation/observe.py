@@ -21,7 +21,7 @@ from ..dynamics.system import System
 from ..fields.checks import require
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
-from ..model.joints.journal_bases import BASES, HasJournal
+from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .aliases import Integers, Numbers, Vectors
 from .nonsmooth.solution import NonsmoothSolution

@@ -13,8 +13,8 @@ from ..dynamics.joint_coordinates import spatial_inertia as inertia
 from ..dynamics.system import System
 from ..math.vectors import Scalar
 from ..model.contact.friction import RegularisedCoulomb
-from ..model.joints import axial, bearing_surfaces, clearance
 from ..model.joints import motion_subspaces as freedoms
+from ..model.plays import axial, bearing_surfaces, clearance
 from ..parametrisation.parametrised_scene import AbstractFamily
 from ..simulation import stepping
 from ..simulation.landing import Landing

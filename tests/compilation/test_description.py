@@ -272,4 +272,4 @@ def test_what_cannot_be_described_in_the_package_is_refused(fresh):
 def test_modules_of_what_is_described_are_known():
     description = Description()
     description.add(cj.double_pendulum())
-    assert {"clearjoint.model.joints.clearance", "clearjoint.model.bodies"} <= description.packages
+    assert {"clearjoint.model.plays.clearance", "clearjoint.model.bodies"} <= description.packages

@@ -1,2 +1,2 @@
-"""Joints and forces between bodies: ideal, with clearance, drivers, springs, loads; and the
-constraint rows and motion subspaces of which ideal ones consist."""
+"""Ideal joints between bodies, and the constraint rows and motion subspaces of which they consist;
+what any element of a scene may do is in `base`."""

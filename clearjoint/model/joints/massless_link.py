@@ -7,10 +7,10 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
-from .axial import AbstractAxialPolicy, FreeAxially
+from ..plays.axial import AbstractAxialPolicy, FreeAxially
+from ..plays.journal_bases import BASES
 from .base import AbstractConstraint, Attachment, Motions, Row
 from .constraint_rows import point_in_plane
-from .journal_bases import BASES
 from .pairs import require_distinct
 from .row_combinations import distance_row
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bodies import GROUND, Body, State, body_state
-from ..joints.drives import DriveTorque
-from ..joints.forces import SpringDamper
+from ..drives.rotation import DriveTorque
+from ..forces.springs_and_loads import SpringDamper
 from ..joints.ideal import InlineJoint, RevoluteJoint
 from ..scene import Scene
 from .common import Z_AXIS, turned_about_z

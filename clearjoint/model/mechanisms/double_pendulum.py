@@ -5,9 +5,9 @@ from ..bodies import Body, State, body_state
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from ..joints.axial import AbstractAxialPolicy
-from ..joints.clearance import ClearanceJoint
 from ..joints.ideal import RevoluteJoint
+from ..plays.axial import AbstractAxialPolicy
+from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import steel_law
 

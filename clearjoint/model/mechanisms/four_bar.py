@@ -14,8 +14,8 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractForce
-from ..joints.clearance import ClearanceJoint
 from ..joints.ideal import InlineJoint, RevoluteJoint
+from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 

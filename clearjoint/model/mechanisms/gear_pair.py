@@ -6,8 +6,8 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
 from ..contact.damping_factors import ExactRestitution
 from ..contact.laws import AbstractContactLaw
-from ..joints.gear_backlash import GearBacklash
 from ..joints.ideal import RevoluteJoint
+from ..plays.gear_backlash import GearBacklash
 from ..scene import Scene
 from .common import ORIGIN, Z_AXIS
 

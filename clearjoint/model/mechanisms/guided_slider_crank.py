@@ -9,10 +9,10 @@ from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import AbstractFriction, RegularisedCoulomb
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractContactJoint
-from ..joints.clearance import ClearanceJoint
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
-from ..joints.slider_in_guide import SliderInGuide
+from ..plays.clearance import ClearanceJoint
+from ..plays.slider_in_guide import SliderInGuide
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
 

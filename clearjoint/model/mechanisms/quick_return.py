@@ -11,10 +11,10 @@ from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..contact.stiffness import GivenStiffness
-from ..joints.drives import PrescribedRotation
+from ..drives.rotation import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
-from ..joints.pin_in_slot import PinInSlot
 from ..joints.planes import PointInPlaneJoint
+from ..plays.pin_in_slot import PinInSlot
 from ..scene import Scene
 from .common import ORIGIN, Y_AXIS, Z_AXIS
 

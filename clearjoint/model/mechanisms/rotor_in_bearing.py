@@ -8,11 +8,11 @@ from ..bodies import GROUND, Body, State, body_state
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
+from ..drives.rotation import PrescribedRotation
 from ..film.laws import AbstractFilm
-from ..joints.axial import FixedAxially
-from ..joints.clearance import ClearanceJoint
-from ..joints.drives import PrescribedRotation
-from ..joints.lubricated import LubricatedJoint
+from ..plays.axial import FixedAxially
+from ..plays.clearance import ClearanceJoint
+from ..plays.lubricated import LubricatedJoint
 from ..scene import Scene
 from .common import Z_AXIS, steel_law
 

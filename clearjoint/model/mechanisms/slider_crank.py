@@ -10,10 +10,10 @@ from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
+from ..drives.rotation import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractForce
-from ..joints.clearance import ClearanceJoint
-from ..joints.drives import PrescribedRotation
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
+from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 

@@ -9,7 +9,7 @@ from ...fields.checks import require_count, require_positive
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 from ...model.contact.gap import slip_velocity
-from ...model.joints.journal_bases import BASES, HasJournal
+from ...model.plays.journal_bases import BASES, HasJournal
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant

@@ -7,8 +7,8 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
 from ..bodies import Motion
 from ..contact.gap import Gap, slip_velocity
+from ..joints.base import Contact
 from .axial import AbstractAxialPolicy
-from .base import Contact
 from .journal_bases import JournalBase
 
 SHOULDERS = ("lower shoulder", "upper shoulder")

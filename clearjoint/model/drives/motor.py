@@ -12,8 +12,8 @@ from ...fields.types import Quadruple, Single, Triple
 from ...math.periodic import wrapped
 from ...math.smoothing import ramp
 from ...math.vectors import Scalar
-from .drives import AbstractDriveTorque
 from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
+from .rotation import AbstractDriveTorque
 
 ROUNDING = 0.02
 """Of the torque limit, on either side of it: where the torque bends into it."""

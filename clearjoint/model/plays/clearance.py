@@ -30,18 +30,25 @@ from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Attachment,
+    Contact,
+    Motions,
+    Row,
+)
+from ..joints.constraint_rows import point_in_plane, turning_about_axes
+from ..joints.pairs import require_distinct
 from .axial import AbstractAxialPolicy, FreeAxially
-from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
-from .constraint_rows import point_in_plane, turning_about_axes
-from .journal_bases import BASES, SIDES, JournalBases
-from .pairs import require_distinct
-from .plays import (
+from .common import (
     anchor_of,
     offset_between,
     require_law_and_friction,
     require_smaller_clearance,
 )
+from .journal_bases import BASES, SIDES, JournalBases
 from .seating import ideal_in_place, seat
 
 WIDEST_CLEARANCE = 0.1

@@ -18,8 +18,8 @@ from ...math.rotation_vectors import RotationVector, rotation_vector
 from ...math.rotations import rotation_matrix
 from ...math.vectors import Matrix, Scalar, Vector
 from ..bodies import Wrench
-from .base import AbstractForce, Motions
-from .pairs import AbstractPairAtPoints
+from ..joints.base import AbstractForce, Motions
+from ..joints.pairs import AbstractPairAtPoints
 
 PARALLEL = (1.0, 0.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)

@@ -14,7 +14,14 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
 from ..film.laws import AbstractFilm, FilmGap
-from .base import AbstractConstraint, AbstractContactJoint, Attachment, Contact, Motions, Row
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Attachment,
+    Contact,
+    Motions,
+    Row,
+)
 from .clearance import ClearanceJoint
 from .fading import FadingIn, share_of_contact
 from .journal_bases import BASES, SIDES, JournalBase

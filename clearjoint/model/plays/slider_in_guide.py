@@ -12,14 +12,14 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from .base import AbstractConstraint, Attachment, Contact, Motions
-from .flat_walls import FlatWall
-from .planes import LineInPlaneJoint
-from .plays import (
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.planes import LineInPlaneJoint
+from .common import (
     AbstractPlay,
     require_right_angle,
     require_smaller_clearance,
 )
+from .flat_walls import FlatWall
 from .seating import seat_on_plane
 
 CORNERS = {

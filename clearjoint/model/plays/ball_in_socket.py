@@ -13,10 +13,10 @@ from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, slip_velocity
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
-from .base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.ideal import SphericalJoint
 from .clearance import LARGEST_BEARING
-from .ideal import SphericalJoint
-from .plays import AbstractPlay, anchor_of, offset_between, require_smaller_clearance
+from .common import AbstractPlay, anchor_of, offset_between, require_smaller_clearance
 
 CONTACT = "ball"
 

@@ -8,12 +8,12 @@ from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
-from .base import AbstractConstraint, Motions, Row
-from .constraint_rows import point_in_plane
-from .drives import AbstractRotationDriver
+from ..joints.base import AbstractConstraint, Motions, Row
+from ..joints.constraint_rows import point_in_plane
+from ..joints.pairs import AbstractPairAtPoints
+from ..joints.row_combinations import row_following
 from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
-from .pairs import AbstractPairAtPoints
-from .row_combinations import row_following
+from .rotation import AbstractRotationDriver
 
 
 class PrescribedAngle(AbstractRotationDriver):

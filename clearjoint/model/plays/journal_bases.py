@@ -7,7 +7,7 @@ from ...fields.types import Single
 from ...math.functions import where
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion
-from .base import Motions
+from ..joints.base import Motions
 
 BASES = ("V", "W")
 """A base is at each end of the journal: against the journal's axis, and along it."""

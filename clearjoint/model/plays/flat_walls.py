@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import Motion
 from ..contact.gap import Gap, slip_velocity
-from .base import Contact
+from ..joints.base import Contact
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from ...math.periodic import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench
-from .base import AbstractConstraint, AbstractForce, Motions, Row
-from .constraint_rows import turning_angle
-from .pairs import AbstractPair
-from .row_combinations import row_following
+from ..joints.base import AbstractConstraint, AbstractForce, Motions, Row
+from ..joints.constraint_rows import turning_angle
+from ..joints.pairs import AbstractPair
+from ..joints.row_combinations import row_following
 
 
 class AbstractDrive(AbstractPair):

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fields.types import Single, Triple
-from .base import AbstractConstraint
-from .ideal import CylindricalJoint, RevoluteJoint
+from ..joints.base import AbstractConstraint
+from ..joints.ideal import CylindricalJoint, RevoluteJoint
 
 LEAST_SHARE = 1e-6
 """Of a load, across the axis: less is rounding's and seats no journal."""

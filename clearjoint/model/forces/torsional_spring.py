@@ -8,8 +8,8 @@ from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
 from ...math.periodic import wrapped
 from ...math.vectors import Scalar
-from .base import Motions
-from .drives import AbstractDriveTorque
+from ..drives.rotation import AbstractDriveTorque
+from ..joints.base import Motions
 
 SI = "give it in SI units"
 

@@ -12,10 +12,10 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from .base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.planes import PointInPlaneJoint
+from .common import AbstractPlay, require_right_angle
 from .flat_walls import FlatWall
-from .planes import PointInPlaneJoint
-from .plays import AbstractPlay, require_right_angle
 from .seating import seat_on_plane
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")

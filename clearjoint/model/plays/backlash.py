@@ -16,10 +16,10 @@ from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
-from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
-from .constraint_rows import turning_about_axes
+from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.constraint_rows import turning_about_axes
+from ..joints.pairs import require_distinct
 from .flanks import FLANKS, SIDE_OF
-from .pairs import require_distinct
 
 TURN = 2.0 * math.pi
 WIDEST_PLAY = 0.5

@@ -12,7 +12,7 @@ from ..bodies import Motion, Wrench
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
-from .base import AbstractContactJoint, Contact, Motions
+from ..joints.base import AbstractContactJoint, Contact, Motions
 
 
 class SeveralContactJoints(AbstractContactJoint):

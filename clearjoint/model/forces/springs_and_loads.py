@@ -8,8 +8,8 @@ from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 from ..bodies import Wrench
-from .base import AbstractForce, Attachment, Motions
-from .pairs import AbstractPairAtPoints
+from ..joints.base import AbstractForce, Attachment, Motions
+from ..joints.pairs import AbstractPairAtPoints
 
 SI = "give it in SI units"
 

@@ -12,8 +12,8 @@ from ..bodies import GROUND, Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from .base import AbstractContactJoint, Contact
-from .pairs import require_distinct
+from ..joints.base import AbstractContactJoint, Contact
+from ..joints.pairs import require_distinct
 
 RIGHT_ANGLE = 1e-9
 """Cosine of the angle between two directions up to which they are at a right angle."""

@@ -24,11 +24,11 @@ from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
-from .base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
-from .constraint_rows import Pose, rows_from_residual
+from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.constraint_rows import Pose, rows_from_residual
+from ..joints.pairs import AbstractPairAtPoints
 from .flanks import FLANKS, SIDE_OF
 from .gear_mesh import LineOfCentres, involute, sine_of
-from .pairs import AbstractPairAtPoints
 
 LARGEST_MODULE = 0.1
 """Of teeth, m, beyond which one is warned."""

@@ -1,0 +1,1 @@
+"""What moves joints: prescribed angles and distances, functions of time, torques, motors."""

@@ -1,0 +1,1 @@
+"""Elements that push bodies by themselves: springs, liners, loads."""
