@@ -24,17 +24,21 @@ from clearjoint.testing import (
 )
 
 STEEL = cj.RavnStiffness(207e9, 0.3)
+LIKE_OTHERS = (
+    cj.Hertz(STEEL),
+    cj.HuntCrossley(0.5, STEEL),
+    cj.Flores2011(0.2, STEEL, exponent=2.0),
+    cj.MemorylessHuntCrossley(0.8, STEEL, 0.1),
+)
+"""Laws whose code another one has, too."""
 
 
 @pytest.mark.parametrize(
     "law",
     [
-        cj.Hertz(STEEL),
-        cj.HuntCrossley(0.5, STEEL),
+        *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
         cj.LankaraniNikravesh(0.9, STEEL),
         cj.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
-        cj.Flores2011(0.2, STEEL, exponent=2.0),
-        cj.MemorylessHuntCrossley(0.8, STEEL, 0.1),
         cj.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )

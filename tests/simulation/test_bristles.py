@@ -110,6 +110,7 @@ def falling(**changes):
     return block(LUGRE, 0.01, **numbers)
 
 
+@pytest.mark.slow
 def test_derivatives_hold_across_the_begin_of_a_contact():
     """When it begins depends on the first height: the bristles' rate jumps there."""
     times, step = np.array([3e-4, 6e-4, 1e-3]), 1e-9

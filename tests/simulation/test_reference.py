@@ -61,7 +61,7 @@ def test_trajectories_and_impacts(case, reference_folder):
     [
         pytest.param(diffrax.Heun(), 2, (4, 5, 6, 7), marks=pytest.mark.slow),
         pytest.param(diffrax.Bosh3(), 3, (4, 5, 6, 7, 8), marks=pytest.mark.slow),
-        (diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9)),
+        pytest.param(diffrax.Tsit5(), 5, (4, 5, 6, 7, 8, 9), marks=pytest.mark.slow),
     ],
     ids=["Heun", "Bosh3", "Tsit5"],
 )

@@ -108,6 +108,7 @@ def drop():
     return look
 
 
+@pytest.mark.slow
 def test_largest_clearance_of_a_drop_is_the_closed_form(drop):
     """At the lowest point m g (c + d) = 2 (2/5) K d^(5/2), and the force at a base is K d^(3/2)."""
     allowed = LARGEST["eccentricity"]

@@ -242,6 +242,7 @@ def test_executor_of_processes_computes_the_same_bits(few, path):
     xr.testing.assert_identical(found, few)
 
 
+@pytest.mark.slow
 def test_dask_gives_the_chunk_of_a_killed_worker_to_another(few, tmp_path, path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     cluster = distributed.LocalCluster(

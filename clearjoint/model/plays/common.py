@@ -116,5 +116,5 @@ def offset_between(
     body is the ground, with the digits of its anchor."""
     (first, second), (point_first, point_second) = motions, points
     if bodies[1] == GROUND:
-        return -first.point_from(point_first, point_second)
+        return -first.point_from(point_second, point_first)
     return second.point_from(first.point(point_first), point_second)
