@@ -71,6 +71,7 @@ class Swing(cj.AbstractRotationDriver):
         return self.amplitude * jnp.sin(self.frequency * t)
 
 
+@pytest.mark.slow
 def test_driver_between_two_free_bodies():
     """Stator and rotor in free space: the moment accelerates their reduced inertia, angular
     momentum stays, and the kinetic energy is what the driver supplied."""

@@ -10,6 +10,7 @@ exudyn_models = pytest.importorskip(
 )
 
 
+@pytest.mark.slow
 def test_spatial_double_pendulum_with_ideal_joints():
     """A spherical joint and a revolute joint about a skew axis, full inertias, spinning start."""
     m = exudyn_models

@@ -15,6 +15,7 @@ LATE = (2.0**14, 2.0**20)
 steps land from it."""
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_whenever_it_starts():
     early, programs = recorded_rod(), sampled_compiled.programs()
     assert early.impacts is not None

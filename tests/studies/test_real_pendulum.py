@@ -78,6 +78,7 @@ def test_model_and_derivatives_agree_with_scipy():
         np.testing.assert_allclose(slopes[name], expected, atol=2e-4 * scale)
 
 
+@pytest.mark.slow
 def test_true_friction_is_recovered_within_its_errors(pieces):
     first, _ = prepared(pieces, quick=False)
     rough = roughly(first)

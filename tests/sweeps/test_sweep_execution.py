@@ -426,6 +426,7 @@ def kill(file: Path) -> None:
     os.kill(int(file.read_text()), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_dask_survives_a_worker_killed_in_mid_chunk(dask_client, store, tmp_path):
     killer = threading.Thread(target=kill, args=(tmp_path / "pid",), daemon=True)
     killer.start()
