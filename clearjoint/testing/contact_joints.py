@@ -98,12 +98,21 @@ def check_contact_joint(
             _require(not doubt[: len(places)].any(), label, complaint)
         same = jnp.allclose(alone, seen.rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from those of one lane")
-        _, everything, exact, _, _ = jnp.split(seen.slopes[label], ends)
-        finite = jnp.isfinite(everything).all()
-        _require(finite, label, "a derivative of its forces is not finite everywhere")
-        _, _, _, larger, smaller = jnp.split(seen.rows[label], ends)
-        numeric = (larger - smaller)[:, 0] / (2.0 * STEP)
-        _require_slopes_by_numbers(label, numbers, exact[:, 0], numeric)
+        rows, slopes = (jnp.split(of[label], ends) for of in (seen.rows, seen.slopes))
+        _require_right_slopes(label, numbers, rows, slopes)
+
+
+def _require_right_slopes(
+    label: str, numbers: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
+) -> None:
+    """Check that derivatives along everything are finite, and those of the penetration by each of
+    the joint's numbers what a step ahead and one behind give; in the order in which was asked."""
+    _, everything, exact, _, _ = slopes
+    finite = jnp.isfinite(everything).all()
+    _require(finite, label, "a derivative of its forces is not finite everywhere")
+    _, _, _, larger, smaller = rows
+    numeric = (larger - smaller)[:, 0] / (2.0 * STEP)
+    _require_slopes_by_numbers(label, numbers, exact[:, 0], numeric)
 
 
 def _require(condition: Condition, label: str, complaint: str) -> None:

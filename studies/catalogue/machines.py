@@ -13,7 +13,7 @@ X, Y, Z = np.eye(3)
 ORIGIN = (0.0, 0.0, 0.0)
 
 
-def hooke(angle, tilt):
+def hooke(angle: Any, tilt: float) -> tuple[Any, Any]:
     """Angle and speed ratio of the second shaft of a universal joint, for an angle of the first
     from where its arm lies in the shafts' plane."""
     turned = np.arctan2(np.sin(angle) / np.cos(tilt), np.cos(angle))
@@ -31,13 +31,20 @@ CART, STROKE, PACE = 0.7, 0.1, 4.0
 ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
 CUSHIONED, SOFTNESS, SOFTENING, SHIFT = 2.0, 800.0, 3.0, 0.01
 GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
+AIM = cj.Polynomial([TARGET])
+"""The motor's constant target, rad."""
 PUSH: Any = lambda t: STROKE * jnp.cos(PACE * t)  # noqa: E731
 
 
-def machines() -> tuple[cj.Scene, cj.State]:
-    """One of each, beside each other in the same gravity along -Y."""
+def machines(target: cj.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
+    """One of each, beside each other in the same gravity along -Y; the motor follows a target."""
+    scene = cj.Scene(_bodies(), _joints(), _forces(target), (0.0, -GRAVITY, 0.0))
+    return scene, cj.State(_states())
+
+
+def _bodies() -> dict[str, cj.Body]:
     disc = (1e-3, 1e-3, 2e-3)
-    bodies = {
+    return {
         "shaft": cj.Body(1.0, disc),
         "tilted": cj.Body(1.0, disc),
         "nut": cj.Body(NUT, (2e-4, NUT_INERTIA, 2e-4)),
@@ -51,15 +58,14 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "cushioned": cj.Body(CUSHIONED, (1e-2, 1e-2, 1e-2)),
     }
 
-    def bearing(body: str) -> cj.RevoluteJoint:
-        return cj.RevoluteJoint("ground", body, ORIGIN, ORIGIN, Z, Z)
 
+def _joints() -> dict[str, cj.AbstractConstraint]:
     far, normal = SHAFT.apply(Z), SLOPE.apply(Z)
-    joints: dict[str, Any] = {
-        f"{name} bearing": bearing(name)
+    bearings: dict[str, cj.AbstractConstraint] = {
+        f"{name} bearing": cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z)
         for name in ("shaft", "pinion", "wheel", "sprung", "driven")
     }
-    joints |= {
+    return bearings | {
         "drive": cj.PrescribedAngle("ground", "shaft", Z, cj.Polynomial(DRIVE)),
         "cardan": cj.UniversalJoint("shaft", "tilted", ORIGIN, ORIGIN, X, Y),
         "tilted bearing": cj.InlineJoint("ground", "tilted", far, Z, far),
@@ -70,7 +76,10 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
         "pusher": cj.PrescribedTranslation("ground", "cart", ORIGIN, ORIGIN, X, PUSH),
     }
-    forces = {
+
+
+def _forces(target: cj.AbstractFunctionOfTime) -> dict[str, cj.AbstractForce]:
+    return {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
         "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
         "liner": cj.Bushing(
@@ -87,17 +96,20 @@ def machines() -> tuple[cj.Scene, cj.State]:
             "ground",
             "driven",
             Z,
-            target=cj.Polynomial([TARGET]),
+            target=target,
             proportional=GAIN,
             derivative=DAMPER,
             torque_limit=LIMIT,
         ),
     }
+
+
+def _states() -> dict[str, cj.BodyState]:
     angle, speed = DRIVE[0], DRIVE[1]
     second, ratio = hooke(angle, TILT)
-    about = Rotation.from_rotvec(second * far) * SHAFT
+    about = Rotation.from_rotvec(second * SHAFT.apply(Z)) * SHAFT
     states = {name: cj.body_state(ORIGIN) for name in ("nut", "pinion", "wheel", "driven")}
-    states |= {
+    return states | {
         "shaft": cj.body_state(ORIGIN, quaternion(angle), spin=speed * Z),
         "tilted": cj.body_state(ORIGIN, about.as_quat(scalar_first=True), spin=speed * ratio * Z),
         "plate": cj.body_state(
@@ -108,9 +120,8 @@ def machines() -> tuple[cj.Scene, cj.State]:
         "cart": cj.body_state((STROKE, 0.0, 0.0)),
         "sprung": cj.body_state(ORIGIN, quaternion(REST + RELEASED)),
     }
-    return cj.Scene(bodies, joints, forces, (0.0, -GRAVITY, 0.0)), cj.State(states)
 
 
-def quaternion(angle):
+def quaternion(angle: float) -> np.ndarray:
     """Euler parameters of a turn about Z."""
     return np.array([math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])

@@ -2,7 +2,6 @@
 machines beside each other, their motions, reactions and work."""
 
 import math
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,9 +15,36 @@ from clearjoint import quantities as Q  # noqa: N812
 from clearjoint.dynamics.multipliers import row_rate
 from clearjoint.math.vectors import unpack
 from clearjoint.testing import moving
+from studies.catalogue.machines import (
+    CART,
+    DAMPER,
+    DAMPING,
+    DRIVE,
+    GAIN,
+    GRAVITY,
+    LEAD,
+    LIMIT,
+    NUT,
+    NUT_INERTIA,
+    ORIGIN,
+    PACE,
+    PINION,
+    RELEASED,
+    REST,
+    ROTOR,
+    SLOPE,
+    STIFFNESS,
+    STROKE,
+    TILT,
+    TORQUE,
+    WHEEL,
+    X,
+    Y,
+    Z,
+    hooke,
+    machines,
+)
 
-X, Y, Z = np.eye(3)
-ORIGIN = (0.0, 0.0, 0.0)
 AT_REST = moving(ORIGIN, (1.0, 0.0, 0.0, 0.0), ORIGIN, ORIGIN)
 
 
@@ -35,13 +61,6 @@ def held(joint, motions):
     for label, row in unpack(joint).rows(motions, 0.0).items():
         assert abs(float(row.value)) < 1e-12, label
         assert abs(float(row_rate(row, motions))) < 1e-11, label
-
-
-def hooke(angle, tilt):
-    """Angle and speed ratio of the second shaft of a universal joint, for an angle of the first
-    from where its arm lies in the shafts' plane."""
-    turned = np.arctan2(np.sin(angle) / np.cos(tilt), np.cos(angle))
-    return turned, np.cos(tilt) / (1.0 - (np.sin(tilt) * np.cos(angle)) ** 2)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.9, -1.3])
@@ -168,93 +187,15 @@ def test_a_motor_clips_its_torque():
     assert float(motor.torque_at(2 * math.pi + 0.4, 3.0, 0.0)) == pytest.approx(0.2)
 
 
-TILT, LEAD, GRAVITY, END = 0.5, 0.02, 9.81, 10.0
-NUT, NUT_INERTIA = 0.4, 3e-4
-SHAFT = Rotation.from_rotvec(TILT * Y)
-DRIVE = (0.2, 5.0, 1.5)
-"""Coefficients of the driving shaft's angle."""
-PINION, WHEEL, TORQUE = 2e-3, 5e-2, 0.03
-SLOPE = Rotation.from_rotvec([0.3, 0.2, 0.1])
-CART, STROKE, PACE = 0.7, 0.1, 4.0
-ROTOR, STIFFNESS, DAMPING, RELEASED, REST = 0.02, 5.0, 0.01, 0.9, 0.2
-GAIN, DAMPER, LIMIT = 3.0, 0.4, 0.5
+END = 10.0
 TABLE = np.array([[0.0, 0.7, 2.0, 4.5, 6.0, 9.0], [2.0, 2.2, 1.0, -1.0, 0.5, 1.5]])
 """Times, s, and angles, rad, of the motor's target."""
-
-
-TARGET = cj.Spline.through(*TABLE)
-
-
-def machines() -> tuple[cj.Scene, cj.State]:
-    """One of each, beside each other in the same gravity along -Y."""
-    disc = (1e-3, 1e-3, 2e-3)
-    bodies = {
-        "shaft": cj.Body(1.0, disc),
-        "tilted": cj.Body(1.0, disc),
-        "nut": cj.Body(NUT, (2e-4, NUT_INERTIA, 2e-4)),
-        "pinion": cj.Body(1.0, (1e-3, 1e-3, PINION)),
-        "wheel": cj.Body(3.0, (3e-2, 3e-2, WHEEL)),
-        "plate": cj.Body(2.0, (1e-2, 2e-2, 3e-2)),
-        "ball": cj.Body(1.0, (1.0, 1.0, 1.0)),
-        "cart": cj.Body(CART, (1e-3, 1e-3, 1e-3)),
-        "sprung": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
-        "driven": cj.Body(1.0, (1e-2, 1e-2, ROTOR)),
-    }
-
-    def bearing(body: str) -> cj.RevoluteJoint:
-        return cj.RevoluteJoint("ground", body, ORIGIN, ORIGIN, Z, Z)
-
-    far, normal = SHAFT.apply(Z), SLOPE.apply(Z)
-    joints: dict[str, Any] = {
-        f"{name} bearing": bearing(name)
-        for name in ("shaft", "pinion", "wheel", "sprung", "driven")
-    }
-    joints |= {
-        "drive": cj.PrescribedAngle("ground", "shaft", Z, cj.Polynomial(DRIVE)),
-        "cardan": cj.UniversalJoint("shaft", "tilted", ORIGIN, ORIGIN, X, Y),
-        "tilted bearing": cj.InlineJoint("ground", "tilted", far, Z, far),
-        "screw": cj.ScrewJoint("ground", "nut", ORIGIN, ORIGIN, Y, Y, LEAD),
-        "gears": cj.GearJoint("ground", "pinion", "wheel", Z, Z, 17, 51),
-        "table": cj.PlanarJoint("ground", "plate", ORIGIN, ORIGIN, normal, Z),
-        "rod": cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 1.0),
-        "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
-        "pusher": cj.PrescribedTranslation(
-            "ground", "cart", ORIGIN, ORIGIN, X, lambda t: STROKE * jnp.cos(PACE * t)
-        ),
-    }
-    forces = {
-        "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
-        "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
-        "motor": cj.Motor("ground", "driven", Z, TARGET, GAIN, DAMPER, torque_limit=LIMIT),
-    }
-    angle, speed = DRIVE[0], DRIVE[1]
-    second, ratio = hooke(angle, TILT)
-    about = Rotation.from_rotvec(second * far) * SHAFT
-    states = {name: cj.body_state(ORIGIN) for name in ("nut", "pinion", "wheel", "driven")}
-    states |= {
-        "shaft": cj.body_state(ORIGIN, quaternion(angle), spin=speed * Z),
-        "tilted": cj.body_state(ORIGIN, about.as_quat(scalar_first=True), spin=speed * ratio * Z),
-        "plate": cj.body_state(
-            ORIGIN, SLOPE.as_quat(scalar_first=True), SLOPE.apply((1.0, 2.0, 0.0)), (0.0, 0.0, 3.0)
-        ),
-        "ball": cj.body_state((-1.0, 0.0, 0.0)),
-        "cart": cj.body_state((STROKE, 0.0, 0.0)),
-        "sprung": cj.body_state(ORIGIN, quaternion(REST + RELEASED)),
-    }
-    return cj.Scene(bodies, joints, forces, (0.0, -GRAVITY, 0.0)), cj.State(states)
-
-
-def quaternion(angle):
-    """Euler parameters of a turn about Z."""
-    return np.array([math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])
-
-
 TIMES = np.array([*np.linspace(0.0, END - 0.01, 112), END])
 
 
 @pytest.fixture(scope="module", params=[cj.AbsoluteCoordinates, cj.JointCoordinates])
 def run(request):
-    scene, state = machines()
+    scene, state = machines(cj.Spline.through(*TABLE))
     settings = cj.Settings(
         rtol=1e-10,
         atol=1e-10,
@@ -386,7 +327,7 @@ def test_sensitivities_are_those_of_the_closed_forms():
     """Of the screw to its lead, of the gears to their teeth, of the spring to its stiffness, and
     of the motor, which is at its limit for a part of the time, to that."""
     end = 0.3
-    scene, state = machines()
+    scene, state = machines(cj.Spline.through(*TABLE))
     kept = ("nut", "pinion", "wheel", "sprung", "driven")
     joints = {
         name: joint
