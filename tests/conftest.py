@@ -1,7 +1,9 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
+import ctypes
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +12,9 @@ import psutil
 import pytest
 
 os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
+# Tests evaluate thousands of small expressions, each a program of its own, which compile in half
+# the time without these emitters; the programs of runs hold none.
 
 from tests.support.shapes import check_shapes  # noqa: E402
 
@@ -20,6 +25,7 @@ from clearjoint.compilation import keep_programs  # noqa: E402
 
 cj.configure()
 keep_programs(False)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 gc.freeze()
 gc.set_threshold(50_000, 50, 100)
@@ -87,3 +93,6 @@ def bounded_memory() -> Iterator[None]:
     yield
     if psutil.Process().memory_info().rss > MEMORY:
         jax.clear_caches()
+        gc.collect()
+        if sys.platform == "linux":
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
