@@ -112,6 +112,8 @@ class Instant:
     @cached_property
     def bristle_energy(self) -> Scalar | None:
         """What the contacts' bristles would give back, J; ``None`` in a scene without."""
+        if not self._bristles:
+            return None
         return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
     @cached_property

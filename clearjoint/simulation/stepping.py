@@ -114,10 +114,10 @@ def _ledger(
         lambda: system.rates(y.motion, memory, t, bristles=y.bristles), derivatives
     )
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
-    if "friction" in powers.keys() - y.work.keys():
+    if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, memory, y.bristles)
         held = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
-        work["friction"] = work["friction"] if held is None else held
+        work["friction"] = work["friction"] if held is None else jnp.asarray(held)
     return work
 
 
