@@ -1,4 +1,4 @@
-"""``python -m clearjoint`` prints the runtime settings as shell variables."""
+"""``python -m clearjoint`` prints the runtime settings as shell variables (see `runtime`)."""
 
 from .runtime import settings
 

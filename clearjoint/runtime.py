@@ -5,7 +5,9 @@ Without the other settings everything works, up to twenty times slower: XLA's CP
 starts one kernel for each fusion of a step instead of compiling the stepping loop to one native
 function.
 
-``python -m clearjoint`` prints the same settings as shell variables.
+``python -m clearjoint`` prints the settings as shell variables, with vectors of 256 instead of 512
+bits: sweeps take some 15 % longer, single runs no longer. Wide ones need a cure that only
+`configure` brings.
 """
 
 import os
@@ -31,11 +33,12 @@ _FOR_COMPILING = (
 )
 """LLVM unrolls loops and orders instructions in a time that grows with the square of a program's
 length. Without either, a sweep compiles in two thirds of the time, and runs take 1 % longer."""
-_FLAGS = (
-    ("--xla_cpu_prefer_vector_width", "512"),
-    ("--xla_backend_optimization_level", "1"),
-)
-"""The second shortens compiling, and no run takes longer."""
+_LEVEL = ("--xla_backend_optimization_level", "1")
+"""Shortens compiling, and no run takes longer."""
+_WIDTH = "--xla_cpu_prefer_vector_width"
+WIDE, NARROW = 512, 256
+"""Bits of the vectors that XLA computes with: in wide ones its arctangents are wrong until they are
+mended, which an environment variable can't do."""
 _EXTRA = "--xla_backend_extra_options="
 LEAST_DEVICES = 2
 """CPU devices that JAX shows at least. XLA compiles what runs on one device by other passes than
@@ -50,6 +53,8 @@ _SHARED = (
 Setting = bool | float | str | None
 """The value of a setting of a process."""
 _said = False
+_mended = False
+"""Whether arctangents are right in wide vectors too."""
 _idle = 0
 """How many of the devices that JAX shows are there for its programs only, and compute nothing."""
 
@@ -75,9 +80,10 @@ def default_cache() -> Path:
     return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
 
 
-def xla_flags(present: str = "") -> str:
-    """The value of ``XLA_FLAGS`` with the compiler's flags and options added to what is present."""
-    words = present.split()
+def xla_flags(present: str = "", vector_width: int = NARROW) -> str:
+    """The value of ``XLA_FLAGS`` with the compiler's flags and options added to what is present;
+    vectors have the width that is present, but none above `vector_width`."""
+    words = [word for word in present.split() if _width(word) <= vector_width]
     extra = [word for word in words if word.startswith(_EXTRA)]
     others = [word for word in words if not word.startswith(_EXTRA)]
     options = [option for word in extra for option in word[len(_EXTRA) :].split(",") if option]
@@ -85,12 +91,19 @@ def xla_flags(present: str = "") -> str:
         if not any(option.split("=")[0] == name for option in options):
             options.append(f"{name}={value}")
     given = {word.split("=")[0] for word in others}
-    flags = [f"{name}={value}" for name, value in _FLAGS if name not in given]
+    added = ((_WIDTH, str(vector_width)), _LEVEL)
+    flags = [f"{name}={value}" for name, value in added if name not in given]
     return " ".join([*others, *flags, _EXTRA + ",".join(options)])
 
 
+def _width(flag: str) -> int:
+    """The vectors' width in bits that a flag sets; 0 if it sets another thing."""
+    name, _, value = flag.partition("=")
+    return int(value) if name == _WIDTH and value.isdecimal() else 0
+
+
 def settings(devices: int | None = None, cache: str | os.PathLike | None = None) -> dict[str, str]:
-    """The settings as environment variables."""
+    """The settings as environment variables, for processes that don't call `configure`."""
     return {
         "JAX_ENABLE_X64": "1",
         "XLA_FLAGS": xla_flags(os.environ.get("XLA_FLAGS", "")),
@@ -119,8 +132,9 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     if devices is not None:
         require_count("devices", devices, "give a number of CPU devices, or None")
     variables = settings(devices, cache)
+    flags = xla_flags(os.environ.get("XLA_FLAGS", ""), WIDE)
     shown = int(variables["JAX_NUM_CPU_DEVICES"])
-    late = os.environ.get("XLA_FLAGS") != variables["XLA_FLAGS"]
+    late = os.environ.get("XLA_FLAGS") != flags
     if late or jax.config.jax_num_cpu_devices != shown:  # pyright: ignore
         if _started():
             raise RuntimeError(
@@ -129,7 +143,7 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
             )
         jax.config.update("jax_num_cpu_devices", shown)
     _idle = shown - (devices or shown)
-    os.environ["XLA_FLAGS"] = variables["XLA_FLAGS"]
+    os.environ["XLA_FLAGS"] = flags
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
@@ -141,6 +155,7 @@ def _mend_arctan() -> None:
     """Have arctangents compiled as those of two arguments: with vectors of 512 bits, XLA's own is
     zero for nearly all of an array of doubles (jax issue 39352). A second argument of one it would
     turn back into that."""
+    global _mended
 
     def by_two_arguments(x: jax.Array, **options: object) -> jax.Array:
         del options
@@ -149,6 +164,21 @@ def _mend_arctan() -> None:
 
     lowering = mlir.lower_fun(by_two_arguments, multiple_results=False)
     mlir.register_lowering(jax.lax.atan_p, lowering, platform="cpu")
+    _mended = True
+
+
+def check_arctangents() -> None:
+    """Check that they are right in vectors of the width that ``XLA_FLAGS`` asks for.
+
+    **Raises:** `RuntimeError` if they are not.
+    """
+    widths = [_width(word) for word in os.environ.get("XLA_FLAGS", "").split()]
+    if not _mended and max(widths, default=0) > NARROW:
+        raise RuntimeError(
+            f"`XLA_FLAGS` has vectors of {max(widths)} bits, in which XLA's arctangents of arrays "
+            "are zero: call clearjoint.configure() before JAX starts, which mends them, or set the "
+            "variables that `python -m clearjoint` prints."
+        )
 
 
 def busy_devices() -> list[Device]:
@@ -187,11 +217,11 @@ def adopt(values: dict[str, Setting]) -> None:
     only where the other process has several.
     """
     global _idle
+    _mend_arctan()
     if not _started():
         os.environ["XLA_FLAGS"] = str(values["XLA_FLAGS"])
         for name in _SHARED:
             jax.config.update(name, values[name])
-        _mend_arctan()
         keep_programs(bool(values["keeps_programs"]))
         if not values["lonely"] and jax.config.jax_num_cpu_devices < LEAST_DEVICES:  # pyright: ignore
             jax.config.update("jax_num_cpu_devices", LEAST_DEVICES)

@@ -264,8 +264,16 @@ class Endless(cj.Dahl):
         return slip
 
 
-@pytest.mark.parametrize(("kind", "complaint"), [(Creeping, "creeps"), (Endless, "shrink")])
-def test_bristles_that_creep_or_never_slide_are_refused(kind, complaint):
+class Owing(cj.Dahl):
+    def stored_energy(self, deflection):
+        return -super().stored_energy(deflection)
+
+
+WRONG_BRISTLES = [(Creeping, "creeps"), (Endless, "shrink"), (Owing, "stored_energy")]
+
+
+@pytest.mark.parametrize(("kind", "complaint"), WRONG_BRISTLES)
+def test_bristles_that_creep_never_slide_or_owe_energy_are_refused(kind, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_bristles(kind(0.1))
 

@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import clearjoint as cj
 from clearjoint import runtime
 
 FUSION = "xla_cpu_use_multi_output_fusion"
 FOR_COMPILING = {"xla_cpu_disable_loop_unrolling": "true", "-pre-RA-sched": "fast"}
+WIDTH = "--xla_cpu_prefer_vector_width"
 THRESHOLD = "xla_cpu_small_while_loop_byte_threshold"
 SETTINGS = {
     "JAX_ENABLE_X64",
@@ -64,9 +66,18 @@ def test_devices_are_a_whole_number(devices):
 
 
 def test_flags_turn_all_options_on():
-    flags = runtime.xla_flags()
+    flags = runtime.xla_flags(vector_width=runtime.WIDE)
     assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"} | FOR_COMPILING
-    assert "--xla_cpu_prefer_vector_width=512" in flags.split()
+    assert f"{WIDTH}=512" in flags.split()
+
+
+@pytest.mark.parametrize("present", ["", f"{WIDTH}=512", f"--some=1 {WIDTH}=1024"])
+def test_flags_of_the_environment_have_no_wide_vectors(present, monkeypatch):
+    """In which arctangents are wrong where `configure` isn't called."""
+    monkeypatch.setenv("XLA_FLAGS", present)
+    flags = runtime.settings()["XLA_FLAGS"].split()
+    assert [flag for flag in flags if flag.startswith(WIDTH)] == [f"{WIDTH}=256"]
+    assert set(flags) >= {flag for flag in present.split() if not flag.startswith(WIDTH)}
 
 
 def test_flags_keep_what_is_present():
@@ -151,7 +162,7 @@ def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses()
     assert absent.split() == [FUSION, THRESHOLD, "jax_compilation_cache_dir"]
     assert state == "[] float64 3"
     assert cache == "/tmp/clearjoint-test"
-    assert flags == runtime.xla_flags()
+    assert flags == runtime.xla_flags(vector_width=runtime.WIDE)
     assert "before JAX computes" in refusal and "python -m clearjoint" in refusal
 
 
@@ -240,3 +251,37 @@ def test_arctangents_of_arrays_are_right():
     x = np.linspace(-3.0, 3.0, 1001)
     found = jax.jit(jnp.arctan)(x)  # noqa: TID251
     np.testing.assert_allclose(found, np.arctan(x), rtol=1e-15)
+
+
+@pytest.mark.parametrize("width", ["512", "1024"])
+def test_runs_refuse_wide_vectors_whose_arctangents_are_wrong(width, monkeypatch):
+    """A process may have them from its shell, or from one that began it."""
+    monkeypatch.setattr(runtime, "_mended", False)
+    monkeypatch.setenv("XLA_FLAGS", f"--some=1 {WIDTH}={width}")
+    expected = rf"vectors of {width} bits.*clearjoint\.configure\(\).*`python -m clearjoint`"
+    with pytest.raises(RuntimeError, match=expected):
+        cj.simulate(*cj.double_pendulum(), 1e-3)
+    for fine in ("", f"{WIDTH}=256", runtime.settings()["XLA_FLAGS"]):
+        monkeypatch.setenv("XLA_FLAGS", fine)
+        runtime.check_arctangents()
+
+
+ARCTANGENT = """
+import jax, numpy as np
+from clearjoint.runtime import adopt, check_arctangents, in_force
+if {started}:
+    jax.numpy.zeros(1)
+adopt(in_force())
+check_arctangents()
+x = np.linspace(-3.0, 3.0, 1001)
+print(float(np.abs(jax.jit(jax.numpy.arctan)(x) - np.arctan(x)).max()) < 1e-15)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("started", [False, True])
+def test_workers_with_wide_vectors_are_mended(started):
+    """Those where JAX has started before the settings came, too."""
+    wide = runtime.xla_flags(vector_width=runtime.WIDE)
+    code = ARCTANGENT.replace("{started}", str(started))
+    assert python(code, XLA_FLAGS=wide, JAX_ENABLE_X64="1") == ["True"]

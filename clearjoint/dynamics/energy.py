@@ -5,7 +5,9 @@ Those that a scene cannot have are left out, and so absent from the compiled pro
 
 from ..math.groups import total
 from ..math.vectors import Scalar, add, is_zero
+from ..model.joints.base import ByLabel
 from ..model.scene import Scene
+from .contact_forces import Bristles, LoadedContact
 from .coordinates import Motions
 from .equations_of_motion import Dynamics
 from .multipliers import row_rate
@@ -36,6 +38,26 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             if not is_zero(row.time_rate):
                 book("supplied", -multiplier * row.time_rate)
     return powers
+
+
+def bristle_energy(
+    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
+) -> Scalar | None:
+    """What the bristles of all contacts would give back under their present normal forces, J;
+    ``None`` in a scene without bristle laws.
+
+    The ledger's "friction" has what goes into them too, since it books what friction takes from the
+    motion. The law's stiffness is in proportion to the normal force: where that falls, bristles
+    lose energy that nothing gets back, and where it rises they gain it."""
+    stored: list[Scalar] = []
+    for name, family in scene.bristle_laws().items():
+        to_first = motions[scene.contact_joints()[name].pair()[0]]
+        for label, law in family.items():
+            force, deflection = forces[name][label], to_first.direction(bristles[name][label])
+            normal = force.contact.normal
+            across = deflection - normal * deflection.dot(normal)
+            stored.append(total(force.normal_force * law.stored_energy(across)))
+    return sum(stored[1:], stored[0]) if stored else None
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:

@@ -11,6 +11,7 @@ from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.contact_events import Reaches, reaches
 from ..dynamics.contact_forces import NO_BRISTLES, Bristles, LoadedContact, Memory
 from ..dynamics.coordinates import Motions
+from ..dynamics.energy import bristle_energy
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.system import System
 from ..math.groups import by_name
@@ -25,7 +26,7 @@ class Instant:
 
     To JAX it is a PyTree, without the instants `inside` the step that ends there.
 
-    - `time`: s. `work[name]`: integrals of the energy ledger, J.
+    - `time`: s. `work[name]`: integrals of the energy ledger, J; "friction" has what bristles hold.
 
     Bodies, joints and contacts have their own names, also where the run computes several alike
     ones as a group.
@@ -107,6 +108,13 @@ class Instant:
         """Geometry and forces of all contacts, by joint and contact."""
         forces = self._system.contact_forces(self._variables, self._memory, self._bristles)
         return by_name(forces)
+
+    @cached_property
+    def bristle_energy(self) -> Scalar | None:
+        """What the contacts' bristles would give back, J; ``None`` in a scene without."""
+        if not self._bristles:
+            return None
+        return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
     @cached_property
     def reaches(self) -> Reaches:

@@ -13,7 +13,7 @@ import numpy as np
 from ..compilation import Compiled
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.bristles import initial_bristles
-from ..dynamics.energy import mechanical_energy
+from ..dynamics.energy import bristle_energy, mechanical_energy
 from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.formulation import Formulation
 from ..dynamics.multipliers import row_rate
@@ -94,9 +94,10 @@ class Observation(eqx.Module):
       norm, if the solution names redundant constraints; see `reactions_unique`.
     - `accelerations[body]`: `AccelerationSeries`.
     - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
-    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" as far as the scene has
-      them, their sum "mechanical", and of the ledger, if it was kept, the integrals "normal
-      damping", "friction", "film", "stabilisation" (dissipated) and "supplied".
+    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts", "bristles" as far as
+      the scene has them, their sum "mechanical", and of the ledger, if it was kept, the integrals
+      "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". What
+      bristles hold, and so would give back, is no part of "friction".
     """
 
     times: Numbers
@@ -150,6 +151,9 @@ def observe(
     form, unique = structured(scene), not solution.redundant_constraints
     observation = _in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
+    if "friction" in integrals:
+        held = observation.energies.get("bristles", 0.0)
+        integrals["friction"] = integrals["friction"] - held
     return replace(observation, energies={**observation.energies, **integrals})
 
 
@@ -181,13 +185,13 @@ def observe_compiled(
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
-        dynamics = system.dynamics(
-            system.encode(unpack(state.bodies)),
-            state.memory,
-            t,
-            bristles=initial_bristles(scene, unpack(state.bristles)),
-        )
-        energies = mechanical_energy(scene, dynamics.motions, t)
+        bristles = initial_bristles(scene, unpack(state.bristles))
+        variables = system.encode(unpack(state.bodies))
+        dynamics = system.dynamics(variables, state.memory, t, bristles=bristles)
+        motions, forces = dynamics.motions, dynamics.contact_forces
+        energies = mechanical_energy(scene, motions, t)
+        if (held := bristle_energy(scene, motions, forces, bristles)) is not None:
+            energies["bristles"] = held
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)
         accelerations = {

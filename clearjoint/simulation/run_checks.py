@@ -17,10 +17,13 @@ from ..fields.checks import concrete, recheck
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..runtime import check_arctangents
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed."""
+    """Check that JAX computes in 64 bits, unless single precision is allowed, and its arctangents
+    right."""
+    check_arctangents()
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "

@@ -25,6 +25,7 @@ from ..dynamics.contact_events import (
     updated_memory,
 )
 from ..dynamics.contact_forces import Bristles, Memory
+from ..dynamics.energy import bristle_energy
 from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
@@ -107,11 +108,17 @@ def _since_begin(reaches: Reaches) -> Scalar:
 def _ledger(
     system: System, t: Scalar, y: Variables, memory: Memory, derivatives: bool
 ) -> dict[str, Scalar]:
-    """The ledger's integrals at the start: those given, and zero for the others the scene has."""
+    """The ledger's integrals at the start: those given, and for the others the scene has zero, or
+    for friction what bristles hold, which it books."""
     _, powers = shapes_of(
         lambda: system.rates(y.motion, memory, t, bristles=y.bristles), derivatives
     )
-    return {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+    work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+    if y.bristles and "friction" in powers.keys() - y.work.keys():
+        forces = system.contact_forces(y.motion, memory, y.bristles)
+        held = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
+        work["friction"] = work["friction"] if held is None else jnp.asarray(held)
+    return work
 
 
 class _Arrival(eqx.Module):

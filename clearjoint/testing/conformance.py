@@ -211,8 +211,9 @@ def check_friction(friction: AbstractFriction) -> None:
 
 
 def check_bristles(friction: AbstractBristleFriction) -> None:
-    """Check a bristle law: it sticks without slip, sliding bounds the deflection, derivatives are
-    finite at rest, by its parameters too, and vmap gives what one lane does."""
+    """Check a bristle law: it sticks without slip, sliding bounds the deflection, it stores no
+    negative energy, derivatives are finite at rest, by its parameters too, and vmap gives what one
+    lane does."""
     full = jnp.asarray(friction.full_deflection(), float)
     _require(full > 0.0, "full_deflection() is not positive.")
     shares = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
@@ -235,6 +236,13 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     none = Vector(0.0, 0.0, 0.0)
     at_rest = friction.ratio(none, none, none)
     _require(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
+    held = jnp.stack(
+        [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in shares * full]
+    )
+    _require(
+        (held[0] == 0.0) & (held >= 0.0),
+        "stored_energy() is negative, or not zero without deflection: nothing is stored there.",
+    )
     _require(
         jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds) >= 0.0,
         "sliding_ratio() is negative somewhere: friction would drive the slip.",

@@ -40,7 +40,7 @@ OPTIONS = {
     "neither": "",
     "loop option": _EXTRA + "small_while_loop_byte_threshold=10000000",
     "fusion option": _EXTRA + "use_multi_output_fusion=true",
-    "both, by configure()": xla_flags(),
+    "both, by `python -m clearjoint`": xla_flags(),
 }
 """Values of ``XLA_FLAGS`` by name."""
 

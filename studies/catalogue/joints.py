@@ -12,6 +12,7 @@ import clearjoint as cj
 from clearjoint.plot import style
 from studies.catalogue import machines as of
 from studies.catalogue.check import Check
+from studies.catalogue.overlay import Compared, legend, overlay
 
 SETTINGS = cj.Settings(rtol=1e-10, atol=1e-10, stabilisation=cj.Projection())
 END = 10.0
@@ -142,11 +143,7 @@ def figure() -> Figure:
     }
     for axes, (label, motion) in zip(panels.flat, shown.items(), strict=True):
         found, expected = motion(bodies)
-        axes.plot(TIMES[:-2], found[:-2], color=style.BLUE, label="clearjoint")
-        axes.plot(
-            TIMES[::20], expected[::20], "o", color=style.VERMILLION, markersize=3, label="expected"
-        )
+        overlay(axes, Compared.along(TIMES[:-2], found[:-2], expected[:-2]), every=20)
         style.dress(axes, "time, s" if axes in panels[1] else "", label)
-    handles = panels[0, 0].get_legend_handles_labels()
-    drawn.legend(*handles, loc="outside lower center", ncols=2, frameon=False)
+    legend(drawn, panels[0, 0])
     return drawn

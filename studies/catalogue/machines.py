@@ -33,7 +33,6 @@ CUSHIONED, SOFTNESS, SOFTENING, SHIFT = 2.0, 800.0, 3.0, 0.01
 GAIN, DAMPER, LIMIT, TARGET = 3.0, 0.4, 0.5, 2.0
 AIM = cj.Polynomial([TARGET])
 """The motor's constant target, rad."""
-PUSH: Any = lambda t: STROKE * jnp.cos(PACE * t)  # noqa: E731
 
 
 def machines(target: cj.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
@@ -74,7 +73,9 @@ def _joints() -> dict[str, cj.AbstractConstraint]:
         "table": cj.PlanarJoint("ground", "plate", ORIGIN, ORIGIN, normal, Z),
         "rod": cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 1.0),
         "rail": cj.PrismaticJoint("ground", "cart", ORIGIN, ORIGIN, X),
-        "pusher": cj.PrescribedTranslation("ground", "cart", ORIGIN, ORIGIN, X, PUSH),
+        "pusher": cj.PrescribedTranslation(
+            "ground", "cart", ORIGIN, ORIGIN, X, lambda t: STROKE * jnp.cos(PACE * t)
+        ),
     }
 
 

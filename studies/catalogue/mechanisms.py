@@ -1,12 +1,16 @@
-"""Mechanisms: published end points, and the first impacts of an event-exact solver."""
+"""Mechanisms: published values and closed forms, and the first impacts of an event-exact solver."""
 
 import diffrax
-import jax
+import matplotlib.pyplot as plt
 import numpy as np
-from jax.scipy.spatial.transform import Rotation
+from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
+from scipy.special import ellipj, ellipk
 
 import clearjoint as cj
+from clearjoint.plot import style
 from studies.catalogue.check import Check
+from studies.catalogue.overlay import Compared, legend, overlay
 
 TIGHT = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-10, stabilisation=cj.Projection())
 FIRST_IMPACTS = {
@@ -18,6 +22,14 @@ FIRST_IMPACTS = {
 
 LENGTHS = (0.1, 0.3, 0.25, 0.3)
 """Of the four-bar: crank, coupler, rocker and ground, m."""
+TIP = (0.328458111536, 0.944518538180)
+"""Of the double four-bar's first rod after 10 s, m."""
+CORNERS = {
+    0.5: (0.7747178080, -0.9798150477, -0.1999061590),
+    1.0: (0.2744813193, -0.8867079387, -0.4623300027),
+    2.0: (-0.7781353730, -0.9803526834, -0.1972526706),
+}
+"""Of Bricard's mechanism, m, at times in s."""
 SQUEEZED = (
     15.81077119629904,
     -15.75637105984298,
@@ -27,7 +39,8 @@ SQUEEZED = (
     0.5347301163226948,
     1.048080741042263,
 )
-"""Angles of Andrews' mechanism, rad."""
+"""Angles of Andrews' mechanism after 0.03 s, rad."""
+FIGURE = "[mechanisms](mechanisms.png)"
 
 
 def checks(quick: bool) -> list[Check]:
@@ -37,12 +50,27 @@ def checks(quick: bool) -> list[Check]:
     return [_double_pendulum(), _double_four_bar(), _bricard(), _squeezer(), _four_bar()]
 
 
-def place(scene: cj.Scene, state: cj.State, end: float, body: str, local: tuple) -> np.ndarray:
-    """Where a point of a body (body axes) is at the end of a run, m."""
-    body_at = cj.simulate(scene, state, end, TIGHT, progress=False).final.bodies[body]
-    e = np.asarray(body_at.orientation)
-    turn = Rotation.from_quat(jax.numpy.asarray([*e[1:], e[0]]))
-    return np.asarray(body_at.position) + np.asarray(turn.apply(jax.numpy.asarray(local)))
+def path(scene: cj.Scene, state: cj.State, times: np.ndarray) -> dict[str, cj.BodyState]:
+    """The bodies at times (T,) s; the last one is the end of the run."""
+    save = cj.Saving(times)
+    return cj.simulate(scene, state, times[-1], TIGHT, save, progress=False).states.bodies
+
+
+def place(body: cj.BodyState, local: tuple[float, float, float]) -> np.ndarray:
+    """Where a point of a body (body axes) is, (3, T) m."""
+    turns = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
+    return (np.asarray(body.position) + turns.apply(local)).T
+
+
+def turned(body: cj.BodyState) -> np.ndarray:
+    """Angle of a body about Z, (T,) rad."""
+    orientation = np.asarray(body.orientation)
+    return 2.0 * np.arctan2(orientation[:, 3], orientation[:, 0])
+
+
+def wrapped(angle: np.ndarray) -> np.ndarray:
+    """Angles in rad, less whole turns: between -pi and pi."""
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
 def _double_pendulum() -> Check:
@@ -60,47 +88,86 @@ def _double_pendulum() -> Check:
     return Check("double_pendulum", "the paper, section 6", against, off, 1e-4, figure)
 
 
+def double_four_bar() -> Compared:
+    """Tip of the first rod, m, over time, s. With all five rods parallel they are a pendulum, which
+    starts on top at 1 rad/s: its angle is Jacobi's amplitude."""
+    times = np.linspace(0.0, 10.0, 401)
+    tip = place(path(*cj.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
+    square = 3.5 * 9.81 / 3.0
+    below = np.sqrt(1.0 + 4.0 * square)
+    modulus = 4.0 * square / below**2
+    half = ellipj(0.5 * below * times + ellipk(modulus), modulus)[3]
+    return Compared.along(times, tip, np.stack([-np.sin(2.0 * half), -np.cos(2.0 * half)]))
+
+
 def _double_four_bar() -> Check:
-    found = place(*cj.double_four_bar(), 10.0, "rod 1", (0.5, 0.0, 0.0))
-    off = float(np.abs(found[:2] - (0.328458111536, 0.944518538180)).max())
-    against = "tip of the first rod after 10 s: independent solution, m"
-    return Check("double_four_bar", "IFToMM benchmark A02", against, off, 1e-6, "")
+    compared = double_four_bar()
+    off = max(compared.off(), float(np.abs(compared.found[:, -1] - TIP).max()))
+    against = "tip of the first rod for 10 s: pendulum in closed form, and independent solution, m"
+    return Check("double_four_bar", "IFToMM benchmark A02", against, off, 1e-6, FIGURE)
+
+
+def bricard() -> Compared:
+    """A corner of Bricard's mechanism, m, over time, s."""
+    times = np.linspace(0.0, 2.0, 101)
+    corner = place(path(*cj.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
+    return Compared(times, corner, np.array(list(CORNERS)), np.transpose(list(CORNERS.values())))
 
 
 def _bricard() -> Check:
-    found = place(*cj.bricard(), 2.0, "rod 2", (0.0, -0.5, 0.0))
-    off = float(np.abs(found - (-0.7781353730, -0.9803526834, -0.1972526706)).max())
-    against = "a corner after 2 s: independent least-squares solver, m"
-    return Check("bricard", "IFToMM benchmark A04", against, off, 1e-7, "")
+    against = "a corner at 0.5, 1 and 2 s: independent least-squares solver, m"
+    return Check("bricard", "IFToMM benchmark A04", against, bricard().off(), 1e-7, FIGURE)
+
+
+def squeezer() -> Compared:
+    """The seven angles of Andrews' mechanism, rad, less whole turns, over time, ms."""
+    times = np.linspace(0.0, 0.03, 301)
+    bodies = path(*cj.andrews_squeezer(), times)
+    k = np.stack([turned(bodies[f"K{n}"]) for n in range(1, 8)])
+    angles = k - np.stack([0.0 * k[0], k[0], 0.0 * k[0], k[4], 0.0 * k[0], k[6], 0.0 * k[0]])
+    end = wrapped(np.array(SQUEEZED))[:, None]
+    return Compared(1e3 * times, wrapped(angles), np.array([30.0]), end)
 
 
 def _squeezer() -> Check:
-    bodies = cj.simulate(*cj.andrews_squeezer(), 0.03, TIGHT, progress=False).final.bodies
-    e = {name: np.asarray(body.orientation) for name, body in bodies.items()}
-    k = [2.0 * np.arctan2(e[f"K{n}"][3], e[f"K{n}"][0]) for n in range(1, 8)]
-    found = np.array(k) - np.array([0.0, k[0], 0.0, k[4], 0.0, k[6], 0.0])
-    off = found - np.array(SQUEEZED)
-    off = float(np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max())
     against = "seven angles after 0.03 s: IVP test set, rad"
-    return Check("andrews_squeezer", "Andrews; Schiehlen 1990", against, off, 1e-7, "")
+    return Check(
+        "andrews_squeezer", "Andrews; Schiehlen 1990", against, squeezer().off(), 1e-7, FIGURE
+    )
+
+
+def four_bar() -> Compared:
+    """Angle of the rocker over that of the crank, rad: Freudenstein's equation
+    K1 cos(rocker) - K2 cos(crank) + K3 = cos(crank - rocker), solved for the rocker."""
+    times = np.linspace(0.0, 1.2, 241)
+    bodies = path(*cj.four_bar(lengths=LENGTHS, speed=5.0), times)
+    crank, rocker = np.unwrap(turned(bodies["crank"])), turned(bodies["rocker"])
+    a, b, c, d = LENGTHS
+    ratios = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)
+    x, y = np.cos(crank) - ratios[0], np.sin(crank)
+    share = (ratios[2] - ratios[1] * np.cos(crank)) / np.hypot(x, y)
+    return Compared.along(crank, rocker, wrapped(np.arctan2(y, x) - np.arccos(share)))
 
 
 def _four_bar() -> Check:
-    """Freudenstein's equation at the start and after half a turn of the crank."""
-    scene, state = cj.four_bar(lengths=LENGTHS, speed=5.0)
-    final = cj.simulate(scene, state, 0.6, TIGHT, progress=False).final
-    off = max(_freudenstein(here.bodies) for here in (state, final))
-    against = "angles of crank and rocker: Freudenstein's equation"
-    return Check("four_bar", "Freudenstein 1954", against, off, 1e-9, "")
+    against = "angle of the rocker for 1.2 s, rad: Freudenstein's equation"
+    return Check("four_bar", "Freudenstein 1954", against, four_bar().off(), 1e-9, FIGURE)
 
 
-def _freudenstein(bodies: dict[str, cj.BodyState]) -> float:
-    turned = {
-        name: 2.0 * np.arctan2(*np.asarray(body.orientation)[[3, 0]])
-        for name, body in bodies.items()
-    }
-    crank, rocker = turned["crank"], turned["rocker"]
-    a, b, c, d = LENGTHS
-    ratios = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)
-    left = ratios[0] * np.cos(rocker) - ratios[1] * np.cos(crank) + ratios[2]
-    return float(abs(left - np.cos(crank - rocker)))
+def figure() -> Figure:
+    """Motions of the mechanisms whose values are published or known in closed form."""
+    drawn, panels = plt.subplots(2, 2, figsize=(10.0, 6.8), layout="constrained")
+    (left, right), (below, last) = panels
+    overlay(left, double_four_bar(), "xy", every=10)
+    style.dress(left, "time, s", "double four-bar: tip of rod 1, m")
+    overlay(right, bricard(), "xyz")
+    style.dress(right, "time, s", "Bricard's mechanism: a corner, m")
+    squeezed = squeezer()
+    turns = np.abs(np.diff(squeezed.found, append=squeezed.found[:, -1:])) > np.pi
+    cut = squeezed._replace(found=np.where(turns, np.nan, squeezed.found))
+    overlay(below, cut, ("β", "Θ", "γ", "Φ", "", "δ, Ω", "ε"))
+    style.dress(below, "time, ms", "Andrews' squeezer: angles less turns, rad")
+    overlay(last, four_bar(), every=8)
+    style.dress(last, "angle of the crank, rad", "four-bar: angle of the rocker, rad")
+    legend(drawn, left)
+    return drawn

@@ -329,13 +329,12 @@ def test_sensitivities_are_those_of_the_closed_forms():
     end = 0.3
     scene, state = machines(cj.Spline.through(*TABLE))
     kept = ("nut", "pinion", "wheel", "sprung", "driven")
-    joints = {
-        name: joint
-        for name, joint in scene.joints.items()
-        if set(joint.body_names()) <= {"ground", *kept}
-    }
+    joints, forces = (
+        {name: one for name, one in family.items() if set(one.body_names()) <= {"ground", *kept}}
+        for family in (scene.joints, scene.forces)
+    )
     bodies = {name: scene.bodies[name] for name in kept}
-    scene = cj.Scene(bodies, joints, scene.forces, scene.gravity)
+    scene = cj.Scene(bodies, joints, forces, scene.gravity)
     state = cj.State({name: state.bodies[name] for name in kept})
     parameters = {
         "lead": cj.Parameter(lambda s: s.joints["screw"].lead),

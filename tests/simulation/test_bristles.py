@@ -41,6 +41,33 @@ def test_dahls_force_over_displacement_is_exponential_and_is_booked():
     seen = cj.observe(scene, solution)
     force = seen.contacts["floor"]["belt"].friction_force[:, 0]
     np.testing.assert_allclose(force, WEIGHT * ratio, rtol=2e-5)
+    slid, held = BELT_SPEED * times - places, WEIGHT * ratio**2 / 2e4
+    np.testing.assert_allclose(seen.energies["bristles"], held, rtol=4e-5)
+    taken = WEIGHT * (0.3 * slid - 0.3 * ratio / 1e4)
+    np.testing.assert_allclose(seen.energies["friction"], taken - held, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_what_bristles_hold_is_given_back_and_is_not_dissipated():
+    """A block on a deflected spring of bristles that slip too little to lose much; a run that goes
+    on without its ledger begins it with what they hold."""
+    scene, state = block(cj.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
+    times, settings = np.linspace(0.0, 0.05, 26), cj.Settings(rtol=1e-9, ledger=True)
+    solution = cj.simulate(scene, state, 0.05, settings, save=cj.Saving(times))
+    seen, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
+    assert np.abs(seen.ledger_residual()).max() < 1e-6 * whole
+    assert seen.energies["bristles"].max() > 0.9 * whole
+    assert (np.diff(seen.energies["friction"]) > -1e-9 * whole).all()
+    assert seen.energies["friction"][-1] < 0.2 * whole
+    stopped = cj.simulate(scene, state, 0.016, settings).final
+    held = seen.energies["bristles"][8]
+    assert held > 0.5 * whole
+    bare = eqx.tree_at(lambda s: s.work, stopped, {}, is_leaf=lambda node: node is stopped.work)
+    on = cj.simulate(scene, bare, 0.05, settings, start_time=0.016, save=cj.Saving([0.016, 0.05]))
+    after = cj.observe(scene, on).energies
+    assert abs(after["friction"][0]) < 1e-9 * whole and after["bristles"][0] == pytest.approx(held)
+    lost = seen.energies["friction"][-1] - seen.energies["friction"][8]
+    assert after["friction"][1] == pytest.approx(lost, rel=1e-3)
 
 
 def on_a_spring():

@@ -106,8 +106,9 @@ def identify_by_shots(
         not with_bristles,
         "scene",
         with_bristles,
-        "without bristles, whose deflections windows would lose",
-        "take identify() for joints with bristle laws, or an AbstractFriction",
+        "without bristles: where a window begins, deflections of closed contacts are not estimated",
+        "fit a record with bristles by identify(), with `grow` if it is long, or take an "
+        "AbstractFriction such as Stribeck",
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")

@@ -74,6 +74,12 @@ class AbstractBristleFriction(AbstractConverting):
         """About the deflection at which bristles slide, m: errors of deflections are judged against
         it."""
 
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        """Energy over normal force, m, that bristles of a deflection in m would give back; zero by
+        default, which counts all that friction takes as dissipated."""
+        del deflection
+        return 0.0
+
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Tangential force in N of a long slip (m/s), for runs without the bristles' motion."""
         speed, direction = norm_and_direction(slip)
@@ -104,6 +110,10 @@ class Dahl(AbstractBristleFriction):
         del slip_speed
         return self.coefficient
 
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        """sigma0 z^2/2."""
+        return 0.5 * self.stiffness * deflection.dot(deflection)
+
     def full_deflection(self) -> Scalar:
         """mu/sigma0."""
         return self.coefficient / self.stiffness
@@ -125,6 +135,10 @@ class AbstractDampedBristles(AbstractBristleFriction):
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """sigma0 z + sigma1 dz/dt + sigma2 v."""
         return deflection * self.stiffness + rate * self.damping + slip * self.viscosity
+
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        """sigma0 z^2/2."""
+        return 0.5 * self.stiffness * deflection.dot(deflection)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
         """g(v) = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2)."""

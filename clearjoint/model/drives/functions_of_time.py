@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
@@ -50,10 +51,10 @@ class AbstractFunctionOfTime(AbstractConverting):
 class _PlainFunction(AbstractFunctionOfTime):
     """A Python function: part of the program, without numbers of its own."""
 
-    function: Callable[[Scalar], Scalar] = eqx.field(static=True)
+    function: Callable[[jax.Array], Scalar] = eqx.field(static=True)
 
     def __call__(self, t: Scalar) -> Scalar:
-        return self.function(t)
+        return self.function(jnp.asarray(t, dtype=float))
 
 
 class Polynomial(AbstractFunctionOfTime):
@@ -127,7 +128,7 @@ class Spline(AbstractFunctionOfTime):
         return value + before * rates[0] + after * rates[-1]
 
 
-FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[Scalar], Scalar] | float
+FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
 """A function of time as it is given."""
 
 

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...fields.checks import as_number
 from ...fields.declarations import optional_quantity, quantity
-from ...fields.types import Quadruple, Single, Triple
+from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
 from ...math.periodic import wrapped
 from ...math.smoothing import ramp
 from ...math.vectors import Scalar
-from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
+from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
 from .rotation import AbstractDriveTorque
 
 ROUNDING = 0.02
@@ -58,7 +59,24 @@ class Motor(AbstractDriveTorque):
     proportional: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
     derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
     torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
-    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    orientation: Quadruple = quantity("1")
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        axis: TripleLike,
+        target: FunctionOfTime,
+        proportional: Scalar,
+        derivative: Scalar,
+        torque_limit: Scalar | None = None,
+        orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
+    ):
+        self.first, self.second = first, second
+        self.axis, self.orientation = as_number(axis), as_number(orientation)
+        self.target = as_function_of_time(target)
+        self.proportional, self.derivative = as_number(proportional), as_number(derivative)
+        self.torque_limit = None if torque_limit is None else as_number(torque_limit)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """The control's torque within the limit, N m."""

@@ -3,16 +3,16 @@
 import equinox as eqx
 from jaxtyping import PyTree
 
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import as_number, require_axis, require_point
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Triple
+from ...fields.types import Quadruple, QuadrupleLike, Triple, TripleLike
 from ...math.rotations import unit
 from ...math.vectors import Scalar
 from ..joints.base import AbstractConstraint, Motions, Row
 from ..joints.constraint_rows import point_in_plane
 from ..joints.pairs import AbstractPairAtPoints
 from ..joints.row_combinations import row_following
-from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
+from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
 from .rotation import AbstractRotationDriver
 
 
@@ -44,7 +44,19 @@ class PrescribedAngle(AbstractRotationDriver):
     second: str = eqx.field(static=True)
     axis: Triple = quantity("1")
     function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
-    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    orientation: Quadruple = quantity("1")
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        axis: TripleLike,
+        function: FunctionOfTime,
+        orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
+    ):
+        self.first, self.second = first, second
+        self.axis, self.orientation = as_number(axis), as_number(orientation)
+        self.function = as_function_of_time(function)
 
     def angle(self, t: Scalar) -> Scalar:
         """The function's value, rad."""
@@ -75,6 +87,19 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
     function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        point_first: TripleLike,
+        point_second: TripleLike,
+        axis: TripleLike,
+        function: FunctionOfTime,
+    ):
+        self.first, self.second = first, second
+        self.point_first, self.point_second = as_number(point_first), as_number(point_second)
+        self.axis, self.function = as_number(axis), as_function_of_time(function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The distance less that prescribed, m."""

@@ -282,11 +282,14 @@ class DissipatedEnergy(AbstractReduction):
         return tally
 
     def results(self, tally: tuple[()], now: Instant) -> dict[str, Scalar]:
-        """What normal damping, friction and films took since the start, J."""
+        """What normal damping, friction and films took since the start, J; what bristles
+        would give back is not among it."""
         del tally
         lost: Scalar = 0.0
         for name in LOSSES:
             lost = add(lost, now.work.get(name, 0.0))
+        if (held := now.bristle_energy) is not None:
+            lost = lost - held
         return {"": lost}
 
     def units(self) -> dict[str, str]:
