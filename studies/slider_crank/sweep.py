@@ -172,7 +172,7 @@ def periods(sections: np.ndarray) -> np.ndarray:
 
 def run(output: Output) -> list[str]:
     """Both diagrams, the map and the orbits; returns the findings."""
-    course = Course(2, 4) if output.quick else Course(120, 200)
+    course = Course(1, 3) if output.quick else Course(120, 200)
     points, side = (4, 2) if output.quick else (192, 16)
     clearances, speeds = np.geomspace(*CLEARANCES, points), np.linspace(*SPEEDS, points)
 

@@ -77,7 +77,12 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
     [
         pytest.param(cj.FreeAxially(), 1e-3, 1.0, marks=pytest.mark.slow),
         (cj.FixedAxially(), 0.0, 1e-9),
-        (cj.EndPlay(2e-4, cj.LankaraniNikravesh(0.5, 1e9)), 0.99e-4, 1.2e-4),
+        pytest.param(
+            cj.EndPlay(2e-4, cj.LankaraniNikravesh(0.5, 1e9)),
+            0.99e-4,
+            1.2e-4,
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["free", "fixed", "end play"],
 )

@@ -33,6 +33,7 @@ def test_ledger_closes(restitution):
     assert observed.drift["elbow"].max() < 1e-8
 
 
+@pytest.mark.slow
 def test_friction_dissipates_and_is_booked():
     """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
     scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))

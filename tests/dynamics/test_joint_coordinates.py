@@ -106,7 +106,7 @@ EDGES = {
         (GROUND, "d", "screw"),
     ),
 }  # fmt: skip
-SELDOM = ("on a table", "from a cross")
+SELDOM = ("standing", "on a table", "from a cross")
 
 
 def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):

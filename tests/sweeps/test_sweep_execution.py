@@ -438,6 +438,7 @@ def test_dask_survives_a_worker_killed_in_mid_chunk(dask_client, store, tmp_path
     identical_to_uninterrupted(store)
 
 
+@pytest.mark.slow
 def test_dask_repeats_a_chunk_that_failed(dask_client, store, tmp_path):
     def task(chunk):
         attempt = tmp_path / f"{chunk} {time.monotonic_ns()}"
