@@ -15,7 +15,9 @@ class RESULTS(eqx.Enumeration):
     step_too_small = (
         "The step size fell to the resolution of the time. The motion may be singular there, the "
         "tolerances tighter than double precision allows, or the time so late that short steps are "
-        "lost in it: then continue from the state reached with a `start_time` of zero."
+        "lost in it: then continue from the state reached with a `start_time` of zero. With "
+        "derivatives it may be a force with a kink within a contact, as where the damping of "
+        "`KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a law without."
     )
     non_finite = (
         "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."

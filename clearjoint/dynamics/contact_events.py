@@ -108,6 +108,15 @@ def begins(before: Reaches, after: Reaches) -> jax.Array:
     return any_begins
 
 
+def changes(before: Reaches, after: Reaches) -> Condition:
+    """Whether any contact begins or ends between two instants."""
+    any_changes: Condition = jnp.asarray(False)
+    for name, family in before.items():
+        for label, start in family.items():
+            any_changes |= some((start.depth > 0.0) != (after[name][label].depth > 0.0))
+    return any_changes
+
+
 def touches(here: Reaches) -> Condition:
     """Whether any contact exists."""
     any_touches: Condition = jnp.asarray(False)

@@ -6,8 +6,8 @@ the same slip. So deflections are variables of a run, as the motion is, and come
 contact; whoever has no such laws passes none.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import jax
@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.bristles import AbstractBristleFriction
+from ..model.contact.gap import Gap
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
@@ -28,6 +29,8 @@ Bristles: TypeAlias = ByLabel[Vector]
 """Deflection of each contact's bristles, m, in the axes of its first body; zero in flight. Their
 rates, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
+INSIDE = 1e-300
+"""m: a depth at which a contact exists and nothing is compressed."""
 
 
 @jax.tree_util.register_dataclass
@@ -50,7 +53,11 @@ def contact_forces(
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
 ) -> ByLabel[LoadedContact]:
-    """Forces of all contacts, by joint and contact; only `closed` ones push, if these are given."""
+    """Forces of all contacts, by joint and contact.
+
+    If it is given which ones are `closed`, these alone have a force, and one whose slope jumps at
+    the wall goes on past it: see `contact_force`.
+    """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
         laws, contacts = joint.laws(), joint.contacts(motions)
@@ -106,14 +113,19 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """The forces of one contact of a joint with such `bristles`; none if it is said not to be
-    `closed`."""
-    normal = contact_normal_force(law, contact.gap, entry_speed)
-    if closed is not None:
-        normal = jnp.where(closed, normal, 0.0)
-    elastic = law.elastic_force(contact.gap)
-    if closed is not None:
-        elastic = jnp.where(closed, elastic, 0.0)
+    """The forces of one contact of a joint with such `bristles`.
+
+    If it is said whether the contact is `closed`, an open one has none. That of a closed one whose
+    slope would jump where the surfaces part goes on there: at a depth below zero it pulls by as
+    much as it would push so far above. The stages of a step that ends where the contact does lie
+    on either side, and no step were short enough for the error of its derivatives.
+    """
+
+    def normal_force(gap: Gap) -> Scalar:
+        return contact_normal_force(law, gap, entry_speed)
+
+    normal = _held(normal_force, law, contact.gap, closed)
+    elastic = _held(law.elastic_force, law, contact.gap, closed)
     if bristle_law := joint.bristle_laws().get(label):
         exists = contact.gap.depth + law.reach() > 0.0 if closed is None else closed
         to_first = motions[joint.pair()[0]]
@@ -121,7 +133,26 @@ def contact_force(
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
         rate = _where(exists, to_first.components(rate))
         return LoadedContact(contact, normal, elastic, friction, rate)
-    return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
+    if closed is None or not law.slope_jumps():
+        return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
+    sense = jnp.where(normal < 0.0, -1.0, 1.0)
+    friction = joint.friction_force(label, contact, normal * sense)
+    return LoadedContact(contact, normal, elastic, None if friction is None else friction * sense)
+
+
+def _held(
+    force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
+) -> Scalar:
+    """A force of a law with a gap, N, of a contact that is held open or `closed`, if that is said:
+    past the wall the reflection of that before it."""
+    if closed is None:
+        return force(gap)
+    if not law.slope_jumps():
+        return jnp.where(closed, force(gap), 0.0)
+    past = closed & (gap.depth + law.reach() < 0.0)
+    pushing = force(replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.reach(), gap.depth)))
+    at_wall = force(replace(gap, depth=INSIDE - law.reach())) if law.force_jumps else 0.0
+    return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
 
 
 def _bristle_friction(

@@ -5,23 +5,27 @@ began a time tau before the end of the step pushed for that long: tau is zero to
 derivative isn't. With rates f- before the jump and f+ after it the state is y + (f+ - f-) tau, and
 that has the derivative of the motion across the jump (the saltation matrix: R. I. Leine,
 H. Nijmeijer 2004, section 7.3), whoever differentiates it.
+
+The forces are means over tau. So of a force whose slope alone jumps, as that of a spring, what is
+left is K delta tau/2: without it derivatives miss by tau, which is much where two contacts of a
+stiff spring begin a millionth of a contact's time apart.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 
 from ..dynamics.contact_events import Reach, Reaches
-from ..dynamics.contact_forces import LoadedContact, Memory, contact_force
+from ..dynamics.contact_forces import INSIDE, LoadedContact, Memory, contact_force
 from ..dynamics.system import System
 from ..math.groups import some
-from ..math.vectors import Condition, Scalar
+from ..math.vectors import Condition, Scalar, Vector
+from ..model.joints.base import AbstractContactJoint, Contact, Motions
 from ..model.scene import Scene
 from .step_state import Variables
 
-INSIDE = 1e-300
-"""m: a depth at which a contact exists and nothing is compressed."""
 Times = dict[str, dict[str, Scalar]]
 """Times in s for which contacts pushed, by joint and contact."""
 
@@ -29,6 +33,11 @@ Times = dict[str, dict[str, Scalar]]
 def contacts_jump(scene: Scene) -> bool:
     """Whether the force of any contact may jump where it begins or ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
+
+
+def slopes_jump(scene: Scene) -> bool:
+    """Whether the slope of any contact's force may jump where it begins or ends."""
+    return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
 def across_contacts(
@@ -46,7 +55,7 @@ def across_contacts(
 
     def cross(y: Variables) -> Variables:
         times = _times(system.scene, before, system.reaches(y.motion))
-        forces = _surface_forces(system, y, memory)
+        forces = _mean_forces(system, y, memory)
 
         def rates(times: Times) -> Variables:
             impulses = {
@@ -67,9 +76,9 @@ def across_contacts(
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
-    """The contacts whose force may jump, by joint."""
+    """The contacts whose force, or its slope, may jump, by joint."""
     labels_by_joint = {
-        name: [label for label, law in family.items() if law.force_jumps]
+        name: [label for label, law in family.items() if law.force_jumps or law.slope_jumps()]
         for name, family in scene.laws().items()
     }
     return {name: labels for name, labels in labels_by_joint.items() if labels}
@@ -80,7 +89,7 @@ def _changes(before: Reach, after: Reach) -> Condition:
 
 
 def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Condition:
-    """Whether a contact whose force may jump then begins or ends between two instants."""
+    """Whether a contact whose force or slope may jump then begins or ends between two instants."""
     any_change: Condition = jnp.asarray(False)
     for name, labels in _jumping_contacts(scene).items():
         for label in labels:
@@ -102,25 +111,45 @@ def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
     }
 
 
-def _surface_forces(
+def _mean_forces(
     system: System, y: Variables, memory: Memory
 ) -> dict[str, dict[str, LoadedContact]]:
-    """The forces of closed contacts at the wall."""
+    """The forces of closed contacts, means of those at the wall and where the step ends."""
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: dict[str, dict[str, LoadedContact]] = {}
     for name, labels in _jumping_contacts(system.scene).items():
-        laws, contacts = joints[name].laws(), joints[name].contacts(motions)
-        forces[name] = {}
-        for label in labels:
-            law, contact = laws[label], contacts[label]
-            depth = jnp.maximum(contact.gap.depth, INSIDE - law.reach())
-            contact = replace(contact, gap=replace(contact.gap, depth=depth))
-            entry_speed = memory[name][label] if law.has_memory else None
-            bristles = y.bristles.get(name, {})
-            forces[name][label] = contact_force(
-                joints[name], label, law, contact, entry_speed, None, motions, bristles
-            )
+        joint, bristles = joints[name], y.bristles.get(name, {})
+        contacts, speeds = joint.contacts(motions), memory.get(name, {})
+        forces[name] = {
+            label: _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
+            for label in labels
+        }
     return forces
+
+
+def _mean_force(
+    joint: AbstractContactJoint,
+    label: str,
+    contact: Contact,
+    entry_speed: Scalar | None,
+    motions: Motions,
+    bristles: Mapping[str, Vector],
+) -> LoadedContact:
+    """The mean force of one contact, as those of `_mean_forces`."""
+    law, closed = joint.laws()[label], jnp.asarray(True)
+
+    def force(contact: Contact) -> LoadedContact:
+        return contact_force(joint, label, law, contact, entry_speed, closed, motions, bristles)
+
+    def at_depth(depth: Scalar) -> LoadedContact:
+        return force(replace(contact, gap=replace(contact.gap, depth=depth)))
+
+    if not law.slope_jumps():
+        return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.reach()))
+    if not law.force_jumps:
+        return _multiplied(force(contact), 0.5)
+    at_wall = at_depth(INSIDE - law.reach())
+    return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:

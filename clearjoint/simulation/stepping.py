@@ -30,7 +30,7 @@ from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
 from .aliases import SecondRates, SolverState
-from .jumps import across_contacts, contacts_jump
+from .jumps import across_contacts, contacts_jump, slopes_jump
 from .program_size import shapes_of
 from .step_length import end_of_step
 from .step_state import (
@@ -207,7 +207,8 @@ def _across_jumps(
     """The variables at the end of a step, and their tangents if there are any, with what jumps of
     the forces there leave in them."""
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
-    contacts = method.landing is not None and contacts_jump(system.scene)
+    slopes = family is not None and slopes_jump(system.scene)
+    contacts = method.landing is not None and (slopes or contacts_jump(system.scene))
     switches = bool(breakpoints(system.scene))
     if not contacts and not switches and not y1.bristles:
         return y1, y_tangents

@@ -20,7 +20,7 @@ from ..model.scene import Scene
 from .aliases import DenseInformation, SolverState
 from .dense_output import correct
 from .grading import AbstractGrading, FromBegin, WithinContact
-from .jumps import contacts_jump
+from .jumps import contacts_jump, slopes_jump
 from .rates import rates_of
 from .step_state import Method, Step, Variables, choose
 from .systems import SystemFamily
@@ -117,6 +117,8 @@ def try_step(
     def advance(
         system: System, y: Variables, memory: Memory, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
+        if slopes_may_jump(method, system.scene):
+            solver_state = _after_jump(method, system, step, t1, (y, memory, solver_state))
         y1, error, information, solver_state, result = method.solver.step(
             term_of(method, step),
             step.t,
@@ -143,6 +145,23 @@ def try_step(
         finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     return Trial(t1, grading, _unless(finite, outcome, step.y), tangents, finite, result)
+
+
+def _after_jump(
+    method: Method,
+    system: System,
+    step: Step,
+    t1: Scalar,
+    start: tuple[Variables, Memory, SolverState],
+) -> SolverState:
+    """What the solver keeps of the last step, of a start of variables, memory and that: anew where
+    a contact began or ended there, with the contacts that are closed since."""
+    y, memory, kept = start
+
+    def anew() -> SolverState:
+        return method.solver.init(term_of(method, step), step.t, t1, y, (system, memory))
+
+    return jax.lax.cond(step.proposal.made_jump, anew, lambda: kept)
 
 
 def _without_drift(
@@ -180,6 +199,13 @@ def may_jump(method: Method, scene: Scene) -> bool:
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
     return has_memory(scene) if method.landing is None else contacts_jump(scene)
+
+
+def slopes_may_jump(method: Method, scene: Scene) -> bool:
+    """Whether the rates at the start of a step are those at the end of the last one but for a slope
+    that jumps where a contact begins or ends."""
+    lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
+    return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
 def _all_finite(tree: PyTree[Scalar]) -> Condition:

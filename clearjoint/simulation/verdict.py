@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics.breakpoints import breakpoints, seen
-from ..dynamics.contact_events import Reaches, time_since_begin, too_deep
+from ..dynamics.contact_events import Reaches, changes, time_since_begin, too_deep
 from ..dynamics.system import System
 from ..fields.types import Single
 from ..math.vectors import Condition, Scalar
@@ -19,7 +19,7 @@ from .step_length import (
     with_relative_bristles,
 )
 from .step_state import Method, Proposal, Step, Variables, choose
-from .trial_step import Trial, error_order, may_jump
+from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 from .unseen_jumps import jumped_unseen, may_jump_unseen
 
 PRESCRIBED_TOLERANCE = 1e-3
@@ -73,9 +73,10 @@ def judge(
     elif breakpoints(system.scene):
         full_length = length_after_breakpoints(step, t1, keep, full_length)
         t_next = jnp.where(keep, t1, step.t) + full_length
-    made_jump = jnp.where(
-        keep, judgement.made_jump | may_jump(method, system.scene), last.made_jump
-    )
+    jumps = may_jump(method, system.scene)
+    if slopes_may_jump(method, system.scene):
+        jumps = changes(step.reaches, after)
+    made_jump = jnp.where(keep, judgement.made_jump | jumps, last.made_jump)
     result = _result(system, step, trial, keep, t_next, judgement.result, after, t_end)
     if trial.tangents is not None and may_jump_unseen(system.scene):
         jumps = keep & jumped_unseen(method, system, step, trial, after)

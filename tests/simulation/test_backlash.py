@@ -171,6 +171,36 @@ def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
     assert float(np.ravel(found.derivatives["angle"])[0]) == pytest.approx(difference, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    "law", [cj.ExactRestitution(0.8, 4e8, exponent=1.0), cj.FloresKelvinVoigt(0.8, 4e8)]
+)
+def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
+    """The slope of the force jumps where the flanks touch and part."""
+    scene, state = cj.gear_pair(1e-4, law=law)
+    places: dict[str, tuple[Any, float]] = {
+        "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-5),
+        "stiffness": (lambda s: s.joints["mesh"].law.stiffness.stiffness, 4e4),
+        "backlash": (lambda s: s.joints["mesh"].backlash, 1e-9),
+    }
+    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
+    end, exact = 4e-3, replace(cj.presets.derivatives, rtol=1e-12)
+
+    def angle(place: Any, change: float) -> float:
+        moved = cj.put(scene, place, place(scene) + change)
+        return turned(cj.simulate(moved, state, end, exact).final, "wheel")
+
+    sizes = np.array([float(place(scene)) for place, _ in places.values()])
+    differences = [
+        (angle(place, step) - angle(place, -step)) / (2.0 * step) for place, step in places.values()
+    ]
+    for rtol in (1e-9, 1e-10, 1e-11):
+        settings = replace(cj.presets.derivatives, rtol=rtol)
+        channel = {"angle": cj.quantities.JointAngle("wheel bearing")}
+        found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings)
+        derivatives = found.derivatives["angle"][0]
+        np.testing.assert_allclose(derivatives * sizes, differences * sizes, rtol=1e-5, atol=1e-9)
+
+
 def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
     """Times in flight, and so counts, go with the play; each lane keeps its own entry speed."""
     scene, state = cj.gear_pair()

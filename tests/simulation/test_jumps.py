@@ -140,6 +140,36 @@ def test_plain_derivatives_have_the_jump_too():
     np.testing.assert_allclose(forward, wanted, rtol=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("rtol", [1e-9, 1e-10, 1e-11])
+@pytest.mark.parametrize("landing", [1e-12, 1e-13])
+def test_two_contacts_of_a_spring_that_begin_nearly_at_once(rtol, landing):
+    """The journal of the double pendulum meets the wall with both bases, 1e-11 m apart; within
+    what a step may end past either, K d(depth) makes a hundredth of how the tilt's rate changes."""
+    law = cj.ExactRestitution(0.8, 4e8, exponent=1.0)
+    scene, state = cj.double_pendulum(law=law)
+    places = {
+        "e": (lambda s: s.joints["shoulder"].law.restitution, 3e-4),
+        "K": (lambda s: s.joints["shoulder"].law.stiffness.stiffness, 4e4),
+        "c": (lambda s: s.joints["shoulder"].clearance, 5e-8),
+    }
+    end, tight = 0.03, replace(cj.presets.derivatives, rtol=1e-12)
+
+    def height(place, change):
+        moved = cj.put(scene, place, place(scene) + change)
+        return cj.simulate(moved, state, end, tight).final.bodies["arm 2"].position[1]
+
+    settings = replace(cj.presets.derivatives, rtol=rtol, landing_tolerance=landing)
+    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
+    outputs = {"y": Q.Position("arm 2", "y")}
+    found = cj.sensitivities(scene, state, end, parameters, outputs, [end], settings)
+    differences = [
+        slope(lambda by, place=place: height(place, by), 0.0, step)
+        for place, step in places.values()
+    ]
+    np.testing.assert_allclose(found.derivatives["y"][0], differences, rtol=1e-6)
+
+
 class Push(cj.AbstractForce):
     """A force along X on a body, from a time on; `how` says so in several ways."""
 

@@ -26,6 +26,10 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
             least = bool(exponent >= 1.0)
             require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
 
+    def slope_jumps(self) -> bool:
+        """Unless the elastic force, which bounds the damping, begins as a power above one."""
+        return not self.stiffness.begins_flat(self.exponent)
+
     def elastic_force(self, gap: Gap) -> Scalar:
         """K delta^n, N."""
         return self.stiffness.force(gap, self.exponent)

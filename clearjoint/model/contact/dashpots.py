@@ -56,6 +56,11 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     def damping(self, gap: Gap) -> Scalar:
         """D in N s/m^(1+m)."""
 
+    def slope_jumps(self) -> bool:
+        """Unless the elastic force begins as a power of the penetration above one: what the dashpot
+        has beside it is gone where the surfaces part."""
+        return not self.stiffness.begins_flat(self.exponent)
+
     def elastic_force(self, gap: Gap) -> Scalar:
         """K delta^n, N."""
         return self.stiffness.force(gap, self.exponent)

@@ -76,6 +76,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         """Distance ahead of the surface at which the force begins, m."""
         return 0.0 if self.smoothing is None else self.smoothing
 
+    def slope_jumps(self) -> bool:
+        """Unless the force begins as a power of the penetration above one, or is smoothed."""
+        return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
+
     def elastic_force(self, gap: Gap) -> Scalar:
         """K delta^n, the force without damping, N."""
         if self.smoothing is not None:

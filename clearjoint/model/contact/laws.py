@@ -89,6 +89,12 @@ class AbstractContactLaw(AbstractConverting):
         """Distance ahead of the surface at which the force begins, m; 0 for an exact law."""
         return 0.0
 
+    def slope_jumps(self) -> bool:
+        """Whether the force's slope by the depth may jump where it begins, as that of a spring
+        does. Steps that end there are smooth then in spite of it; a law that says no is spared
+        that, and one evaluation of the motion at each end of a contact."""
+        return True
+
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """What of a gap the law holds for, if not for all; beyond, one is warned."""
         del gap

@@ -33,6 +33,11 @@ class AbstractElasticity(AbstractConverting):
     def energy(self, gap: Gap, exponent: float) -> Scalar:
         """The force's integral over the penetration, J."""
 
+    def begins_flat(self, exponent: float) -> bool:
+        """Whether the force is known to have no slope where the penetration begins."""
+        del exponent
+        return False
+
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """What of a gap it holds for, if not for all."""
         del gap
@@ -59,6 +64,10 @@ class AbstractStiffness(AbstractElasticity):
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
         """The stiffness K in N/m^n for the radii of a gap."""
+
+    def begins_flat(self, exponent: float) -> bool:
+        """For an exponent that is a Python number above one."""
+        return isinstance(exponent, int | float) and exponent > 1.0
 
     def force(self, gap: Gap, exponent: float) -> Scalar:
         """K delta^n, N."""

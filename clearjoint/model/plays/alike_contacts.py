@@ -117,6 +117,10 @@ class SeveralContactLaws(AbstractContactLaw):
         """Distances ahead of the surface at which the forces begin, m."""
         return self._each("reach")
 
+    def slope_jumps(self) -> bool:
+        """Whether their slopes may jump."""
+        return self.joint.laws()[self.label].slope_jumps()
+
 
 class SeveralBristleLaws(AbstractBristleFriction):
     """The bristle laws of one contact of several joints."""

@@ -52,6 +52,10 @@ class FadingIn(AbstractContactLaw):
             removed = removed + weight * 2.0 * node * end * slope * energy
         return self._share(gap) * self.law.stored_energy(gap) - removed
 
+    def slope_jumps(self) -> bool:
+        """No: whatever the law does, its part begins flat."""
+        return False
+
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Those of the law."""
         return self.law.limits(gap)
