@@ -10,6 +10,7 @@ from jax._src import core, util
 from jaxtyping import PyTree
 
 from .clock import begins_a_program
+from .effort import Effort
 from .program import (
     CallsBackError,
     Donated,
@@ -67,9 +68,10 @@ class KeptPrograms:
     `jax.clear_caches` forgets them.
     """
 
-    def __init__(self, function: Callable[..., PyTree], donate: Donated):
+    def __init__(self, function: Callable[..., PyTree], donate: Donated, effort: Effort):
         self._function, self._traced = function, begins_a_program(function)
         self.donate: Donated = donate
+        self.effort: Effort = effort
         self._programs: dict[Hashable, Program | None] = {}
         util.register_cache(self, "clearjoint's programs")
 
@@ -93,7 +95,8 @@ class KeptPrograms:
         self, folder: Path, arguments: Positional, options: Options
     ) -> Program | None:
         try:
-            key = program_key(self._function, (self.donate, *arguments), options)
+            made = self.donate, self.effort
+            key = program_key(self._function, (*made, *arguments), options)
         except Exception:
             return None
         store = ProgramStore(folder)
@@ -119,7 +122,7 @@ class KeptPrograms:
         self, store: ProgramStore, key: str, arguments: Positional, options: Options
     ) -> Program | None:
         try:
-            program = compiled_program(self._traced, self.donate, arguments, options)
+            program = compiled_program(self._traced, self.donate, self.effort, arguments, options)
         except CallsBackError:
             return None
         with suppress(Exception):

@@ -15,6 +15,7 @@ from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
 from .description import described
+from .effort import Effort, compiler_options
 from .jax_cache import recorded_reads
 from .words import UndescribedError
 
@@ -82,7 +83,11 @@ class Program:
 
 
 def compiled_program(
-    function: Callable[..., PyTree], donate: Donated, arguments: Positional, options: Options
+    function: Callable[..., PyTree],
+    donate: Donated,
+    effort: Effort,
+    arguments: Positional,
+    options: Options,
 ) -> Program:
     """Trace and compile a function for arguments like these.
 
@@ -110,7 +115,7 @@ def compiled_program(
         if _calls_back(lowered):
             raise CallsBackError
         with recorded_reads() as read:
-            compiled = lowered.compile()
+            compiled = lowered.compile(compiler_options(effort))
         return Program(compiled, found[0], donate, read[0] if read else None)
 
 
