@@ -40,7 +40,9 @@ class Compiled(Generic[Arguments, Result]):
         traced = begins_a_program(function)
         self._part = self._compiled = eqx.filter_jit(traced, donate=donate)
         if options := compiler_options(effort):
-            self._compiled = eqx.filter_jit(traced, donate=donate, compiler_options=options)
+            self._compiled = eqx.filter_jit(  # pyright: ignore
+                traced, donate=donate, compiler_options=options
+            )
         self._kept = KeptPrograms(function, donate, effort)
         update_wrapper(self, function)
 
@@ -51,9 +53,10 @@ class Compiled(Generic[Arguments, Result]):
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
         with collector_at_rest(), program_is_made_inside():
-            program = self._kept.program_for(arguments, options)
-            if program is not None:
-                return program(arguments, options)
+            found = self._kept.program_for(arguments, options)
+            if found is not None:
+                program, leaves = found
+                return program(leaves)
             if not core.trace_state_clean():
                 # JAX takes options for outermost programs alone.
                 return self._part(*arguments, **options)

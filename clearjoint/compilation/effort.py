@@ -8,12 +8,12 @@ from typing import Literal
 
 Effort = Literal["full", "least"]
 """Of compiling: "least" is for programs that run once or twice a run."""
-CompilerOptions = dict[str, bool | int]
+CompilerOptions = dict[str, str | bool]
 
 _LEAST: CompilerOptions = {
-    "xla_backend_optimization_level": 0,
+    "xla_backend_optimization_level": "0",
     "xla_cpu_use_fusion_emitters": False,
-    "xla_cpu_parallel_codegen_split_count": 1,
+    "xla_cpu_parallel_codegen_split_count": "1",
 }
 
 

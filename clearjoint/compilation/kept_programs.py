@@ -78,18 +78,22 @@ class KeptPrograms:
     def __len__(self) -> int:
         return sum(program is not None for program in self._programs.values())
 
-    def program_for(self, arguments: Positional, options: Options) -> Program | None:
-        """The program for such arguments; ``None`` where it isn't kept, so that it is to be
-        compiled elsewhere."""
+    def program_for(
+        self, arguments: Positional, options: Options
+    ) -> tuple[Program, list[PyTree]] | None:
+        """The program for such arguments, and their leaves; ``None`` where it isn't kept, so that
+        it is to be compiled elsewhere."""
         folder = _folder()
         if folder is None or not core.trace_state_clean():
             return None
-        known_by = signature(arguments, options)
+        leaves, structure = jax.tree.flatten((arguments, options))
+        known_by = signature(leaves, structure)
         if known_by is None:
             return None
         if known_by not in self._programs:
             self._programs[known_by] = self._loaded_or_compiled(folder, arguments, options)
-        return self._programs[known_by]
+        program = self._programs[known_by]
+        return None if program is None else (program, leaves)
 
     def _loaded_or_compiled(
         self, folder: Path, arguments: Positional, options: Options
