@@ -9,8 +9,10 @@ from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
+from jax._src import core
 
 from .clock import begins_a_program, program_is_made_inside
+from .effort import Effort, compiler_options
 from .kept_programs import KeptPrograms
 from .program import Donated
 from .tracing import collector_at_rest
@@ -24,26 +26,40 @@ class Compiled(Generic[Arguments, Result]):
     else changes compiles anew.
 
     Where programs are kept (see `keep_programs`), one that another process has compiled is loaded
-    from disk, and nothing is traced.
+    from disk, and nothing is traced. `effort`: "least" for what runs once or twice a run.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result], donate: Donated = "none"):
-        self._compiled = eqx.filter_jit(begins_a_program(function), donate=donate)
-        self._kept = KeptPrograms(function, donate)
+    def __init__(
+        self,
+        function: Callable[Arguments, Result],
+        donate: Donated = "none",
+        effort: Effort = "full",
+    ):
+        traced = begins_a_program(function)
+        self._part = self._compiled = eqx.filter_jit(traced, donate=donate)
+        if options := compiler_options(effort):
+            self._compiled = eqx.filter_jit(  # pyright: ignore
+                traced, donate=donate, compiler_options=options
+            )
+        self._kept = KeptPrograms(function, donate, effort)
         update_wrapper(self, function)
 
     def __getstate__(self) -> tuple[object, ...]:
         """What another process would know it by."""
-        return self.__wrapped__, self._kept.donate
+        return self.__wrapped__, self._kept.donate, self._kept.effort
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
         with collector_at_rest(), program_is_made_inside():
-            program = self._kept.program_for(arguments, options)
-            if program is not None:
-                return program(arguments, options)
+            found = self._kept.program_for(arguments, options)
+            if found is not None:
+                program, leaves = found
+                return program(leaves)
+            if not core.trace_state_clean():
+                # JAX takes options for outermost programs alone.
+                return self._part(*arguments, **options)
             return self._compiled(*arguments, **options)
 
     def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
@@ -53,4 +69,5 @@ class Compiled(Generic[Arguments, Result]):
 
     def programs(self) -> int:
         """How many programs have been compiled, or loaded."""
-        return self._compiled._cached._cache_size() + len(self._kept)
+        compiled = {self._part._cached, self._compiled._cached}
+        return sum(function._cache_size() for function in compiled) + len(self._kept)

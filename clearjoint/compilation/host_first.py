@@ -26,7 +26,7 @@ class HostFirst(Generic[Arguments, Result]):
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result]):
-        self._compiled = Compiled(function)
+        self._compiled = Compiled(function, effort="least")
         self._need_jax: set[jax.tree_util.PyTreeDef] = set()  # pyright: ignore
         update_wrapper(self, function)
 

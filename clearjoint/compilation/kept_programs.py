@@ -10,6 +10,7 @@ from jax._src import core, util
 from jaxtyping import PyTree
 
 from .clock import begins_a_program
+from .effort import Effort
 from .program import (
     CallsBackError,
     Donated,
@@ -67,33 +68,39 @@ class KeptPrograms:
     `jax.clear_caches` forgets them.
     """
 
-    def __init__(self, function: Callable[..., PyTree], donate: Donated):
+    def __init__(self, function: Callable[..., PyTree], donate: Donated, effort: Effort):
         self._function, self._traced = function, begins_a_program(function)
         self.donate: Donated = donate
+        self.effort: Effort = effort
         self._programs: dict[Hashable, Program | None] = {}
         util.register_cache(self, "clearjoint's programs")
 
     def __len__(self) -> int:
         return sum(program is not None for program in self._programs.values())
 
-    def program_for(self, arguments: Positional, options: Options) -> Program | None:
-        """The program for such arguments; ``None`` where it isn't kept, so that it is to be
-        compiled elsewhere."""
+    def program_for(
+        self, arguments: Positional, options: Options
+    ) -> tuple[Program, list[PyTree]] | None:
+        """The program for such arguments, and their leaves; ``None`` where it isn't kept, so that
+        it is to be compiled elsewhere."""
         folder = _folder()
         if folder is None or not core.trace_state_clean():
             return None
-        known_by = signature(arguments, options)
+        leaves, structure = jax.tree.flatten((arguments, options))
+        known_by = signature(leaves, structure)
         if known_by is None:
             return None
         if known_by not in self._programs:
             self._programs[known_by] = self._loaded_or_compiled(folder, arguments, options)
-        return self._programs[known_by]
+        program = self._programs[known_by]
+        return None if program is None else (program, leaves)
 
     def _loaded_or_compiled(
         self, folder: Path, arguments: Positional, options: Options
     ) -> Program | None:
         try:
-            key = program_key(self._function, (self.donate, *arguments), options)
+            made = self.donate, self.effort
+            key = program_key(self._function, (*made, *arguments), options)
         except Exception:
             return None
         store = ProgramStore(folder)
@@ -119,7 +126,7 @@ class KeptPrograms:
         self, store: ProgramStore, key: str, arguments: Positional, options: Options
     ) -> Program | None:
         try:
-            program = compiled_program(self._traced, self.donate, arguments, options)
+            program = compiled_program(self._traced, self.donate, self.effort, arguments, options)
         except CallsBackError:
             return None
         with suppress(Exception):

@@ -4,8 +4,9 @@ import enum
 import io
 import pickle
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
 from .description import described
+from .effort import Effort, compiler_options
 from .jax_cache import recorded_reads
 from .words import UndescribedError
 
@@ -49,22 +51,28 @@ class Program:
     """A compiled function of arguments of one structure.
 
     `result`: its result, with `PLACE` where an array stands. `read`: the serialised executable, if
-    it came from JAX's cache.
+    it came from JAX's cache. `places`: among the leaves of arguments and options those of the
+    arrays that stay, and of those that are given away.
     """
 
     compiled: jax.stages.Compiled
     result: PyTree
-    donate: Donated
+    places: tuple[list[int], list[int]]
     read: bytes | None = None
 
-    def __call__(self, arguments: Positional, options: Options) -> PyTree:
-        """The result for other numbers; it is computed when this returns, as of `filter_jit`."""
-        leaves, structure = jax.tree.flatten(self.result)
-        arrays = jax.block_until_ready(self.compiled(*_arrays(arguments, options, self.donate)))
-        numbers = iter(arrays)
+    def __call__(self, leaves: Sequence[PyTree]) -> PyTree:
+        """The result for the leaves of other arguments and options; it is computed when this
+        returns, as of `filter_jit`."""
+        kept, given = ([leaves[place] for place in places] for places in self.places)
+        numbers = iter(jax.block_until_ready(self.compiled(kept, given)))
+        leaves, structure = self._results
         return jax.tree.unflatten(
             structure, [next(numbers) if leaf is PLACE else leaf for leaf in leaves]
         )
+
+    @cached_property
+    def _results(self) -> tuple[list[PyTree], jax.tree_util.PyTreeDef]:  # pyright: ignore
+        return jax.tree.flatten(self.result)
 
     def content(self) -> bytes:
         """All that another process needs to run it.
@@ -82,7 +90,11 @@ class Program:
 
 
 def compiled_program(
-    function: Callable[..., PyTree], donate: Donated, arguments: Positional, options: Options
+    function: Callable[..., PyTree],
+    donate: Donated,
+    effort: Effort,
+    arguments: Positional,
+    options: Options,
 ) -> Program:
     """Trace and compile a function for arguments like these.
 
@@ -91,6 +103,7 @@ def compiled_program(
     found: list[PyTree] = []
     leaves, structure = jax.tree.flatten((arguments, options))
     others = [None if eqx.is_array(leaf) else (leaf,) for leaf in leaves]
+    places = _places(arguments, options, donate)
 
     def flat(kept: list[jax.Array], given: list[jax.Array]) -> list[jax.Array]:
         arrays = iter([*kept, *given] if donate.endswith("first") else [*given, *kept])
@@ -106,12 +119,13 @@ def compiled_program(
     with warnings.catch_warnings():
         if not donate.startswith("warn"):
             warnings.filterwarnings("ignore", message="Some donated buffers were not usable*")
-        lowered = jax.jit(flat, donate_argnums=1).lower(*_arrays(arguments, options, donate))
+        arrays = ([leaves[place] for place in some] for some in places)
+        lowered = jax.jit(flat, donate_argnums=1).lower(*arrays)
         if _calls_back(lowered):
             raise CallsBackError
         with recorded_reads() as read:
-            compiled = lowered.compile()
-        return Program(compiled, found[0], donate, read[0] if read else None)
+            compiled = lowered.compile(compiler_options(effort))
+        return Program(compiled, found[0], places, read[0] if read else None)
 
 
 def loaded_program(
@@ -126,27 +140,29 @@ def loaded_program(
     if described(result) != description:
         raise UndescribedError(result)
     count = sum(leaf is PLACE for leaf in jax.tree.leaves(result))
+    places = _places(arguments, options, donate)
     by_number = {device.id: device for device in jax.devices()}
     compiled = serialize_executable.deserialize_and_load(
         serialized,
-        jax.tree.structure((_arrays(arguments, options, donate), {})),
+        jax.tree.structure((places, {})),
         jax.tree.structure([0] * count),
         execution_devices=[by_number[number] for number in numbers],
     )
-    return Program(compiled, result, donate)
+    return Program(compiled, result, places)
 
 
-def _arrays(
+def _places(
     arguments: Positional, options: Options, donate: Donated
-) -> tuple[list[jax.Array], list[jax.Array]]:
-    """The arrays among arguments: those that stay, and those that are given away."""
-    every = [leaf for leaf in jax.tree.leaves((arguments, options)) if eqx.is_array(leaf)]
+) -> tuple[list[int], list[int]]:
+    """Where among all leaves the arrays stand: those that stay, and those that are given away."""
+    leaves = jax.tree.leaves((arguments, options))
+    every = [place for place, leaf in enumerate(leaves) if eqx.is_array(leaf)]
     if donate == "none":
         return every, []
     if not donate.endswith("first"):
         return [], every
-    first = sum(map(eqx.is_array, jax.tree.leaves(arguments[0])))
-    return every[:first], every[first:]
+    first = len(jax.tree.leaves(arguments[0]))
+    return [p for p in every if p < first], [p for p in every if p >= first]
 
 
 def _serialised(compiled: jax.stages.Compiled, read: bytes | None) -> bytes:

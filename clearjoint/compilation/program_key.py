@@ -8,7 +8,7 @@
 
 import os
 import platform
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from functools import cache
 
 import equinox as eqx
@@ -36,9 +36,9 @@ class _Array:
         self.number = number
 
 
-def signature(arguments: Positional, options: Options) -> Hashable:
-    """What JAX compiles anew for within a process; ``None`` while JAX traces."""
-    leaves, structure = jax.tree.flatten((arguments, options))
+def signature(leaves: Sequence[PyTree], structure: Hashable) -> Hashable:
+    """What JAX compiles anew for within a process, by leaves and structure of arguments and
+    options; ``None`` while JAX traces."""
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return None
     kinds = tuple(map(_kind, leaves))

@@ -1,6 +1,7 @@
 """Initial states that satisfy the constraints, in position and velocity."""
 
 from collections.abc import Callable, Collection
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -216,7 +217,7 @@ def _require_satisfied(
     )
 
 
-@Compiled
+@partial(Compiled, effort="least")
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import equinox as eqx
@@ -140,7 +141,7 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
 _constraints_first_on_host = HostFirst(_constraints)
 
 
-@Compiled
+@partial(Compiled, effort="least")
 def _constraints_together(
     scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
 ) -> _Rows:

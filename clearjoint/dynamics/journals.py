@@ -3,6 +3,7 @@ end."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TypeAlias
 
 import jax
@@ -175,7 +176,7 @@ def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     }
 
 
-@Compiled
+@partial(Compiled, effort="least")
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""

@@ -35,7 +35,7 @@ def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[
     return pack(final_state(scheme.unpacked(form), step)), final_result(step, end)
 
 
-_end_compiled = Compiled(_end_of)
+_end_compiled = Compiled(_end_of, effort="least")
 
 
 class AbstractRun:

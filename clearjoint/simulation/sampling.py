@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..compilation import Compiled
+from ..compilation import Compiled, traced_once
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar
@@ -34,7 +34,7 @@ from .method import Scheme
 from .run_ends import final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
 from .step_state import Attempt, Method, Step, Variables
-from .stepping import blank_attempt, running
+from .stepping import attempt, blank_attempt, running
 from .systems import SystemFamily
 from .tables import Table
 from .variational import look_at_tangents, start_with_tangents
@@ -114,12 +114,15 @@ def followed(
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
     records = _first_records(system, first, kept)
-    records[LATEST] = blank_attempt(method, system, first, own_end, systems)
+    tried = traced_once(attempt)
+    records[LATEST] = blank_attempt(method, system, first, own_end, systems, tried)
 
     def go(now: Run) -> Run:
         step, records = now
         recorders = {name: RECORDERS[name] for name in records}
-        return advance(method, system, step, own_end, records, recorders, family=systems)
+        return advance(
+            method, system, step, own_end, records, recorders, family=systems, attempt=tried
+        )
 
     def sample(now: Run, row: tuple[Scalar, Condition]) -> tuple[Run, PyTree]:
         time, is_new = row

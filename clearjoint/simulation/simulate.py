@@ -110,7 +110,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Compiled(begin)
+begin_compiled = Compiled(begin, effort="least")
 
 
 def _warn(scene: Scene, solution: Solution) -> None:

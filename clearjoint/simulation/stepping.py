@@ -7,6 +7,7 @@ solver and controller reach only by hiding state in each other. The loop's body 
 without callbacks, custom calls or scatters, so that XLA compiles it to one native function.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -308,9 +309,14 @@ def _end_second_rates(
 
 
 def blank_attempt(
-    method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
+    method: Method,
+    system: System,
+    step: Step,
+    t_end: Scalar,
+    family: SystemFamily | None = None,
+    attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """A step before the first attempt, in the form of an attempt."""
+    """A step before the first attempt, in the form of what `attempt` gives."""
     shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     return replace(zeros, step=step)

@@ -232,8 +232,19 @@ def test_lanes_on_several_devices(compiled):
     assert compiled == ["across", "across"]
 
 
-def test_under_a_transformation_it_is_traced(compiled):
-    function = Compiled(added)
+def test_what_is_compiled_with_less_effort_is_another_program_of_the_same_result(compiled):
+    found = [Compiled(added, effort=effort)(PAIR, 2.0)[0] for effort in ("full", "least")]
+    np.testing.assert_allclose(found[1].first, found[0].first, rtol=1e-15)
+    assert compiled == ["added", "added"]
+    alone = Compiled(ranked, effort="least")
+    keep_programs(False)
+    np.testing.assert_allclose(alone(jnp.arange(4.0)), ranked(jnp.arange(4.0)), rtol=1e-14)
+    assert alone.programs() == 1
+
+
+@pytest.mark.parametrize("effort", ["full", "least"])
+def test_under_a_transformation_it_is_traced(compiled, effort):
+    function = Compiled(added, effort=effort)
 
     def total(first, second):
         return function(Pair(first, second), 2.0)[0].first.sum()

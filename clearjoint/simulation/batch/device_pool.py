@@ -131,7 +131,7 @@ class Page(eqx.Module):
     seats: jax.Array
 
 
-@Compiled
+@partial(Compiled, effort="least")
 def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
     """The lanes of some tasks before their first steps, in the seats of a pool."""
 
@@ -143,7 +143,7 @@ def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
     return _on_devices(mesh, jax.vmap(one, (None, 0)), common, tasks)
 
 
-@Compiled
+@partial(Compiled, effort="least")
 def replaced(fresh: jax.Array, begun: Seat, seats: Seat) -> Seat:
     """The pool with lanes that have just begun in the seats that `fresh` names."""
     return _choose(fresh, begun, seats)
