@@ -121,6 +121,8 @@ from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFu
 from .model.drives.functions_of_time import Polynomial as Polynomial
 from .model.drives.functions_of_time import Spline as Spline
 from .model.drives.motor import Motor as Motor
+from .model.drives.piecewise import PiecewiseConstant as PiecewiseConstant
+from .model.drives.piecewise import PiecewiseLinear as PiecewiseLinear
 from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
 from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
 from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 
+import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number
@@ -27,7 +28,7 @@ class Reader:
     def value(self, found: object, expected: Expectation, place: FilePlace) -> object:
         """The object, container, numbers or name that stand at a place."""
         read = self._item(found, expected, place)
-        if not expected.is_array or not isinstance(read, int | float | tuple):
+        if not expected.is_array or not _may_be_numbers(read):
             return read
         try:
             return as_number(read)
@@ -96,6 +97,13 @@ class Reader:
         return made
 
 
+def _may_be_numbers(read: object) -> bool:
+    """Whether what was read is a number, or a row without objects."""
+    if isinstance(read, tuple):
+        return not any(is_dataclass(part) for part in read)
+    return isinstance(read, int | float)
+
+
 def _require_complete(kind: type, given: dict[str, object], place: FilePlace) -> None:
     """Check that nothing is missing that the constructor needs."""
     known = arguments(kind)
@@ -108,8 +116,12 @@ def _require_complete(kind: type, given: dict[str, object], place: FilePlace) ->
 
 
 def _require_kind(stored: object, given: object, expected: Expectation, place: FilePlace) -> None:
-    """Check that an element is one, whatever the constructor made of what was given."""
-    if expected.classes and stored is not None and not isinstance(stored, expected.classes):
+    """Check that an element is one, whatever the constructor made of what was given; or numbers,
+    where they may stand in its place."""
+    numbers = bool(expected.shapes) and isinstance(stored, np.ndarray | tuple)
+    if not expected.classes or stored is None or numbers:
+        return
+    if not isinstance(stored, expected.classes):
         family = " or ".join(kind.__name__ for kind in expected.classes)
         place.refuse(given, f"a table whose `{KIND}` is a {family}", "write one")
 
