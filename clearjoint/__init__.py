@@ -51,6 +51,7 @@ from .measurements.readers import from_xarray as from_xarray
 from .measurements.readers import read_csv as read_csv
 from .measurements.series import Measurements as Measurements
 from .measurements.series import Series as Series
+from .model import densities as densities
 from .model.bodies import GROUND as GROUND
 from .model.bodies import Body as Body
 from .model.bodies import BodyState as BodyState
@@ -172,6 +173,7 @@ from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
+from .model.orientations import rotation as rotation
 from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.plays.axial import EndPlay as EndPlay
 from .model.plays.axial import FixedAxially as FixedAxially

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ...fields.checks import as_number, concrete, require, require_finite
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import Column, Rows
+from ...fields.types import Column, TableRows
 from ...math.interpolation import Slope, hermite_value
 from ...math.vectors import Scalar
 
@@ -99,8 +99,8 @@ class Spline(AbstractFunctionOfTime):
     """
 
     times: Column = quantity("s", table=True)
-    values: Rows = quantity("1", table=True)
-    rates: Rows = quantity("1/s", table=True)
+    values: TableRows = quantity("1", table=True)
+    rates: TableRows = quantity("1/s", table=True)
 
     def __check_init__(self):
         require_rising(self.times)

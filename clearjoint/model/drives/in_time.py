@@ -2,7 +2,7 @@
 each of them such, or a function of time that gives all three."""
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -13,7 +13,7 @@ from ...fields.checks import as_number, require, require_shape
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector
-from .functions_of_time import AbstractFunctionOfTime, as_function_of_time
+from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
 
 SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
 """A number, or a function of time."""
@@ -28,28 +28,28 @@ WAYS = (
 class _PlainVectorFunction(AbstractFunctionOfTime):
     """A Python function that gives three numbers: part of the program."""
 
-    function: Callable[[jax.Array], Any] = eqx.field(static=True)
+    function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
-    def __call__(self, t: Scalar) -> Any:
+    def __call__(self, t: Scalar) -> PyTree:
         return self.function(jnp.asarray(t, dtype=float))
 
 
-def single_in_time(unit: str, **options: Any) -> Any:
+def single_in_time(unit: str, **options: PyTree) -> PyTree:
     """A field of a number in a unit, or of a function of time that gives it."""
     return quantity(unit, converter=as_single_in_time, check=_require_single, **options)
 
 
-def triple_in_time(unit: str, **options: Any) -> Any:
+def triple_in_time(unit: str, **options: PyTree) -> PyTree:
     """A field of three numbers in a unit, each of which may be a function of time."""
     return quantity(unit, converter=as_triple_in_time, check=_require_triple, **options)
 
 
-def as_single_in_time(value: Any) -> SingleInTime:
+def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
     """A number or a function of time as elements store it."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
-def as_triple_in_time(value: Any) -> PyTree:
+def as_triple_in_time(value: PyTree) -> PyTree:
     """Three numbers or functions of time as elements store them."""
     if isinstance(value, AbstractFunctionOfTime):
         return value
@@ -70,7 +70,7 @@ def value_at(given: SingleInTime, t: Scalar) -> Scalar:
     return value
 
 
-def vector_at(given: Any, t: Scalar) -> Vector:
+def vector_at(given: PyTree, t: Scalar) -> Vector:
     """What three numbers in time (in scalar form) are at a time, s."""
     if isinstance(given, Vector):
         return given
@@ -83,22 +83,22 @@ def vector_at(given: Any, t: Scalar) -> Vector:
     return Vector(*(parts[k] for k in range(3)))
 
 
-def _shape(value: Any) -> tuple[int, ...]:
+def _shape(value: PyTree) -> tuple[int, ...]:
     return (len(value),) if isinstance(value, tuple | list) else jnp.shape(value)
 
 
-def breakpoints_of(*given: Any) -> PyTree:
+def breakpoints_of(*given: PyTree) -> PyTree:
     """The breakpoints of all functions of time among numbers in time, s."""
     parts = [p for one in given for p in (one if isinstance(one, tuple) else (one,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
 
 
-def _require_single(argument: str, value: Any) -> None:
+def _require_single(argument: str, value: PyTree) -> None:
     if not isinstance(value, AbstractFunctionOfTime):
         require_shape(argument, value, (), WAYS)
 
 
-def _require_triple(argument: str, value: Any) -> None:
+def _require_triple(argument: str, value: PyTree) -> None:
     remedy = "pass three components, each of them a number or a function of time"
     if isinstance(value, tuple):
         require(len(value) == 3, argument, f"{len(value)} components", "three components", remedy)

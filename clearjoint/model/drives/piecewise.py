@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ...fields.conversion import on_device
 from ...fields.declarations import quantity
-from ...fields.types import Column, Rows
+from ...fields.types import Column, TableRows
 from ...math.vectors import Scalar
 from .functions_of_time import AbstractFunctionOfTime, require_rising, require_rows
 
@@ -36,7 +36,7 @@ class PiecewiseConstant(AbstractFunctionOfTime):
     """
 
     times: Column = quantity("s", table=True)
-    values: Rows = quantity("1", table=True)
+    values: TableRows = quantity("1", table=True)
     jumps: ClassVar[bool] = True
 
     def __check_init__(self):
@@ -74,7 +74,7 @@ class PiecewiseLinear(AbstractFunctionOfTime):
     """
 
     times: Column = quantity("s", table=True)
-    values: Rows = quantity("1", table=True)
+    values: TableRows = quantity("1", table=True)
 
     def __check_init__(self):
         require_rising(self.times)
