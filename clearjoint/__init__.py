@@ -201,6 +201,7 @@ from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import load_urdf as load_urdf
+from .simulation.batch.quantiles import Quantiles as Quantiles
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount
