@@ -51,6 +51,7 @@ from .measurements.readers import from_xarray as from_xarray
 from .measurements.readers import read_csv as read_csv
 from .measurements.series import Measurements as Measurements
 from .measurements.series import Series as Series
+from .model import densities as densities
 from .model.bodies import GROUND as GROUND
 from .model.bodies import Body as Body
 from .model.bodies import BodyState as BodyState
@@ -121,6 +122,8 @@ from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFu
 from .model.drives.functions_of_time import Polynomial as Polynomial
 from .model.drives.functions_of_time import Spline as Spline
 from .model.drives.motor import Motor as Motor
+from .model.drives.piecewise import PiecewiseConstant as PiecewiseConstant
+from .model.drives.piecewise import PiecewiseLinear as PiecewiseLinear
 from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
 from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
 from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
@@ -170,6 +173,7 @@ from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
+from .model.orientations import rotation as rotation
 from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.plays.axial import EndPlay as EndPlay
 from .model.plays.axial import FixedAxially as FixedAxially
@@ -197,6 +201,7 @@ from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import load_urdf as load_urdf
+from .simulation.batch.quantiles import Quantiles as Quantiles
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
 from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
 from .simulation.batch.reductions import ImpactCount as ImpactCount

@@ -19,6 +19,8 @@ Square: TypeAlias = Float[Any, "3 3"]
 """A matrix, by rows."""
 Column: TypeAlias = Float[Any, " N"]
 """A row of numbers of a table, which stays an array."""
+TableRows: TypeAlias = Float[Any, " N *components"]
+"""A number, or several, in each row of a table, which stays an array."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, the scalar part first."""
 

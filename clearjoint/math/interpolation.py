@@ -12,6 +12,8 @@ import jax.numpy as jnp
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
+TINY = 1e-200
+"""Bend below which a parabola is a line."""
 SECANT_STEPS = 4
 REFINEMENTS = 3
 MARGIN = 0.05
@@ -140,6 +142,19 @@ class Parabola(NamedTuple):
             jnp.minimum(jnp.minimum(*ends), turn),
             jnp.maximum(jnp.maximum(*ends), turn),
         )
+
+    def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
+        """How long, on the places between a and b, the value is below a level."""
+        bend = jnp.where(jnp.abs(self.bend) > TINY, self.bend, TINY)
+        above = self.start - level
+        squared = self.slope * self.slope - 4.0 * bend * above
+        root = jnp.sqrt(jnp.maximum(squared, 0.0))
+        q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
+        one, other = q / bend, above / jnp.where(q == 0.0, 1.0, q)
+        between = jnp.clip(jnp.maximum(one, other), a, b) - jnp.clip(jnp.minimum(one, other), a, b)
+        crossing = jnp.where(bend > 0.0, between, (b - a) - between)
+        throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
+        return jnp.where(squared > 0.0, crossing, throughout)
 
 
 class Point(NamedTuple):

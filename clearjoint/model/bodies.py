@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import equinox as eqx
 import jax
@@ -22,6 +23,7 @@ from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
 from ..fields.types import Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
+from . import solids
 
 GROUND = "ground"
 """The name of the fixed body, which every scene has and no state holds."""
@@ -78,6 +80,9 @@ class Body(AbstractReadable):
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
 
+    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` make it of measures and a mass or a
+    density.
+
     **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
     inequality (each at most the sum of the other two) are among them.
     """
@@ -100,6 +105,118 @@ class Body(AbstractReadable):
                 f"a density between {least:g} and {most:g} kg/m^3",
                 f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2",
             )
+
+    @staticmethod
+    def rod(
+        length: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        diameter: Annotated[float, "m"] | None = None,
+        axis: str = "x",
+    ) -> "Body":
+        """A homogeneous round rod along one of its body's axes.
+
+        ```python
+        import clearjoint as cj
+
+        bar = cj.Body.rod(length=0.4, diameter=0.02, density=cj.densities.STEEL)
+        link = cj.Body.rod(length=0.4, mass=0.3)
+        ```
+
+        **Arguments:**
+
+        - `length`: m, centred at the centre of mass.
+        - `mass`: kg, or `density`: kg/m^3, one of them.
+        - `diameter`: m; a density needs it. With a mass alone the rod is slender: m l^2/12 across
+          its axis, and about it, where a body must have some moment, that of a steel bar.
+        - `axis`: "x", "y" or "z", along which it lies.
+
+        **Raises:** `ValueError` for measures that are not positive, for mass and density both or
+        neither, and a density without a diameter.
+        """
+        solids.require_one(mass, density)
+        if diameter is not None:
+            return Body(*solids.cylinder(diameter, length, mass, density, 0.0, axis))
+        remedy = "pass diameter= in m, or mass= in kg in place of the density"
+        require(density is None, "diameter", None, "given beside a density", remedy)
+        return Body(*solids.slender_rod(length, mass, axis))
+
+    @staticmethod
+    def cylinder(
+        diameter: Annotated[float, "m"],
+        length: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        inner_diameter: Annotated[float, "m"] = 0.0,
+        axis: str = "z",
+    ) -> "Body":
+        """A homogeneous cylinder about one of its body's axes: a shaft, a disc, a tube, a ring.
+
+        ```python
+        import clearjoint as cj
+
+        disc = cj.Body.cylinder(diameter=0.2, length=0.03, density=cj.densities.STEEL)
+        tube = cj.Body.cylinder(0.04, 0.5, inner_diameter=0.036, mass=0.8, axis="x")
+        ```
+
+        **Arguments:**
+
+        - `diameter`, `length`: m; `inner_diameter`: m, of the hole, zero without one.
+        - `mass`: kg, or `density`: kg/m^3, one of them.
+        - `axis`: "x", "y" or "z", about which it is round.
+
+        **Raises:** `ValueError` for measures that are not positive or a hole too large, and for
+        mass and density both or neither.
+        """
+        return Body(*solids.cylinder(diameter, length, mass, density, inner_diameter, axis))
+
+    @staticmethod
+    def box(
+        lengths: Annotated[Triple, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+    ) -> "Body":
+        """A homogeneous box with its sides along its body's axes.
+
+        ```python
+        import clearjoint as cj
+
+        slider = cj.Body.box(lengths=(0.06, 0.04, 0.02), density=cj.densities.ALUMINIUM)
+        ```
+
+        **Arguments:** `lengths`: (3,) m, along x, y and z; `mass`: kg, or `density`: kg/m^3, one of
+        them.
+
+        **Raises:** `ValueError` for lengths that are not positive, and for mass and density both or
+        neither.
+        """
+        return Body(*solids.box(lengths, mass, density))
+
+    @staticmethod
+    def sphere(
+        diameter: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        inner_diameter: Annotated[float, "m"] = 0.0,
+    ) -> "Body":
+        """A homogeneous sphere.
+
+        ```python
+        import clearjoint as cj
+
+        ball = cj.Body.sphere(diameter=0.01, density=cj.densities.STEEL)
+        ```
+
+        **Arguments:** `diameter`: m; `inner_diameter`: m, of a hollow one; `mass`: kg, or
+        `density`: kg/m^3, one of them.
+
+        **Raises:** `ValueError` as `cylinder`.
+        """
+        return Body(*solids.sphere(diameter, mass, density, inner_diameter))
 
     def gyration_radius(self) -> float:
         """Radius of gyration about the centre of mass, m; of numbers that are known."""
@@ -263,6 +380,17 @@ def body_state(
     spin: TripleLike = (0.0, 0.0, 0.0),
 ) -> BodyState:
     """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
+
+    ```python
+    import clearjoint as cj
+
+    turned = cj.rotation(axis=(0, 0, 1), angle=0.3)
+    start = cj.State({"arm": cj.body_state((0.5, 0, 0), turned, spin=(0, 0, 2.0))})
+    ```
+
+    **Arguments:** `position`: (3,) m, of the centre of mass; `orientation`: (4,) Euler parameters,
+    scalar part first, body to global, as `rotation` makes them; `velocity`: (3,) m/s, global;
+    `spin`: (3,) rad/s, in body axes.
 
     **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
     """

@@ -9,7 +9,11 @@ so that using them anew compiles nothing anew, and they know their units.
 | velocimeter | `Velocity`, `PointVelocity` |
 | accelerometer, which feels gravity | `PointAcceleration(..., axes="body", gravity=True)` |
 | inclinometer, encoder | `Angle`, `JointAngle` |
+| gyroscope | `AngularVelocity(..., axes="body")`, `AngularAcceleration` |
+| tachometer | `JointAngularVelocity`, `JointAngularAcceleration` |
+| displacement sensor | `Distance` |
 | load cell | `Reaction`, `ContactForce`, `FrictionForce`, `FilmForce` |
+| torque sensor | `ReactionMoment` |
 | proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
 | another | a function of an `Instant`, with its unit given |
 """
@@ -23,6 +27,7 @@ from .bodies import PointPosition as PointPosition
 from .bodies import PointVelocity as PointVelocity
 from .bodies import Position as Position
 from .bodies import Velocity as Velocity
+from .distances import Distance as Distance
 from .films import FilmForce as FilmForce
 from .joints import BristleDeflection as BristleDeflection
 from .joints import ContactForce as ContactForce
@@ -35,3 +40,8 @@ from .joints import Multiplier as Multiplier
 from .joints import Penetration as Penetration
 from .joints import PenetrationRate as PenetrationRate
 from .joints import Reaction as Reaction
+from .joints import ReactionMoment as ReactionMoment
+from .turning import AngularAcceleration as AngularAcceleration
+from .turning import AngularVelocity as AngularVelocity
+from .turning import JointAngularAcceleration as JointAngularAcceleration
+from .turning import JointAngularVelocity as JointAngularVelocity

@@ -15,6 +15,8 @@ from ..model.scene import Scene
 from .instant import Instant
 
 Component = Literal["x", "y", "z"]
+Axes = Literal["global", "body"]
+"""In which a component of a vector is taken."""
 Quantity = Callable[[Instant], Scalar]
 """A scalar function of an instant, such as those of `clearjoint.quantities`."""
 
@@ -87,6 +89,12 @@ def require_component(component: str | None, *, magnitude: bool = False) -> None
     """Check for "x", "y" or "z"; with `magnitude` also for ``None``, which stands for it."""
     allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
     require(component in allowed, "component", component, f"one of {allowed}", "name one of them")
+
+
+def require_axes(axes: str) -> None:
+    """Check for "global" or "body"."""
+    known = ("global", "body")
+    require(axes in known, "axes", axes, f"one of {known}", "name one of them")
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:

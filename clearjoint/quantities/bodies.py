@@ -1,7 +1,7 @@
 """Quantities of bodies and their points: what cameras, encoders and accelerometers see."""
 
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,10 +14,12 @@ from ..model.bodies import GROUND
 from ..model.scene import Scene
 from .base import (
     AbstractQuantity,
+    Axes,
     Component,
     numbers,
     optional_numbers,
     part,
+    require_axes,
     require_component,
     require_known,
 )
@@ -146,15 +148,14 @@ class PointAcceleration(AbstractPointQuantity):
     body: str = eqx.field(static=True)
     point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     component: Component | None = eqx.field(default=None, static=True)
-    axes: Literal["global", "body"] = eqx.field(default="global", static=True)
+    axes: Axes = eqx.field(default="global", static=True)
     gravity: bool = eqx.field(default=False, static=True)
     unit: ClassVar[str | None] = "m/s^2"
     of_ground: ClassVar[bool] = False
 
     def __check_init__(self):
         require_component(self.component, magnitude=True)
-        known = ("global", "body")
-        require(self.axes in known, "axes", self.axes, f"one of {known}", "name one of them")
+        require_axes(self.axes)
 
     def __call__(self, now: Instant) -> Scalar:
         """The acceleration of the point, m/s^2: that of the centre of mass, and what the body's

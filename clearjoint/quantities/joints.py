@@ -10,10 +10,19 @@ import jax.numpy as jnp
 from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
-from ..model.joints.base import AbstractConstraint, Motions, Row
+from ..model.bodies import NO_WRENCH, Wrench
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
 from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
-from .base import AbstractQuantity, Component, part, require_component, require_known
+from .base import (
+    AbstractQuantity,
+    Axes,
+    Component,
+    part,
+    require_axes,
+    require_component,
+    require_known,
+)
 from .instant import Instant
 
 
@@ -204,11 +213,44 @@ class Multiplier(AbstractJointQuantity):
         return now.dynamics.multipliers[self.joint][self.row]
 
 
-class Reaction(AbstractJointQuantity):
-    """Force of an ideal joint on one of its bodies, N: its magnitude, or a global component.
+class AbstractReaction(AbstractJointQuantity):
+    """What a joint does to one of its bodies, `body` by name; the ground is a body here."""
 
-    That of `observe`, also where the coordinates eliminate the joint. The ground is a body here.
-    Not unique, and then of least norm, where constraints are redundant.
+    body: eqx.AbstractVar[str]
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that the joint holds the body."""
+        super().check(scene)
+        require_known("body", self.body, scene.joints[self.joint].body_names())
+
+    def constraint_wrench(self, now: Instant) -> Wrench:
+        """What the joint's constraints do: the sum of the rows' directions times their
+        multipliers."""
+        dynamics, wrench = now.absolute_dynamics, NO_WRENCH
+        for label, row in dynamics.rows[self.joint].items():
+            if self.body in row.jacobian:
+                pair, multiplier = row.jacobian[self.body], dynamics.multipliers[self.joint][label]
+                wrench = wrench + Wrench(pair.force * multiplier, pair.moment * multiplier)
+        return wrench
+
+
+class Reaction(AbstractReaction):
+    """Force of a joint on one of its bodies, N: its magnitude, or a global component.
+
+    Of an ideal joint that of `observe`, also where the coordinates eliminate the joint; not unique,
+    and then of least norm, where constraints are redundant. Of a joint with clearance the sum of
+    its contacts' normal forces and friction, of its film's force and of what holds it axially. The
+    ground is a body here.
+
+    ```python
+    import clearjoint as cj
+
+    load = cj.quantities.Reaction("shoulder", "arm 2")
+    outputs = {"largest load": cj.Peak(load, "N")}
+    ```
+
+    **Arguments:** `joint`, `body`: names; `component`: "x", "y", "z", or ``None`` for the
+    magnitude.
     """
 
     joint: str = eqx.field(static=True)
@@ -219,23 +261,66 @@ class Reaction(AbstractJointQuantity):
     def __check_init__(self):
         require_component(self.component, magnitude=True)
 
+    def __call__(self, now: Instant) -> Scalar:
+        """The force, N."""
+        joint, force = now.scene.joints[self.joint], ZERO
+        if isinstance(joint, AbstractContactJoint):
+            force = self._contact_force(joint, now)
+        if joint.rows(now.motions, now.time):
+            force = force + self.constraint_wrench(now).force
+        return part(force, self.component)
+
+    def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
+        """Of the contacts and the film on the body, N, global."""
+        on_second = ZERO
+        for loaded in now.contacts[self.joint].values():
+            if loaded.contact.turning is None:
+                on_second = on_second - loaded.contact.normal * loaded.normal_force
+                on_second = on_second if loaded.friction is None else on_second + loaded.friction
+        of_film = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force
+        return (on_second if self.body == joint.pair()[1] else -on_second) + of_film
+
+
+class ReactionMoment(AbstractReaction):
+    """Moment of an ideal joint on one of its bodies about the joint's point on it, N m: its
+    magnitude, or a component. Of a driver the driving moment.
+
+    Unique where the `Reaction` is.
+
+    ```python
+    import clearjoint as cj
+
+    bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
+    ```
+
+    **Arguments:** `joint`, `body`: names; `component`: "x", "y", "z", or ``None`` for the
+    magnitude; `axes`: "global" or "body", in which the component is taken.
+
+    **Raises:** `ValueError` for other components or axes.
+    """
+
+    joint: str = eqx.field(static=True)
+    body: str = eqx.field(static=True)
+    component: Component | None = eqx.field(default=None, static=True)
+    axes: Axes = eqx.field(default="global", static=True)
+    unit: ClassVar[str | None] = "N m"
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+        require_axes(self.axes)
+
     def joints(self, scene: Scene) -> Collection[str]:
         """Names of the ideal joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
-    def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint holds the body."""
-        super().check(scene)
-        require_known("body", self.body, scene.joints[self.joint].body_names())
-
     def __call__(self, now: Instant) -> Scalar:
-        """The force, N: the sum of the constraint rows' directions times their multipliers."""
-        dynamics, force = now.absolute_dynamics, ZERO
-        for label, row in dynamics.rows[self.joint].items():
-            if self.body in row.jacobian:
-                multiplier = dynamics.multipliers[self.joint][label]
-                force = force + row.jacobian[self.body].force * multiplier
-        return part(force, self.component)
+        """The moment, N m."""
+        wrench, motion = self.constraint_wrench(now), now.motions[self.body]
+        moment = wrench.moment
+        for _, body, point in now.scene.joints[self.joint].attachments():
+            if body == self.body:
+                moment = moment - point.cross(motion.components(wrench.force))
+        return part(moment if self.axes == "body" else motion.direction(moment), self.component)
 
 
 class JointAngle(AbstractJointQuantity):
@@ -245,6 +330,9 @@ class JointAngle(AbstractJointQuantity):
       where the bodies' frames are parallel, if the axis has the same components in both.
     - Of a driver or a drive torque: the angle that it drives.
     - Of a joint of one's own: if it has a method ``turn(motions)`` like these.
+
+    Of a series that is saved often enough ``numpy.unwrap`` counts the revolutions; a state does not
+    hold their number.
     """
 
     joint: str = eqx.field(static=True)
@@ -253,18 +341,20 @@ class JointAngle(AbstractJointQuantity):
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Names of the joints and forces that have an angle."""
-        return _turning(scene)
+        return turning_elements(scene)
 
     def __call__(self, now: Instant) -> Scalar:
         """The angle, rad within (-pi, pi]."""
-        return _turning(now.scene)[self.joint].turn(now.motions).value
+        return turning_elements(now.scene)[self.joint].turn(now.motions).value
 
 
 @runtime_checkable
-class _Turning(Protocol):
+class Turning(Protocol):
     """A joint or a force that has an angle."""
 
-    def turn(self, motions: Motions) -> Row: ...
+    def turn(self, motions: Motions) -> Row:
+        """The angle, rad."""
+        ...
 
 
 def _require_base(base: str | None) -> None:
@@ -272,7 +362,7 @@ def _require_base(base: str | None) -> None:
     require(base in known, "base", base, f"one of {known}", "name one of them")
 
 
-def _turning(scene: Scene) -> dict[str, _Turning]:
+def turning_elements(scene: Scene) -> dict[str, Turning]:
     """The joints and forces that have an angle."""
     elements = {**scene.joints, **scene.forces}
-    return {name: one for name, one in elements.items() if isinstance(one, _Turning)}
+    return {name: one for name, one in elements.items() if isinstance(one, Turning)}

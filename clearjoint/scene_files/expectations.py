@@ -57,9 +57,20 @@ class Argument:
 
 
 @cache
-def arguments(kind: type) -> dict[str, Argument]:
-    """What the constructor of a class takes, by name."""
-    maker = MAKERS.get(kind, kind.__init__)
+def ways_to_make(kind: type) -> dict[str, Callable[..., object]]:
+    """Public static methods of a class that return one of it, by their names."""
+    methods = {
+        name: member.__func__
+        for name, member in vars(kind).items()
+        if isinstance(member, staticmethod) and not name.startswith("_")
+    }
+    return {name: way for name, way in methods.items() if _hints(way).get("return") is kind}
+
+
+@cache
+def arguments(kind: type, way: str = "") -> dict[str, Argument]:
+    """What the constructor of a class takes, or another way to make it, by name."""
+    maker = ways_to_make(kind)[way] if way else MAKERS.get(kind, kind.__init__)
     hints = _hints(maker) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
     found = {}
@@ -107,6 +118,7 @@ def expectation(annotation: object) -> Expectation:
     kinds = get_args(annotation) if joined else (annotation,)
     parts = [_of_one(kind) for kind in kinds if kind is not NoneType]
     return Expectation(
+        unit=next((part.unit for part in parts if part.unit), None),
         shapes=tuple(shape for part in parts for shape in part.shapes),
         is_array=any(part.is_array for part in parts),
         classes=tuple(kind for part in parts for kind in part.classes),
@@ -121,6 +133,8 @@ def expectation(annotation: object) -> Expectation:
 
 def _of_one(annotation: object) -> Expectation:
     origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return expectation(annotation)
     if origin is Literal:
         return Expectation(is_text=True)
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:

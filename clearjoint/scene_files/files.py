@@ -78,7 +78,9 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     position = [0.5, 0, 0]
     ```
 
-    Tables have the names and defaults of the Python classes' arguments, and `kind` names the class.
+    Tables have the names and defaults of the Python classes' arguments, and `kind` names the class,
+    or a method that makes one: ``kind = "Body.rod"``, ``kind = "Spline.through"``. In the place of
+    an orientation's Euler parameters may stand ``{axis = [0, 0, 1], angle = "30 deg"}``.
     Numbers are in SI units; as text they may have another, of which pint knows. "none" stands for
     ``None``. Bodies whose state is left out are placed at rest by following the joints from the
     ground, and the state is then assembled.

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from ..fields.checks import require
 from ..fields.readable import AbstractReadable
 from .complaints import FilePlace, listed, nearest
+from .expectations import ways_to_make
 
 PACKAGE = __name__.split(".")[0]
 MAIN = "__main__"
@@ -73,6 +74,23 @@ def find_kind(name: object, families: tuple[type, ...], given: Classes, place: F
         f"one of {listed(known)}",
         nearest(name, known, "a class of your own is named module:Class, and handed over"),
     )
+
+
+def find_way(
+    name: object, families: tuple[type, ...], given: Classes, place: FilePlace
+) -> tuple[type, str]:
+    """The class that a file names, and which of its `ways_to_make` if it names one: "Body.rod".
+
+    **Raises:** `ValueError` as `find_kind`, and for a class that isn't made that way.
+    """
+    short, _, way = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+    if ":" in way or short not in known_kinds((), given):
+        return find_kind(name, families, given, place), ""
+    kind = find_kind(short, families, given, place)
+    known = [f"{short}.{one}" for one in ways_to_make(kind)]
+    if way not in ways_to_make(kind):
+        place.refuse(name, f"one of {listed([short, *known])}", nearest(str(name), known, short))
+    return kind, way
 
 
 def is_of_the_package(kind: type) -> bool:

@@ -2,18 +2,27 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 
+import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number
+from ..model.orientations import rotation
 from .complaints import FilePlace, listed, nearest
-from .expectations import ANYTHING, MAKERS, Expectation, arguments
-from .kinds import Classes, find_kind, is_abstract
+from .expectations import ANYTHING, MAKERS, Expectation, arguments, ways_to_make
+from .kinds import Classes, find_way, is_abstract
 from .numbers import number_of_text
 
 KIND = "kind"
 """The key by which a table names its class."""
+EULER_PARAMETERS = (4,)
+"""The shape of an orientation."""
+ROTATION = {
+    "axis": Expectation(unit="1", shapes=((3,),)),
+    "angle": Expectation(unit="rad", shapes=((),)),
+}
+"""What a table in the place of Euler parameters has."""
 ABSENT = "none"
 """The text that stands for ``None``, where that is not the default."""
 
@@ -27,7 +36,7 @@ class Reader:
     def value(self, found: object, expected: Expectation, place: FilePlace) -> object:
         """The object, container, numbers or name that stand at a place."""
         read = self._item(found, expected, place)
-        if not expected.is_array or not isinstance(read, int | float | tuple):
+        if not expected.is_array or not _may_be_numbers(read):
             return read
         try:
             return as_number(read)
@@ -53,30 +62,55 @@ class Reader:
             inner = expected.by_name
             return {key: self.value(item, inner, place.at(key)) for key, item in found.items()}
         if expected.classes or KIND in found:
-            return self.instance(self._kind(found, expected, place), found, place)
+            kind, way = self._kind(found, expected, place)
+            return self.instance(kind, found, place, way=way)
+        if EULER_PARAMETERS in expected.shapes:
+            return self._rotation(found, place)
         if not expected.is_anything:
             simple = "a text" if expected.is_text else "a number"
             place.refuse(dict(found), simple, "write it in place of the table")
         return {key: self.value(item, ANYTHING, place.at(key)) for key, item in found.items()}
 
-    def _kind(self, found: Mapping, expected: Expectation, place: FilePlace) -> type:
+    def _rotation(self, found: Mapping, place: FilePlace) -> object:
+        """Euler parameters of an axis and an angle."""
+        given = {}
+        for name, expected in ROTATION.items():
+            if name not in found:
+                place.refuse(dict(found), " and ".join(ROTATION), f"add {name} ({expected.unit})")
+            given[name] = self.value(found[name], expected, place.at(name))
+        for name in set(found) - set(ROTATION):
+            place.at(name).refuse(found[name], f"only {' and '.join(ROTATION)}", "leave it out")
+        try:
+            return tuple(rotation(**given).tolist())
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from error
+
+    def _kind(self, found: Mapping, expected: Expectation, place: FilePlace) -> tuple[type, str]:
+        """The class that a table is of, and the way to make it, if it names another than the
+        class."""
         if KIND in found:
-            return find_kind(found[KIND], expected.classes, self.classes, place.at(KIND))
+            return find_way(found[KIND], expected.classes, self.classes, place.at(KIND))
         if len(expected.classes) == 1 and not is_abstract(expected.classes[0]):
-            return expected.classes[0]
+            return expected.classes[0], ""
         family = " or ".join(kind.__name__ for kind in expected.classes)
         return place.refuse(
             dict(found), f"a table whose `{KIND}` names a class", f"add it: a subclass of {family}"
         )
 
     def instance(
-        self, kind: type, found: Mapping, place: FilePlace, beside: tuple[str, ...] = ()
+        self,
+        kind: type,
+        found: Mapping,
+        place: FilePlace,
+        beside: tuple[str, ...] = (),
+        way: str = "",
     ) -> PyTree:
         """An object of a class, made of a table of its constructor's arguments.
 
-        **Arguments:** `beside`: other keys that the file may have there, for messages.
+        **Arguments:** `beside`: other keys that the file may have there, for messages; `way`: the
+        method that makes it, if it isn't the constructor.
         """
-        known = arguments(kind)
+        known = arguments(kind, way)
         given = {}
         for name, item in found.items():
             if name == KIND:
@@ -86,9 +120,9 @@ class Reader:
                 remedy = nearest(name, keys, "leave it out")
                 place.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
             given[name] = self.value(item, known[name].expected, place.at(name))
-        _require_complete(kind, given, place)
+        _require_complete(kind, way, given, place)
         try:
-            made = MAKERS.get(kind, kind)(**given)
+            made = (ways_to_make(kind)[way] if way else MAKERS.get(kind, kind))(**given)
         except (ValueError, TypeError) as error:
             raise ValueError(f"{place}: {error}") from error
         for name, item in given.items():
@@ -96,9 +130,16 @@ class Reader:
         return made
 
 
-def _require_complete(kind: type, given: dict[str, object], place: FilePlace) -> None:
-    """Check that nothing is missing that the constructor needs."""
-    known = arguments(kind)
+def _may_be_numbers(read: object) -> bool:
+    """Whether what was read is a number, or a row without objects."""
+    if isinstance(read, tuple):
+        return not any(is_dataclass(part) for part in read)
+    return isinstance(read, int | float)
+
+
+def _require_complete(kind: type, way: str, given: dict[str, object], place: FilePlace) -> None:
+    """Check that nothing is missing that the constructor, or another way to make it, needs."""
+    known = arguments(kind, way)
     missing = [name for name, argument in known.items() if argument.is_required]
     missing = [name for name in missing if name not in given]
     if missing:
@@ -108,8 +149,12 @@ def _require_complete(kind: type, given: dict[str, object], place: FilePlace) ->
 
 
 def _require_kind(stored: object, given: object, expected: Expectation, place: FilePlace) -> None:
-    """Check that an element is one, whatever the constructor made of what was given."""
-    if expected.classes and stored is not None and not isinstance(stored, expected.classes):
+    """Check that an element is one, whatever the constructor made of what was given; or numbers,
+    where they may stand in its place."""
+    numbers = bool(expected.shapes) and isinstance(stored, np.ndarray | tuple)
+    if not expected.classes or stored is None or numbers:
+        return
+    if not isinstance(stored, expected.classes):
         family = " or ".join(kind.__name__ for kind in expected.classes)
         place.refuse(given, f"a table whose `{KIND}` is a {family}", "write one")
 

@@ -5,9 +5,9 @@ from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
-from .expectations import Argument, Expectation, arguments
+from .expectations import Argument, Expectation, arguments, ways_to_make
 from .kinds import Classes, is_abstract, known_kinds, name_of, require_classes
-from .reading import KIND
+from .reading import EULER_PARAMETERS, KIND, ROTATION
 
 Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -47,9 +47,10 @@ class Catalogue:
         default_factory=lambda: {ROWS: {"anyOf": [NUMBER, _list_of(_reference(ROWS))]}}
     )
 
-    def properties(self, kind: type) -> Schema:
-        """Of each argument of a class, what may stand there."""
-        return {name: self._argument(argument) for name, argument in arguments(kind).items()}
+    def properties(self, kind: type, way: str = "") -> Schema:
+        """Of each argument of a class, or of another way to make it, what may stand there."""
+        known = arguments(kind, way).items()
+        return {name: self._argument(argument) for name, argument in known}
 
     def _argument(self, argument: Argument) -> Schema:
         unit = argument.expected.unit
@@ -75,18 +76,23 @@ class Catalogue:
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
         implied = len(families) == 1 and not is_abstract(families[0])
         kinds = {kind: name_of(kind) for kind in known_kinds(families, self.classes).values()}
-        for kind, name in kinds.items():
-            if name not in self.definitions:
-                self.definitions[name] = {}  # known from here on: a class may refer to itself
-                self.definitions[name] = self._definition(kind, name, implied)
-        return [_reference(name) for name in kinds.values()]
+        names = []
+        for kind, own in kinds.items():
+            for way in ("", *ways_to_make(kind)):
+                names.append(f"{own}.{way}" if way else own)
+                if names[-1] not in self.definitions:
+                    self.definitions[names[-1]] = {}  # known from here: it may refer to itself
+                    self.definitions[names[-1]] = self._definition(kind, own, way, implied)
+        return [_reference(name) for name in names]
 
-    def _definition(self, kind: type, name: str, implied: bool) -> Schema:
-        properties: Schema = {KIND: {"enum": sorted({name, kind.__name__})}}
-        properties |= self.properties(kind)
-        needed = [key for key, argument in arguments(kind).items() if argument.is_required]
-        table = _table(properties, needed if implied else [KIND, *needed])
-        summary = (kind.__doc__ or "").strip().split("\n")[0]
+    def _definition(self, kind: type, name: str, way: str, implied: bool) -> Schema:
+        end = f".{way}" if way else ""
+        properties: Schema = {KIND: {"enum": sorted({name + end, kind.__name__ + end})}}
+        properties |= self.properties(kind, way)
+        needed = [key for key, argument in arguments(kind, way).items() if argument.is_required]
+        table = _table(properties, needed if implied and not way else [KIND, *needed])
+        described = ways_to_make(kind)[way] if way else kind
+        summary = (described.__doc__ or "").strip().split("\n")[0]
         return {**table, "description": summary}
 
 
@@ -118,4 +124,7 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
         for size in reversed(shape):
             one = _list_of(one, size)
         described.append(one)
+        if shape == EULER_PARAMETERS:
+            turn: Schema = {name: _numbers(argument.shapes) for name, argument in ROTATION.items()}
+            described.append(_table(turn, list(turn)))
     return described[0] if len(described) == 1 else {"anyOf": described}

@@ -15,6 +15,7 @@ from ..fields.caching import cached_by_numbers
 from ..fields.checks import require
 from ..math.vectors import Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, Motion
+from ..model.drives.functions_of_time import AbstractFunctionOfTime
 from ..model.joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
@@ -37,6 +38,17 @@ def require_declared(scene: Scene) -> None:
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
+            for function in _functions_of_time(element):
+                require(
+                    not _function_decides(function),
+                    f"scene.{family}[{name!r}]",
+                    type(function).__name__.strip("_"),
+                    "a function smooth in time, or one that declares where it isn't, for "
+                    "derivatives to be right",
+                    "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
+                    "AbstractFunctionOfTime with a method `breakpoints` that returns the times in "
+                    "s at which what it compares with time changes",
+                )
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
                 not (silent and _decides_when_unpacked(element)),
@@ -46,6 +58,21 @@ def require_declared(scene: Scene) -> None:
                 "give its class a method `breakpoints` that returns the times in s at which what "
                 "it compares with time changes, or () if nothing jumps or has a kink there",
             )
+
+
+def _functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
+    """The functions of time in an element that say nothing of breakpoints."""
+    parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
+    functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
+    silent = AbstractFunctionOfTime.breakpoints
+    return [function for function in functions if type(function).breakpoints is silent]
+
+
+@cached_by_numbers
+def _function_decides(function: AbstractFunctionOfTime) -> bool:
+    """Whether what a function of time, in packed form, gives depends on a comparison with time."""
+    program = jax.make_jaxpr(unpack(function))(0.0).jaxpr
+    return _decides(_needed(program), {program.invars[0]}, KINKED)
 
 
 @cached_by_numbers

@@ -30,6 +30,7 @@ from .contact_step import (
 from .impact_table import Impacts
 from .step_state import Step, choose
 from .tables import Table
+from .windows import Window
 
 IMPACT_UNITS = {
     "onset": "s",
@@ -139,10 +140,11 @@ Wanted = dict[str, dict[str, Scalar]]
 class ImpactRecorder(eqx.Module):
     """Records the contacts of a joint, or of all joints.
 
-    `joint`: its name, or ``None``.
+    `joint`: its name, or ``None``. `window`: the part of the run in which they begin, or ``None``.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
+    window: Window | None = None
 
     def start(self, now: Instant, step: Step, rows: S) -> ImpactRecord[S]:
         """The record before the first step. Contacts that touch then are left out."""
@@ -168,6 +170,7 @@ class ImpactRecorder(eqx.Module):
                     stride,
                     ends[name][label],
                     None if wanted is None else wanted[name][label],
+                    self.window,
                 )
                 for label, one in family.items()
             }
@@ -208,9 +211,12 @@ def _after(
     stride: Stride,
     end: ContactInstant,
     wanted: Scalar | None,
+    window: Window | None,
 ) -> ContactRecord[S]:
     contact, over, row = record.contact.after(law, stride.before.t, stride.after.t, end)
     over = stride.kept & over
+    if window is not None:
+        over = over & window.holds(stride.system.clock(row.onset))
     if wanted is not None:
         over = over & (wanted > record.rows.count)
     rows = record.rows.with_row(row, over)

@@ -68,6 +68,14 @@ class Impacts:
         chosen = (self.joint == joint) & (self.contact == contact)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
+    def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
+        """Those that began in a window of time, s: from `after` on, and before `until`.
+
+        ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)`` is a quantile of them.
+        """
+        chosen = (self.onset >= after) & (self.onset < until)
+        return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
 
 class History(eqx.Module):
     """One contact at N recorded instants, each field (N,).

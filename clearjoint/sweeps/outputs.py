@@ -13,6 +13,7 @@ from ..quantities.base import require_known
 from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.channels import Channels, check_channels, check_quantities
 from ..simulation.sections import Section
+from ..simulation.windows import Window
 
 
 class AbstractSaved(abc.ABC):
@@ -74,15 +75,40 @@ class ImpactTable:
     penetration, m; and how many were recorded. A contact that has recorded `count` of them may
     have had more.
 
-    **Arguments:** `count`: impacts kept of each contact; `joint`: name of the joint whose contacts
-    are tabled, of all joints unless given.
+    Their quantiles are exact, of those that are kept:
+
+    ```python
+    import clearjoint as cj
+
+    outputs = {"hits": cj.ImpactTable(200, "shoulder", after=0.5)}
+    # sweep = cj.sweep(..., outputs=outputs)
+    # sweep.hits_peak_force.quantile(0.95, ["hits_contact", "hits_number"])
+    ```
+
+    **Arguments:**
+
+    - `count`: impacts kept of each contact.
+    - `joint`: name of the joint whose contacts are tabled, of all joints unless given.
+    - `after`, `until`: s, the window of time in which they began; from the start to the end of the
+      run unless given.
+
+    **Raises:** `ValueError` for a count that is none, and a window that does not end after its
+    begin.
     """
 
     count: int
     joint: str | None = None
+    after: float | None = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
+        self.window()
+
+    def window(self) -> Window | None:
+        """The part of the run in which impacts begin; ``None`` for the whole run."""
+        window = Window(self.after, self.until)
+        return None if window.is_whole else window
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the joint, and contacts."""

@@ -40,7 +40,7 @@ def common_values(
         {name: section.condition for name, section in sections.items()},
         bool(saved),
         np.asarray(max_steps),
-        {name: ImpactRecorder(table.joint) for name, table in tables.items()},
+        {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
     )
     logs = {
         name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))

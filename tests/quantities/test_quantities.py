@@ -84,6 +84,63 @@ def test_point_of_a_spinning_pendulum(pendulum):
     assert q.Reaction("pin", "rod")(now) == pytest.approx(np.linalg.norm(push))
 
 
+def test_rates_of_the_pendulum(pendulum):
+    now, out, _ = pendulum
+    fall = -1.5 * GRAVITY / LENGTH * math.cos(ANGLE)
+    for rate in (q.AngularVelocity("rod", "z"), q.JointAngularVelocity("pin")):
+        assert float(rate(now)) == pytest.approx(SPIN, rel=1e-12)
+    for rate in (q.AngularAcceleration("rod", "z", "body"), q.JointAngularAcceleration("pin")):
+        assert float(rate(now)) == pytest.approx(fall, rel=1e-12)
+    assert float(q.AngularVelocity("ground", "x")(now)) == 0.0
+    end = q.Distance("ground", (0, 1, 0), "rod", (0.5 * LENGTH, 0, 0))
+    assert float(end(now)) == pytest.approx(np.linalg.norm(LENGTH * out - [0, 1, 0]), rel=1e-12)
+    along = q.Distance("ground", (0, 1, 0), "rod", (0.5 * LENGTH, 0, 0), along=(0, -2, 0))
+    assert float(along(now)) == pytest.approx(1.0 - LENGTH * out[1], rel=1e-12)
+    assert float(q.Distance("rod", (1, 2, 3), "rod", (1, 2, 3))(now)) == pytest.approx(0.0)
+
+
+def test_speed_of_a_pendulum_let_go_is_that_of_its_energy(pendulum):
+    """From rest on the level: w^2 = 3 g sin(angle)/length, below it."""
+    now, _, _ = pendulum
+    angles = -np.linspace(0.1, 3.0, 7)
+    speeds = np.sqrt(-3.0 * GRAVITY * np.sin(angles) / LENGTH)
+    for angle, speed in zip(angles, speeds, strict=True):
+        out = np.array([math.cos(angle), math.sin(angle), 0.0])
+        velocity = -0.5 * LENGTH * speed * np.array([-out[1], out[0], 0.0])
+        turn = cj.body_state(0.5 * LENGTH * out, turned(angle), velocity, (0, 0, -speed))
+        then = instant(now.scene, cj.State({"rod": turn}))
+        assert float(q.JointAngle("pin")(then)) == pytest.approx(angle, abs=1e-12)
+        assert float(q.JointAngularVelocity("pin")(then)) == pytest.approx(-speed, rel=1e-12)
+
+
+def test_moment_of_a_fixed_joint_is_that_of_the_weight_beside_it():
+    """About the joint's own point: a body that hangs level from a wall."""
+    wall = cj.FixedJoint("ground", "beam", (0, 0, 0), (-0.4, 0.0, 0.0))
+    beam = cj.Body(MASS, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"beam": beam}, {"wall": wall}, gravity=(0, -GRAVITY, 0))
+    now = instant(scene, cj.State({"beam": cj.body_state((0.4, 0, 0))}))
+    moment = 0.4 * MASS * GRAVITY
+    found = vector(q.ReactionMoment, now, "wall", "beam")
+    np.testing.assert_allclose(found, [0.0, 0.0, moment], atol=1e-9)
+    found = vector(q.ReactionMoment, now, "wall", "ground")
+    np.testing.assert_allclose(found, [0.0, 0.0, -moment], atol=1e-9)
+    assert q.ReactionMoment("wall", "beam", axes="body")(now) == pytest.approx(moment)
+
+
+def test_load_of_a_joint_with_clearance_is_what_its_journal_feels():
+    """Mass times acceleration of the outer arms is what all joints and gravity do to them."""
+    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+    now, weight = instant(scene, state), np.array([float(x) for x in np.ravel(scene.gravity)])
+    arm = scene.bodies["arm 2"]
+    acceleration = np.array(vector(q.Acceleration, now, "arm 2"))
+    forces = [vector(q.Reaction, now, joint, "arm 2") for joint in ("shoulder", "elbow")]
+    balance = float(arm.mass) * (acceleration - weight)
+    np.testing.assert_allclose(np.sum(forces, axis=0), balance, rtol=1e-8)
+    on_ground = vector(q.Reaction, now, "shoulder", "ground")
+    np.testing.assert_allclose(on_ground, -np.array(forces[0]), rtol=1e-12)
+    assert np.linalg.norm(forces[0]) > float(q.ContactForce("shoulder")(now)) > 100.0
+
+
 def test_point_of_the_ground_stands_still(pendulum):
     now, _, _ = pendulum
     assert vector(q.PointPosition, now, "ground", (1, 2, 3)) == [1.0, 2.0, 3.0]
@@ -225,6 +282,14 @@ EVERY = {
     "probe": q.JournalOffset("shoulder", "x", "V"),
     "friction": q.FrictionForce("shoulder", "V"),
     "contact": q.ContactForce("shoulder"),
+    "gyroscope": q.AngularVelocity("arm 3", "y", "body"),
+    "angular acceleration": q.AngularAcceleration("arm 2", "z"),
+    "elbow speed": q.JointAngularVelocity("elbow"),
+    "shoulder acceleration": q.JointAngularAcceleration("shoulder"),
+    "distance": q.Distance("arm 3", (0.1, 0.2, 0.5), "ground", (0, 0, 0.1)),
+    "stroke": q.Distance("arm 3", (0.1, 0.2, 0.5), "arm 2", (0, 0, 0.1), along=(0, 3, 1)),
+    "elbow moment": q.ReactionMoment("elbow", "arm 3", "y", "body"),
+    "bearing load": q.Reaction("shoulder", "ground"),
 }
 
 
@@ -288,7 +353,9 @@ def test_bad_arguments_are_refused(make, message):
         (q.ContactForce("elbow"), r"`joint` must be one of the scene's \['shoulder'\].*'elbow'"),
         (q.Penetration("shoulder", "U"), r"`contact` must be one of the scene's \['V', 'W'\]"),
         (q.JournalOffset("elbow", "x"), r"`joint` must be one of the scene's \['shoulder'\]"),
-        (q.Reaction("shoulder", "arm 2"), r"`joint` must be one of the scene's \['elbow'\]"),
+        (q.ReactionMoment("shoulder", "arm 2"), r"`joint` must be one of the scene's \['elbow'\]"),
+        (q.Reaction("hip", "arm 2"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
+        (q.Distance("arm", (0, 0, 0), "arm 2", (0, 0, 0)), r"`first` must be .*'ground'"),
         (q.Reaction("elbow", "ground"), r"`body` must be one of the scene's \['arm 2', 'arm 3'\]"),
         (q.Multiplier("hinge", "angle"), r"`joint` must be .*\['elbow', 'shoulder'\]"),
         (q.JointAngle("hip"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
@@ -308,5 +375,6 @@ def test_names_that_a_scene_has_are_accepted():
 
 def test_units_are_si():
     units = {name: quantity.unit for name, quantity in EVERY.items()}
-    assert set(units.values()) == {"m", "m/s", "m/s^2", "rad", "N"}
+    known = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N m"}
+    assert set(units.values()) == known
     assert q.Multiplier("motor", "angle").unit is None

@@ -50,6 +50,8 @@ EXAMPLES = {
     "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
+    "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
+    "PiecewiseLinear": lambda: cj.PiecewiseLinear([0.1, 1 / 3], np.eye(2, 3) / 3),
     "BallInSocket": lambda: cj.BallInSocket("ground", "a", **BALL, friction=cj.Ambrosio(0.1)),
     "SliderInGuide": lambda: cj.SliderInGuide("ground", "a", **SLIDER, friction=cj.Ambrosio(0.1)),
     "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
@@ -134,6 +136,8 @@ def scene_with(element: Any) -> cj.Scene:
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
     elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
+    elif isinstance(element, cj.PiecewiseConstant):
+        return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
     elif isinstance(element, cj.AbstractFunctionOfTime):
         joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
     else:

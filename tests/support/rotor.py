@@ -77,7 +77,7 @@ OUTPUTS = {
     "zero": cj.Section(angle, {"spin": (lambda now: spin(now), "rad/s")}, count=2, after=AFTER),
     "largest": cj.Peak(angle, "rad"),
     "angle": cj.Statistics(angle, "rad"),
-    "late": cj.Statistics(angle, "rad", start_time=0.5, end_time=0.75),
+    "late": cj.Statistics(angle, "rad", after=0.5, until=0.75),
     "turnings": Turnings(lambda now: spin(now)),
 }
 

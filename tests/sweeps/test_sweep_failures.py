@@ -202,7 +202,10 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Saved([1.0], {"x": angle}), "`channels`.*pair"),
         (lambda: cj.Saved([1.0], {"time": (angle, "rad")}), "`channels`.*time.*rename"),
         (lambda: cj.Section(angle, CHANNELS, count=0), "`count`.*positive"),
-        (lambda: cj.Statistics(angle, "rad", start_time=1.0, end_time=0.5), "`end_time`"),
+        (
+            lambda: cj.Statistics(angle, "rad", after=1.0, until=0.5),
+            "`until`.*later than after = 1",
+        ),
     ],
 )
 def test_axes_and_outputs_check_themselves(make, says):

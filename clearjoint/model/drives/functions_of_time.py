@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import equinox as eqx
 import jax
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ...fields.checks import as_number, concrete, require, require_finite
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import Column
+from ...fields.types import Column, TableRows
 from ...math.interpolation import Slope, hermite_value
 from ...math.vectors import Scalar
 
@@ -22,7 +22,8 @@ from ...math.vectors import Scalar
 class AbstractFunctionOfTime(AbstractConverting):
     """A function of time in s, that JAX can differentiate twice, with its numbers.
 
-    Its unit is that of what follows it.
+    Its unit is that of what follows it. `jumps` tells whether it may jump, which a torque or a load
+    may, and no angle.
 
     ```python
     import clearjoint as cj
@@ -38,6 +39,8 @@ class AbstractFunctionOfTime(AbstractConverting):
     drive = cj.PrescribedAngle("ground", "crank", (0, 0, 1), Oscillation(0.5, frequency=20.0))
     ```
     """
+
+    jumps: ClassVar[bool] = False
 
     @abc.abstractmethod
     def __call__(self, t: Scalar) -> Scalar:
@@ -88,32 +91,36 @@ class Spline(AbstractFunctionOfTime):
     `Spline.through(times, values)` finds the rates by which curvature is continuous and zero at the
     ends. Before the first time and after the last the function goes on along its tangent.
 
-    **Arguments:** `times` (N,) in s, rising; `values` (N,) and `rates` (N,) a second.
+    **Arguments:** `times` (N,) in s, rising; `values` (N,) and `rates` (N,) a second; of a force
+    both may be (N, 3).
 
     **Raises:** `ValueError` for rows of different lengths, of fewer than two or unlike finite
     numbers, and for times that do not rise.
     """
 
     times: Column = quantity("s", table=True)
-    values: Column = quantity("1", table=True)
-    rates: Column = quantity("1/s", table=True)
+    values: TableRows = quantity("1", table=True)
+    rates: TableRows = quantity("1/s", table=True)
 
     def __check_init__(self):
-        _require_rising(self.times)
-        for name in ("values", "rates"):
-            _require_row(name, getattr(self, name), np.shape(self.times))
+        require_rising(self.times)
+        require_rows("values", self.values, np.shape(self.times))
+        alike = f"of the shape {np.shape(self.values)} of `values`"
+        rates = np.shape(self.rates)
+        require(rates == np.shape(self.values), "rates", rates, alike, "give one a value")
+        require_finite("rates", self.rates)
 
     @staticmethod
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
         """The natural cubic spline through a table (SciPy's `CubicSpline`).
 
-        **Arguments:** `times` (N,) in s, rising; `values` (N,).
+        **Arguments:** `times` (N,) in s, rising; `values` (N,), or (N, 3) of a force.
         """
         from scipy.interpolate import CubicSpline
 
         times, values = as_number(times), as_number(values)
-        _require_rising(times)
-        _require_row("values", values, np.shape(times))
+        require_rising(times)
+        require_rows("values", values, np.shape(times))
         spline = CubicSpline(np.asarray(times), np.asarray(values), bc_type="natural")
         return Spline(times, values, spline(times, 1))
 
@@ -126,6 +133,10 @@ class Spline(AbstractFunctionOfTime):
         value = hermite_value((within - times[k]) / length, start, end, length)
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
+
+    def breakpoints(self) -> PyTree:
+        """None: where its pieces meet, curvature is continuous."""
+        return ()
 
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
@@ -142,12 +153,15 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     if callable(value):
         return _PlainFunction(value)
     number = as_number(value)
-    remedy = "pass a number, a function of the time, or for a table Spline.through(times, values)"
+    remedy = (
+        "pass a number, a function of the time, or for a table Spline.through(times, values) or "
+        "PiecewiseLinear(times, values)"
+    )
     require(np.shape(number) == (), "function", value, "a function of the time", remedy)
     return Polynomial([number])
 
 
-def _require_rising(times: ArrayLike) -> None:
+def require_rising(times: ArrayLike) -> None:
     """Check times, s, to rise."""
     shape = np.shape(times)
     remedy = "pass two at least, sorted, none of them twice"
@@ -158,8 +172,16 @@ def _require_rising(times: ArrayLike) -> None:
         require(bool((np.diff(numbers) > 0).all()), "times", numbers, "rising", remedy)
 
 
-def _require_row(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Check for a finite number at each of the times."""
-    given = np.shape(values)
-    require(given == shape, argument, given, f"of the shape {shape} of `times`", "give one a time")
+def require_continuous(function: AbstractFunctionOfTime) -> None:
+    """Check a function that an angle or a distance follows not to jump."""
+    remedy = "take PiecewiseLinear(times, values), or Spline.through(times, values)"
+    kind = type(function).__name__
+    require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
+
+
+def require_rows(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
+    """Check for a finite number, or three, at each of the times."""
+    given, remedy = np.shape(values), "give one a time, or three of a force"
+    expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
+    require(given in (shape, (*shape, 3)), argument, given, expected, remedy)
     require_finite(argument, values)

@@ -12,7 +12,12 @@ from ..joints.base import AbstractConstraint, Motions, Row
 from ..joints.constraint_rows import point_in_plane
 from ..joints.pairs import AbstractPairAtPoints
 from ..joints.row_combinations import row_following
-from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
+from .functions_of_time import (
+    AbstractFunctionOfTime,
+    FunctionOfTime,
+    as_function_of_time,
+    require_continuous,
+)
 from .rotation import AbstractRotationDriver
 
 
@@ -58,6 +63,9 @@ class PrescribedAngle(AbstractRotationDriver):
         self.axis, self.orientation = as_number(axis), as_number(orientation)
         self.function = as_function_of_time(function)
 
+    def __check_init__(self):
+        require_continuous(self.function)
+
     def angle(self, t: Scalar) -> Scalar:
         """The function's value, rad."""
         return self.function(t)
@@ -100,6 +108,9 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         self.first, self.second = first, second
         self.point_first, self.point_second = as_number(point_first), as_number(point_second)
         self.axis, self.function = as_number(axis), as_function_of_time(function)
+
+    def __check_init__(self):
+        require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The distance less that prescribed, m."""

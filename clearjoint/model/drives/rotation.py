@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 
 import equinox as eqx
+from jaxtyping import PyTree
 
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
@@ -20,6 +21,7 @@ from ..joints.base import AbstractConstraint, AbstractForce, Motions, Row
 from ..joints.constraint_rows import turning_angle
 from ..joints.pairs import AbstractPair
 from ..joints.row_combinations import row_following
+from .in_time import SingleInTime, breakpoints_of, single_in_time, value_at
 
 
 class AbstractDrive(AbstractPair):
@@ -162,20 +164,42 @@ def _rate(turn: Row, motions: Motions) -> Scalar:
 
 
 class DriveTorque(AbstractDriveTorque):
-    """A constant torque.
+    """A torque that is constant or follows a function of time.
 
-    **Arguments:** as `PrescribedRotation`, but `torque` in N m; zero lets the bodies turn freely.
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
 
-    For a motor whose torque depends on angle, speed or time subclass `AbstractDriveTorque`.
+    axis = (0, 0, 1)
+    pulsing = cj.DriveTorque("ground", "crank", axis, lambda t: 2.0 + jnp.sin(30.0 * t))
+    switched = cj.DriveTorque("ground", "crank", axis, cj.PiecewiseConstant([0, 0.2], [2.0, 0.0]))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 1.8, 2.1, 2.0])
+    replayed = cj.DriveTorque("ground", "crank", axis, measured)
+    ```
+
+    **Arguments:** as `PrescribedRotation`, but `torque`: N m, positive towards larger angles; a
+    number, of which zero lets the bodies turn freely, or a function of time: a table as
+    `PiecewiseConstant`, `PiecewiseLinear` or `Spline`, a `Polynomial`, an `AbstractFunctionOfTime`
+    of one's own, or a Python function of JAX's. The last is part of the compiled program, and can't
+    be saved in a scene file.
+
+    For a motor whose torque depends on angle or speed subclass `AbstractDriveTorque`, or take
+    `Motor`.
+
+    **Raises:** `ValueError` for a torque that is neither, and for values no driver can have.
     """
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
     axis: Triple = quantity("1")
-    torque: Single = quantity("N m", shape=())
+    torque: SingleInTime = single_in_time("N m")
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The constant torque, N m."""
-        del angle, speed, t
-        return self.torque
+        """The torque at the time, N m."""
+        del angle, speed
+        return value_at(self.torque, t)
+
+    def breakpoints(self) -> PyTree:
+        """Those of a torque that is a function of time, s."""
+        return breakpoints_of(self.torque)

@@ -1,6 +1,7 @@
 """Springs, dampers and applied loads."""
 
 import equinox as eqx
+from jaxtyping import PyTree
 
 from ...fields.checks import require_point
 from ...fields.declarations import quantity
@@ -8,6 +9,7 @@ from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
 from ..bodies import Wrench
+from ..drives.in_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from ..joints.base import AbstractForce, Attachment, Motions
 from ..joints.pairs import AbstractPairAtPoints
 
@@ -59,15 +61,37 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 
 
 class AppliedLoad(AbstractForce):
-    """A constant force and torque on a body, given in global axes.
+    """A force and a torque on a body, given in global axes, constant or functions of time.
 
-    **Arguments:** `body`; `force` (3,) N at `point` (3,) m in body axes; `torque` (3,) N m.
-    A load that changes with time or motion is a subclass of `AbstractForce`.
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    weight = cj.AppliedLoad("rod", force=(0.0, -20.0, 0.0), point=(0.1, 0.0, 0.0))
+    kick = cj.PiecewiseConstant([0.0, 0.1, 0.12], [0.0, 500.0, 0.0])
+    kicked = cj.AppliedLoad("rod", force=(kick, 0.0, 0.0))
+
+    def unbalance(t):  # 40 N at 300 rad/s
+        return 40.0 * jnp.cos(300.0 * t), 40.0 * jnp.sin(300.0 * t), 0.0
+
+    shaken = cj.AppliedLoad("rod", force=unbalance)
+    ```
+
+    **Arguments:**
+
+    - `body`: its name.
+    - `force`: (3,) N, at `point`: (3,) m in body axes; `torque`: (3,) N m. Each component is a
+      number or a function of time, as of `DriveTorque`; in place of the three may stand a table
+      with values (N, 3), or a Python function of JAX's that gives three.
+
+    A load that changes with the motion is a subclass of `AbstractForce`.
+
+    **Raises:** `ValueError` for components that are neither, or not three.
     """
 
     body: str = eqx.field(static=True)
-    force: Triple = quantity("N", shape=(3,), default=(0.0, 0.0, 0.0))
-    torque: Triple = quantity("N m", shape=(3,), default=(0.0, 0.0, 0.0))
+    force: TripleInTime = triple_in_time("N", default=(0.0, 0.0, 0.0))
+    torque: TripleInTime = triple_in_time("N m", default=(0.0, 0.0, 0.0))
     point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
 
     def body_names(self) -> tuple[str, ...]:
@@ -80,6 +104,10 @@ class AppliedLoad(AbstractForce):
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """The load carried to the centre of mass."""
-        del t
         motion = motions[self.body]
-        return {self.body: motion.wrench(self.force, self.point) + motion.torque(self.torque)}
+        force, torque = vector_at(self.force, t), vector_at(self.torque, t)
+        return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
+
+    def breakpoints(self) -> PyTree:
+        """Those of the components that are functions of time, s."""
+        return breakpoints_of(self.force, self.torque)

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...compilation import traced_once
-from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Condition, Scalar, add
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
 from ...quantities.instant import Instant
+from ..windows import Instants, Window, optional_time
 
 LOSSES = ("normal damping", "friction", "film")
 """Of the energy ledger, what joints take."""
@@ -101,27 +101,59 @@ class Peak(AbstractReduction):
     Within a step it is the largest value along the solver's dense output. Of a contact force at
     usual tolerances it is then that of the table of impacts to 1e-6.
 
-    **Arguments:** `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+    ```python
+    import clearjoint as cj
+
+    force = cj.quantities.ContactForce("shoulder")
+    outputs = {"force": cj.Peak(force, "N", after=0.5)}  # "force", and "force_time" in s
+    ```
+
+    **Arguments:**
+
+    - `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+    - `after`, `until`: s, the window of time in which it is looked for, to the instant and not to
+      the step; from the start to the end of the run unless given. Both results are NaN for a run
+      that ended before.
+
+    **Raises:** `ValueError` for a window that does not end after its begin.
     """
 
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+
+    def __check_init__(self):
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> PeakTally:
-        """The value at the start, the highest so far."""
-        value = self._value(now)
-        return PeakTally(value, now.time, value, now.time, value, now.time)
+        """The value at the start, the highest so far if it is in the window."""
+        value, window = self._value(now), self._window()
+        highest = value
+        if not window.is_whole:
+            highest = jnp.where(window.holds(now.time), value, -jnp.inf)
+        return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """The highest value of the step, if it is higher than those before."""
+        """The highest value of the step's part in the window, if it is higher than those before."""
         length = now.time - tally.now
         earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
         before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
         end = Point(1.0, self._value(now))
         value_of = traced_once(self._value)
-        peak = highest_after(lambda x: value_of(now.inside(x)), before, start, end)
+        first, last, window = start, end, self._window()
+        if not window.is_whole:
+            a, b = window.places(tally.now, now.time)
+            first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
+            last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
+        peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
         time = tally.now + peak.place * length
         rises = peak.value > tally.highest
+        if not window.is_whole:
+            rises = rises & (last.place > first.place)
         return PeakTally(
             jnp.where(rises, peak.value, tally.highest),
             jnp.where(rises, time, tally.time),
@@ -137,7 +169,11 @@ class Peak(AbstractReduction):
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
         """The largest value and its time, s."""
         del now
-        return {"": tally.highest, "time": tally.time}
+        if self._window().is_whole:
+            return {"": tally.highest, "time": tally.time}
+        found = tally.highest > -jnp.inf
+        results = {"": tally.highest, "time": tally.time}
+        return {name: jnp.where(found, value, jnp.nan) for name, value in results.items()}
 
     def units(self) -> dict[str, str]:
         """The quantity's unit for the peak, and s for its time."""
@@ -159,29 +195,28 @@ class Statistics(AbstractReduction):
 
     In each step the quantity is that of the parabola through both ends and the middle.
 
-    **Arguments:** `quantity` and `unit` as for `Peak`; `start_time`, `end_time`: s, the window;
-    from the start to the end of the run unless given.
+    **Arguments:** `quantity`, `unit`, `after` and `until` as for `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
     """
 
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
-    start_time: float = eqx.field(default=-float("inf"), static=True)
-    end_time: float = eqx.field(default=float("inf"), static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
-        require(
-            self.end_time > self.start_time,
-            "end_time",
-            self.end_time,
-            f"after start_time = {self.start_time}",
-            "give the window in s",
-        )
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> StatisticsTally:
         """The instant and the value there, zero duration and integrals, and the extremes so far."""
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
-        inside = (now.time >= self.start_time) & (now.time <= self.end_time)
+        window = self._window()
+        inside = (now.time >= window.start) & (now.time <= window.end)
         extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
         return (now.time, value), (zero, zero, zero), extremes
 
@@ -191,8 +226,7 @@ class Statistics(AbstractReduction):
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
         arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
-        a = jnp.clip((self.start_time - t0) / length, 0.0, 1.0)
-        b = jnp.clip((self.end_time - t0) / length, 0.0, 1.0)
+        a, b = self._window().places(t0, t1)
         inside = b > a
         h = jnp.where(inside, (b - a) * length, 0.0)
         values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in _GAUSS_NODES]
@@ -225,17 +259,32 @@ class Statistics(AbstractReduction):
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
 
 
-CountTally = tuple[Scalar, dict[str, Condition]]
-"""How many contacts have begun, and which touch."""
+class CountTally(NamedTuple):
+    """How many contacts have begun, which touch, and the latest instant, s, if it is needed."""
+
+    count: Scalar
+    touching: dict[str, Condition]
+    time: Scalar | None
 
 
 class ImpactCount(AbstractReduction):
     """Number of contacts that began, of all contacts of a joint.
 
-    **Arguments:** `joint`: its name.
+    **Arguments:** `joint`: its name; `after`, `until`: s, the window of time in which they began,
+    as for `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
     """
 
     joint: str = eqx.field(static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+
+    def __check_init__(self):
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has contacts."""
@@ -246,52 +295,101 @@ class ImpactCount(AbstractReduction):
 
     def start(self, now: Instant) -> CountTally:
         """No contact has begun; and which touch at the start."""
-        return jnp.zeros(()), self._touching(now)
+        time = None if self._window().is_whole else now.time
+        return CountTally(jnp.zeros(()), self._touching(now), time)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
         """One more for each contact that did not touch before."""
-        count, before = tally
-        after = self._touching(now)
+        count, after = tally.count, self._touching(now)
         for label, touches in after.items():
-            count = count + jnp.where(touches & ~before[label], 1.0, 0.0)
-        return count, after
+            begins = touches & ~tally.touching[label]
+            if tally.time is not None:
+                begins = begins & self._window().holds(self._onset(label, tally.time, now))
+            count = count + jnp.where(begins, 1.0, 0.0)
+        return CountTally(count, after, None if tally.time is None else now.time)
+
+    def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
+        """When a contact began in the step that ends now, s, by its depth and the rate of it."""
+        reach = now.reaches[self.joint][label]
+        since = reach.depth / jnp.where(reach.rate > 0.0, reach.rate, jnp.inf)
+        return now.time - jnp.clip(since, 0.0, now.time - before)
 
     def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
-        """The number of contacts that began, up to the end of the run."""
-        del now
-        return {"": tally[0]}
+        """The number of contacts that began, up to the end of the run or of the window."""
+        return {"": self._window().if_reached(tally.count, now.time)}
 
     def units(self) -> dict[str, str]:
         """The count is a number without unit."""
         return {"": "1"}
 
 
-class DissipatedEnergy(AbstractReduction):
-    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`."""
+class LossTally(NamedTuple):
+    """The latest instant, s; and what had been lost, J, at the begin and at the end of the window,
+    or so far."""
 
+    time: Scalar
+    at_begin: Scalar
+    at_end: Scalar
+
+
+class DissipatedEnergy(AbstractReduction):
+    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`.
+
+    **Arguments:** `after`, `until`: s, the window of time, as for `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
+    """
+
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
 
-    def start(self, now: Instant) -> tuple[()]:
-        """Nothing is remembered, since the ledger is integrated with the state."""
-        del now
-        return ()
+    def __check_init__(self):
+        self._window()
 
-    def update(self, tally: tuple[()], now: Instant) -> tuple[()]:
-        """Still nothing is remembered."""
-        del now
-        return tally
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
 
-    def results(self, tally: tuple[()], now: Instant) -> dict[str, Scalar]:
-        """What normal damping, friction and films took since the start, J; what bristles
-        would give back is not among it."""
-        del tally
-        lost: Scalar = 0.0
-        for name in LOSSES:
-            lost = add(lost, now.work.get(name, 0.0))
-        if (held := now.bristle_energy) is not None:
-            lost = lost - held
-        return {"": lost}
+    def start(self, now: Instant) -> LossTally | None:
+        """Nothing is remembered, since the ledger is integrated with the state; of a window, what
+        is lost where it begins and ends."""
+        if self._window().is_whole:
+            return None
+        return LossTally(now.time, _lost(now), _lost(now))
+
+    def update(self, tally: LossTally | None, now: Instant) -> LossTally | None:
+        """The losses up to the window's begin and end, as far as the step goes."""
+        if tally is None:
+            return None
+        window, lost = self._window(), _lost(now)
+        at_edges = [
+            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
+            for edge, inside, known in zip(
+                (window.start, window.end),
+                map(now.inside, window.places(tally.time, now.time)),
+                (tally.at_begin, tally.at_end),
+                strict=True,
+            )
+        ]
+        return LossTally(now.time, *at_edges)
+
+    def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
+        """What normal damping, friction and films took since the start or in the window, J; what
+        bristles would give back is not among it."""
+        if tally is None:
+            return {"": _lost(now)}
+        return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
 
     def units(self) -> dict[str, str]:
         """The energy is in J."""
         return {"": "J"}
+
+
+def _lost(now: Instant) -> Scalar:
+    """What has been taken since the start, J."""
+    lost: Scalar = 0.0
+    for name in LOSSES:
+        lost = add(lost, now.work.get(name, 0.0))
+    if (held := now.bristle_energy) is not None:
+        lost = lost - held
+    return lost

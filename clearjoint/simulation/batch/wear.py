@@ -13,6 +13,7 @@ from ...model.plays.journal_bases import BASES, HasJournal
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
+from ..windows import Instants, Window, optional_time
 from .reductions import AbstractReduction
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
@@ -34,6 +35,7 @@ class ArchardWear(AbstractReduction):
     - `joint`: name of a clearance joint.
     - `coefficient`: k, without unit. `hardness`: H, Pa.
     - `sectors`: their number.
+    - `after`, `until`: s, the window of time, as for `Peak`.
 
     **Source:** J. F. Archard 1953.
     """
@@ -42,11 +44,17 @@ class ArchardWear(AbstractReduction):
     coefficient: float = eqx.field(static=True)
     hardness: float = eqx.field(static=True)
     sectors: int = eqx.field(default=12, static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
+        self._window()
         require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
         require_positive("hardness", self.hardness, "give H in Pa, such as 2e9")
         require_count("sectors", self.sectors, "give a number of sectors")
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has a journal."""
@@ -60,10 +68,15 @@ class ArchardWear(AbstractReduction):
         return now.time, self._rates(now), none
 
     def update(self, tally: WearTally, now: Instant) -> WearTally:
-        """The volumes with those of the step."""
+        """The volumes with those of the step's part in the window."""
         before, at_start, volumes = tally
-        at_middle, at_end = self._rates(now.middle), self._rates(now)
-        sixth = (now.time - before) / 6.0
+        latest = at_end = self._rates(now)
+        window, length, middle = self._window(), now.time - before, now.middle
+        if not window.is_whole:
+            a, b = window.places(before, now.time)
+            at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
+            length, middle = length * (b - a), now.inside(0.5 * (a + b))
+        at_middle, sixth = self._rates(middle), length / 6.0
         worn = {
             base: [
                 volume + sixth * (start + 4.0 * middle + end)
@@ -73,11 +86,10 @@ class ArchardWear(AbstractReduction):
             ]
             for base in BASES
         }
-        return now.time, at_end, worn
+        return now.time, latest, worn
 
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
-        """The volumes worn off up to the end of the run, m^3."""
-        del now
+        """The volumes worn off up to the end of the run, or in the window, m^3."""
         _, _, volumes = tally
         of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
         of_sectors = {
@@ -86,7 +98,9 @@ class ArchardWear(AbstractReduction):
             for k, volume in enumerate(family)
         }
         both = [of_bases[base] for base in BASES]
-        return {"": sum(both[1:], both[0]), **of_bases, **of_sectors}
+        volumes_by_name = {"": sum(both[1:], both[0]), **of_bases, **of_sectors}
+        window = self._window()
+        return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
 
     def units(self) -> dict[str, str]:
         """Each is a volume."""

@@ -1,0 +1,242 @@
+"""Windows in time of reductions, and quantiles: over steps of an invented run, and in real ones."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.math.interpolation import Parabola
+from clearjoint.simulation.windows import Window
+from tests.support.dropped_rod import dropped_rod
+from tests.support.programs import primitives
+
+W = 7.0
+ENDS = np.cumsum([0.0, *np.random.default_rng(3).uniform(0.005, 0.02, 160)])
+"""The ends of invented steps, s, up to some 2 s: eight tenths of a period and more each."""
+WINDOWS = [(0.3013, 0.8021), (0.40001, 0.40302), (ENDS[20], None), (None, ENDS[-1] + 1.0)]
+WHOLE, LATE = (None, None), (50.0, None)
+
+
+@dataclass
+class Depth:
+    """Of an invented contact, m and m/s."""
+
+    depth: jax.Array
+    rate: jax.Array
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["time"], meta_fields=["before"])
+@dataclass
+class Fake:
+    """An instant of an invented run: everything in it is a function of time."""
+
+    time: jax.Array
+    before: float = 0.0
+    bristle_energy = None
+
+    def inside(self, place):
+        return Fake(self.before + place * (self.time - self.before))
+
+    @property
+    def middle(self):
+        return self.inside(0.5)
+
+    @property
+    def work(self):
+        return {"friction": self.time**2, "film": jnp.sin(self.time)}
+
+    @property
+    def reaches(self):
+        return {"pin": {"V": Depth(wave(self), W * jnp.cos(W * self.time))}}
+
+
+def wave(now):
+    return jnp.sin(W * now.time)
+
+
+def reduced(reductions: dict) -> dict:
+    """What reductions make of the invented run, by their keys: one program for all."""
+
+    def step(tallies, span):
+        now = Fake(span[1], span[0])
+        return {key: one.update(tallies[key], now) for key, one in reductions.items()}, None
+
+    @jax.jit
+    def run(spans):
+        first, last = Fake(spans[0, 0]), Fake(spans[-1, 1])
+        tallies = {key: one.start(first) for key, one in reductions.items()}
+        tallies, _ = jax.lax.scan(step, tallies, spans)
+        return {key: one.results(tallies[key], last) for key, one in reductions.items()}
+
+    found = run(np.stack([ENDS[:-1], ENDS[1:]], axis=1))
+    for key, reduction in reductions.items():
+        assert set(found[key]) == set(reduction.units())
+    return jax.tree.map(float, found)
+
+
+LEVELS = (0.05, 0.5, 0.95)
+MADE = {
+    "peak": lambda *window: cj.Peak(wave, "m", *window),
+    "statistics": lambda *window: cj.Statistics(wave, "m", *window),
+    "count": lambda *window: cj.ImpactCount("pin", *window),
+    "lost": lambda *window: cj.DissipatedEnergy(*window),
+    "quantiles": lambda *window: cj.Quantiles(wave, "m", np.linspace(-1, 1, 81), LEVELS, *window),
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Each reduction in each window, in one that no run reaches, and quantiles without edges."""
+    windows = [*WINDOWS, WHOLE, LATE]
+    beyond = cj.Quantiles(wave, "m", [-0.5, 0.0, 0.5], LEVELS)
+    keys = {f"{kind} {window}": make(*window) for kind, make in MADE.items() for window in windows}
+    return reduced({**keys, "beyond": beyond})
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_reductions_are_those_of_the_window(found, window):
+    after = 0.0 if window[0] is None else window[0]
+    until = ENDS[-1] if window[1] is None else min(window[1], ENDS[-1])
+    times = np.linspace(after, until, 100_001)
+    values = np.sin(W * times)
+    peak = found[f"peak {window}"]
+    assert peak[""] == pytest.approx(values.max(), abs=1e-7)
+    assert np.sin(W * peak["time"]) == pytest.approx(peak[""], abs=1e-6)
+    assert after - 1e-12 <= peak["time"] <= until + 1e-12
+    statistics = found[f"statistics {window}"]
+    mean = (np.cos(W * after) - np.cos(W * until)) / W / (until - after)
+    expected = {"mean": mean, "smallest": values.min(), "largest": values.max()}
+    for name, value in expected.items():
+        assert statistics[name] == pytest.approx(value, abs=3e-5), name
+    onsets = 2.0 * np.pi / W * np.arange(20)
+    assert found[f"count {window}"][""] == ((onsets >= after) & (onsets < until)).sum()
+    lost = until**2 + np.sin(until) - after**2 - np.sin(after)
+    assert found[f"lost {window}"][""] == pytest.approx(lost, rel=1e-12)
+    for level in LEVELS:
+        quantile = np.quantile(values, level)
+        assert found[f"quantiles {window}"][f"{level:g}"] == pytest.approx(quantile, abs=0.025)
+
+
+def test_the_whole_run_is_the_widest_window(found):
+    widest = f"{(None, ENDS[-1] + 1.0)}"
+    for kind in MADE:
+        assert found[f"{kind} {WHOLE}"] == pytest.approx(found[f"{kind} {widest}"], rel=1e-12)
+
+
+def test_quantiles_beyond_the_edges_are_not_made_up(found):
+    beyond = found["beyond"]
+    assert np.isnan(beyond["0.05"]) and np.isnan(beyond["0.95"]) and abs(beyond["0.5"]) < 0.5
+
+
+def test_a_window_that_no_run_reaches_has_no_results(found):
+    for kind in MADE:
+        assert np.isnan(list(found[f"{kind} {LATE}"].values())).all(), kind
+
+
+def test_a_parabola_is_below_a_level_where_it_is():
+    generator = np.random.default_rng(0)
+    places = np.linspace(0.0, 1.0, 20_001)
+    for scale in (1.0, 1e-9, 1e7):
+        for _ in range(20):
+            a, b = np.sort(generator.uniform(0, 1, 2))
+            arc = Parabola(*(scale * generator.normal(size=3)))
+            level = scale * generator.normal()
+            chosen = places[(places >= a) & (places <= b)]
+            expected = (np.asarray(arc.at(chosen)) < level).mean() * (b - a)
+            assert float(arc.part_below(level, a, b)) == pytest.approx(expected, abs=2e-4)
+    line, constant = Parabola(1.0, -2.0, 0.0), Parabola(0.25, 0.0, 0.0)
+    assert float(line.part_below(0.0, 0.0, 1.0)) == pytest.approx(0.5)
+    found = [float(constant.part_below(level, 0.1, 0.6)) for level in (0.0, 0.25, 1.0)]
+    assert found == pytest.approx([0.0, 0.0, 0.5])
+
+
+def test_a_whole_run_has_nothing_of_a_window_in_its_program():
+    def operations(reduction):
+        tally = reduction.start(Fake(jnp.asarray(0.0)))
+        step = jax.make_jaxpr(lambda tally, t: reduction.update(tally, Fake(t, 0.0)))
+        return primitives(step(tally, 0.1).jaxpr)
+
+    for whole in (cj.Peak(wave, "m"), cj.ImpactCount("pin"), cj.DissipatedEnergy()):
+        fewer, more = operations(whole), operations(replace(whole, until=0.5))
+        assert not fewer - more and more.total() > fewer.total()
+    assert operations(cj.DissipatedEnergy()).total() == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: cj.Peak(wave, "m", after=2.0, until=1.0), "`until`.*later than after = 2.0"),
+        (lambda: cj.DissipatedEnergy(1.0, 1.0), "`until`.*later"),
+        (lambda: cj.ImpactCount("pin", after=float("nan")), "`after or until`.*time in s"),
+        (lambda: cj.ImpactTable(5, after=3.0, until=2.0), "`until`.*later than after = 3.0"),
+        (lambda: cj.ArchardWear("pin", 1e-5, 2e9, until=(1, 2)), "`after or until`.*time"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 1.0]), "`edges`.*rising"),
+        (lambda: cj.Quantiles(wave, "m", [1.0]), "`edges`.*rising"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], 95), "`levels`.*0.95 for 95 %"),
+    ],
+)
+def test_windows_and_edges_that_are_none_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_impacts_of_a_window():
+    rows = [("pin", "V", t, t + 0.1, 0.1, 1.0, 0.9, 1e3 * t, t, 1e-6) for t in (0.1, 0.2, 0.3)]
+    impacts = cj.Impacts.of_rows(rows)
+    np.testing.assert_array_equal(impacts.within(0.2, 0.3).onset, [0.2])
+    np.testing.assert_array_equal(impacts.within(after=0.2).peak_force, [200.0, 300.0])
+    assert len(impacts.within()) == 3 and Window(None, None).is_whole
+
+
+@pytest.mark.slow
+def test_windows_of_a_sweep_are_those_of_the_run():
+    """Two impacts; windows beside each other have together what the whole run has."""
+    scene, start = dropped_rod()
+    end, cut, q = 0.03, 0.0213, cj.quantities
+    settings = cj.Settings(ledger=True)
+    solution = cj.simulate(scene, start, end, settings, save=cj.Saving(impacts=True))
+    table = solution.impacts
+    assert ((table.onset < cut).any()) and ((table.onset > cut).any())
+    force = q.ContactForce("pin")
+    wear = partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4)
+    edges = [0.0, *np.geomspace(1.0, 1e5, 100)]
+    made = {
+        "peak": lambda **window: cj.Peak(force, "N", **window),
+        "count": lambda **window: cj.ImpactCount("pin", **window),
+        "lost": lambda **window: cj.DissipatedEnergy(**window),
+        "worn": lambda **window: wear(**window),
+        "hits": lambda **window: cj.ImpactTable(20, **window),
+        "force": lambda **window: cj.Quantiles(force, "N", edges, (0.99,), **window),
+    }
+    windows = {"whole": {}, "early": {"until": cut}, "late": {"after": cut}}
+    found = cj.sweep(
+        scene,
+        start,
+        end,
+        {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])},
+        outputs={
+            f"{kind} {name}": make(**window)
+            for kind, window in windows.items()
+            for name, make in made.items()
+        },
+        settings=settings,
+        progress=False,
+    ).isel(mass=0)
+    pieces = {"whole": table, "early": table.within(until=cut), "late": table.within(after=cut)}
+    for kind, impacts in pieces.items():
+        strongest = np.argmax(impacts.peak_force)
+        assert found[f"{kind} peak"] == pytest.approx(impacts.peak_force[strongest], rel=1e-6)
+        moment = impacts.peak_time[strongest]
+        assert found[f"{kind} peak_time"] == pytest.approx(moment, abs=1e-6)
+        assert int(found[f"{kind} hits_count"].sum()) == len(impacts)
+        assert int(found[f"{kind} count"]) == len(impacts)
+        onsets = np.sort(found[f"{kind} hits_onset"].values.ravel())[: len(impacts)]
+        np.testing.assert_allclose(onsets, impacts.onset, atol=1e-9)
+        assert 0.0 < float(found[f"{kind} force_0.99"]) <= float(found[f"{kind} peak"]) * 1.13
+    for name in ("lost", "worn", "worn_V 1", "count"):
+        parts = float(found[f"early {name}"]) + float(found[f"late {name}"])
+        assert parts == pytest.approx(float(found[f"whole {name}"]), rel=1e-6), name
