@@ -5,7 +5,11 @@ import numpy as np
 
 
 class RESULTS(eqx.Enumeration):
-    """Result codes; `RESULTS[code]` is the message."""
+    """Result codes; `RESULTS[code]` is the message.
+
+    >>> cj.RESULTS[cj.RESULTS.successful]
+    'The run reached its end time.'
+    """
 
     successful = "The run reached its end time."
     max_steps_reached = (

@@ -127,6 +127,12 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     - `cache`: folder of the persistent compilation cache; `default_cache()` unless given.
 
     **Raises:** `RuntimeError` if JAX has already started.
+
+    Once, at the top of a program:
+
+    >>> cj.configure()
+    >>> jnp.asarray(1.0).dtype
+    dtype('float64')
     """
     global _idle
     if devices is not None:

@@ -85,6 +85,13 @@ def quantity(
     - `table`: whether it stays an array wherever the element computes, of whatever length, as
       `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
     - `options`: of `equinox.field`, such as its `default`.
+
+    >>> class Blade(cj.AbstractFriction):
+    ...     coefficient: float = cj.quantity("1", positive=True, zero=True)
+    ...     def ratio(self, slip_speed):
+    ...         return self.coefficient * jnp.tanh(slip_speed / 1e-3)
+    >>> Blade(0.1)
+    Blade(coefficient=0.1)
     """
     declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
     metadata = {"unit": unit, "table": table, "declared": declared}

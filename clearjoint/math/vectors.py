@@ -84,7 +84,12 @@ def square_root(a: Scalar) -> Scalar:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Vector:
-    """A vector of three scalar components."""
+    """A vector of three scalar components.
+
+    >>> force, arm = cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)
+    >>> arm.cross(force).z, arm.dot(force)
+    (5.0, 0.0)
+    """
 
     x: Scalar
     y: Scalar

@@ -24,7 +24,12 @@ from ..fields.types import Quadruple, QuadrupleLike, Single, Square, Triple, Tri
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 
 GROUND = "ground"
-"""The name of the fixed body, which every scene has and no state holds."""
+"""The name of the fixed body, which every scene has and no state holds.
+
+>>> scene, _ = cj.double_pendulum()
+>>> scene.joints["shoulder"].bearing_body == cj.GROUND
+True
+"""
 DENSITIES = 1e-2, 1e6
 """Densities of a body's equivalent box, kg/m^3, beyond which a unit is mistaken. Solids have 10 to
 2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
@@ -80,6 +85,9 @@ class Body(AbstractReadable):
 
     **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
     inequality (each at most the sum of the other two) are among them.
+
+    >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
+    Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
     """
 
     mass: Single = quantity(
@@ -128,6 +136,10 @@ class BodyState(AbstractReadable):
     - `orientation`: (4,) Euler parameters, scalar first, body to global.
     - `velocity`: (3,) m/s, of the centre of mass, global.
     - `spin`: (3,) rad/s, angular velocity in body axes.
+
+    >>> state = cj.body_state(position=(0.5, 0, 0), spin=(0, 0, 2))
+    >>> state.orientation, state.spin
+    (array([1., 0., 0., 0.]), array([0., 0., 2.]))
     """
 
     position: Triple = eqx.field(metadata={"unit": "m"})
@@ -144,6 +156,10 @@ class State(AbstractReadable):
     energy ledger in J by name, and is empty unless the ledger is asked for.
     `bristles[joint][contact]`, (3,) m, are deflections of bristles, in the axes of the joint's
     first body, zero in flight; the dictionary is empty for scenes without bristle laws.
+
+    >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
+    >>> state.bodies["arm"].position
+    array([0.5, 0. , 0. ])
     """
 
     bodies: dict[str, BodyState]
@@ -167,7 +183,12 @@ class State(AbstractReadable):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it."""
+    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it.
+
+    >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motion.wrench(cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)).moment.z  # N m
+    5.0
+    """
 
     force: Vector
     moment: Vector
@@ -203,6 +224,10 @@ class Motion:
     Position and velocity are global, the spin is in body axes, `rotation` turns body components
     into global ones. Where there is an `anchor`, points near it are known to more digits than the
     position, and so are their velocities.
+
+    >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
+    >>> motion.velocity_at(cj.Vector(0.5, 0.0, 0.0))  # v + w x r
+    Vector(x=2, y=1.5, z=0.0)
     """
 
     position: Vector
@@ -265,6 +290,14 @@ def body_state(
     """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
 
     **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
+
+    >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0))
+    BodyState(
+      position=[0.5, 0.0, 0.0],
+      orientation=[1.0, 0.0, 0.0, 0.0],
+      velocity=[0.0, 1.0, 0.0],
+      spin=[0.0, 0.0, 0.0]
+    )
     """
     numbers = BodyState(*(as_number(value) for value in (position, orientation, velocity, spin)))
     for name in ("position", "velocity", "spin"):

@@ -3,7 +3,9 @@
 import inspect
 import re
 
-EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\\$\w])\$([^\s$](?:[^$\n]*[^\s$])?)\$(?![\w$])", re.DOTALL)
+EQUATION = re.compile(
+    r"\$\$(.+?)\$\$|(?<![\\$\w])\$([^\s$](?:[^$\n]*[^\s$])?)\$(?![\w$])", re.DOTALL
+)
 SESSION = re.compile(r"(?:^|(?<=\n\n))(>>> .*?)(?=\n\n|\Z)", re.DOTALL)
 LITERAL = re.compile(r"```.*?```|``.+?``|`[^`\n]+`", re.DOTALL)
 DOUBLE_TICKS = re.compile(r"(?<!`)``(?!`)(.+?)(?<!`)``(?!`)")

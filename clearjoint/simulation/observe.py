@@ -33,7 +33,11 @@ CHUNK = 512
 
 
 class MotionMode(enum.IntEnum):
-    """The paper's four modes of a journal in its bearing (Fig. 2)."""
+    """The paper's four modes of a journal in its bearing (Fig. 2).
+
+    >>> cj.MotionMode(2).name
+    'LINE_CONTACT'
+    """
 
     FREE_FLIGHT = 0
     ONE_BASE = 1

@@ -16,7 +16,12 @@ from .sections import Crossings
 
 
 class Trajectory(AbstractReadable):
-    """States over time: `times` (N,) s, and `states` with the times in front of each array."""
+    """States over time: `times` (N,) s, and `states` with the times in front of each array.
+
+    >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
+    >>> cj.Trajectory(np.zeros(1), states).times.shape
+    (1,)
+    """
 
     times: Numbers
     states: State

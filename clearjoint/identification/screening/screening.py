@@ -57,6 +57,9 @@ class Screening:
     - `passes`: at most. Another one, with other random numbers, follows while the best search ends
       at a chi squared that noise does not explain.
     - `seed`: of the generator.
+
+    >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
+    4
     """
 
     number: int = 160

@@ -103,6 +103,10 @@ class PrescribedRotation(AbstractRotationDriver):
       frame into the first's where the angle is zero; parallel frames by default.
 
     For another motion take `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+
+    >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
+    >>> print(f"{drive.angle(0.1):.1f} rad")
+    5.0 rad
     """
 
     first: str = eqx.field(static=True)
@@ -167,6 +171,9 @@ class DriveTorque(AbstractDriveTorque):
     **Arguments:** as `PrescribedRotation`, but `torque` in N m; zero lets the bodies turn freely.
 
     For a motor whose torque depends on angle, speed or time subclass `AbstractDriveTorque`.
+
+    >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
+    >>> scene, state = cj.slider_crank(motor=drive)
     """
 
     first: str = eqx.field(static=True)

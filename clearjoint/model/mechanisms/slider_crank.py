@@ -56,6 +56,10 @@ def slider_crank(
       speed, such as a `DriveTorque` about (0, 0, 1).
     - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
+
+    >>> scene, state = cj.slider_crank()
+    >>> list(scene.joints)
+    ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
     if clearance is None:
         pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)

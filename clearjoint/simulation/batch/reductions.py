@@ -102,6 +102,10 @@ class Peak(AbstractReduction):
     usual tolerances it is then that of the table of impacts to 1e-6.
 
     **Arguments:** `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+
+    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    >>> peak.units()
+    {'': 'N', 'time': 's'}
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -161,6 +165,10 @@ class Statistics(AbstractReduction):
 
     **Arguments:** `quantity` and `unit` as for `Peak`; `start_time`, `end_time`: s, the window;
     from the start to the end of the run unless given.
+
+    >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", start_time=0.1)
+    >>> list(speed.units())
+    ['mean', 'rms', 'smallest', 'largest']
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -233,6 +241,9 @@ class ImpactCount(AbstractReduction):
     """Number of contacts that began, of all contacts of a joint.
 
     **Arguments:** `joint`: its name.
+
+    >>> cj.ImpactCount("shoulder")
+    ImpactCount(joint='shoulder')
     """
 
     joint: str = eqx.field(static=True)
@@ -267,7 +278,12 @@ class ImpactCount(AbstractReduction):
 
 
 class DissipatedEnergy(AbstractReduction):
-    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`."""
+    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`.
+
+    >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
+    >>> outputs["losses"].needs_ledger
+    True
+    """
 
     needs_ledger = True
 
