@@ -99,7 +99,17 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """A `quantity` that may be ``None``: absent, and then without cost."""
+    """A `quantity` that may be ``None``: absent, and then without cost.
+
+    >>> class Damper(cj.AbstractForce):
+    ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
+    ...     def body_names(self):
+    ...         return ()
+    ...     def wrenches(self, motions, t):
+    ...         return {}
+    >>> Damper().damping is None
+    True
+    """
     return quantity(unit, converter=_as_optional_number, default=None, **options)
 
 

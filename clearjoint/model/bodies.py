@@ -198,6 +198,11 @@ class Wrench:
 
 
 NO_WRENCH = Wrench(ZERO, ZERO)
+"""Neither force nor moment: what a sum of wrenches begins with.
+
+>>> extend.NO_WRENCH.force
+Vector(x=0.0, y=0.0, z=0.0)
+"""
 
 
 @jax.tree_util.register_dataclass

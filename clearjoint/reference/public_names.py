@@ -79,5 +79,6 @@ def _texts_below_values(module: str) -> dict[str, str]:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         text = getattr(getattr(below, "value", None), "value", None)
         if isinstance(below, ast.Expr) and isinstance(text, str):
-            texts |= {t.id: inspect.cleandoc(text) for t in targets if isinstance(t, ast.Name)}
+            assigned = [name for target in targets if target for name in ast.walk(target)]
+            texts |= {n.id: inspect.cleandoc(text) for n in assigned if isinstance(n, ast.Name)}
     return texts

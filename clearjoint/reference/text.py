@@ -8,7 +8,6 @@ EQUATION = re.compile(
 )
 SESSION = re.compile(r"(?:^|(?<=\n\n))(>>> .*?)(?=\n\n|\Z)", re.DOTALL)
 LITERAL = re.compile(r"```.*?```|``.+?``|`[^`\n]+`", re.DOTALL)
-DOUBLE_TICKS = re.compile(r"(?<!`)``(?!`)(.+?)(?<!`)``(?!`)")
 
 
 def fenced(docstring: str) -> str:

@@ -2,6 +2,7 @@
 
 import doctest
 import re
+from pathlib import Path
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -13,10 +14,12 @@ from clearjoint.reference.public_names import PublicName, public_names
 
 COMPILES = re.compile(
     r"\b(simulate\w*|sweep|sensitivities|identif\w+|minimise|horizon|compiled_sensitivities"
-    r"|check_\w+|load_urdf|animate_journal|settle|largest|view|report|movie)\("
+    r"|free_impact|smoothing_bias|carried_journal|check_\w+|load_urdf|animate_journal|settle|largest|view|report|movie)\("
 )
 """What takes seconds: an example that calls one of these is slow."""
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+TABLE = re.compile(r"```toml\n(.*?)```", re.DOTALL)
+"""A scene file, which an example reads."""
 
 
 def distinct_names() -> dict[str, PublicName]:
@@ -51,6 +54,8 @@ def run_example(public: PublicName) -> str:
         "plt": plt,
         "testing": testing,
     }
+    for table in TABLE.findall(public.docstring):
+        Path("pendulum.toml").write_text(table, encoding="utf-8")
     for block in BLOCK.findall(public.docstring):
         exec(block, {"__name__": "a_user"})
     session = BLOCK.sub("", public.docstring)

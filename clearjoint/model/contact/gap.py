@@ -33,5 +33,10 @@ class Gap:
 
 
 def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
-    """The tangential part of a relative velocity, m/s."""
+    """The tangential part of a relative velocity, m/s.
+
+    >>> normal, relative = extend.UNIT_X, extend.Vector(0.1, 0.2, 0.0)
+    >>> extend.slip_velocity(relative, normal, rate=0.1).y
+    0.2
+    """
     return relative - normal * rate

@@ -23,7 +23,13 @@ millimetre."""
 
 
 class AbstractElasticity(AbstractConverting):
-    """The elastic force of a contact against its penetration, and the energy that it stores."""
+    """The elastic force of a contact against its penetration, and the energy that it stores.
+
+    >>> foundation = cj.LiuCylinder(207e9, 0.3, length=10e-3)  # is one
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{foundation.force(gap, exponent=1.5):.0f} N")
+    126 N
+    """
 
     @abc.abstractmethod
     def force(self, gap: Gap, exponent: float) -> Scalar:
