@@ -188,7 +188,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
         ...
-    ValueError: Argument `axis` must be a vector of non-zero length, but is [0, 0, 0]: give a direction, for example (0, 0, 1).
+    ValueError: Argument `axis` must be a vector of non-zero length, but is ...
     """
     require_shape(argument, value, (3,), "pass three components")
     numbers = concrete(value)
