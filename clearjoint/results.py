@@ -5,7 +5,11 @@ import numpy as np
 
 
 class RESULTS(eqx.Enumeration):
-    """Result codes; `RESULTS[code]` is the message."""
+    """Result codes; `RESULTS[code]` is the message.
+
+    >>> cj.RESULTS[cj.RESULTS.successful]
+    'The run reached its end time.'
+    """
 
     successful = "The run reached its end time."
     max_steps_reached = (
@@ -54,10 +58,18 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """The number of a result code, or of several."""
+    """The number of a result code, or of several.
+
+    >>> int(extend.result_number(cj.RESULTS.successful))
+    0
+    """
     return np.asarray(result._value)
 
 
 def result_numbers() -> dict[str, int]:
-    """The number of each result code by name."""
+    """The number of each result code by name.
+
+    >>> extend.result_numbers()["max_steps_reached"]
+    1
+    """
     return {name: int(result_number(item)) for name, item in RESULTS._name_to_item.items()}

@@ -82,7 +82,11 @@ def default_cache() -> Path:
 
 def xla_flags(present: str = "", vector_width: int = NARROW) -> str:
     """The value of ``XLA_FLAGS`` with the compiler's flags and options added to what is present;
-    vectors have the width that is present, but none above `vector_width`."""
+    vectors have the width that is present, but none above `vector_width`.
+
+    >>> "--xla" in testing.xla_flags()
+    True
+    """
     words = [word for word in present.split() if _width(word) <= vector_width]
     extra = [word for word in words if word.startswith(_EXTRA)]
     others = [word for word in words if not word.startswith(_EXTRA)]
@@ -103,7 +107,11 @@ def _width(flag: str) -> int:
 
 
 def settings(devices: int | None = None, cache: str | os.PathLike | None = None) -> dict[str, str]:
-    """The settings as environment variables, for processes that don't call `configure`."""
+    """The settings as environment variables, for processes that don't call `configure`.
+
+    >>> testing.runtime_settings(devices=2)["JAX_ENABLE_X64"]
+    '1'
+    """
     return {
         "JAX_ENABLE_X64": "1",
         "XLA_FLAGS": xla_flags(os.environ.get("XLA_FLAGS", "")),
@@ -127,6 +135,12 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     - `cache`: folder of the persistent compilation cache; `default_cache()` unless given.
 
     **Raises:** `RuntimeError` if JAX has already started.
+
+    Once, at the top of a program:
+
+    >>> cj.configure()
+    >>> jnp.asarray(1.0).dtype
+    dtype('float64')
     """
     global _idle
     if devices is not None:

@@ -27,7 +27,7 @@ FLOORS = (
     ("simulation",),
     ("information", "measurements", "sweeps"),
     ("identification", "scene_files", "testing"),
-    ("plot",),
+    ("plot", "reference"),
 )
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
@@ -42,6 +42,8 @@ THIRD_PARTY = {
     "pandas": {"information", "measurements"},
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
+    "pdoc": {"reference"},
+    "latex2mathml": {"reference"},
     "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},

@@ -28,6 +28,9 @@ class AbsoluteCoordinates(AbstractCoordinates):
     A body's position variable is that of its centre of mass, or of its `Anchor` if it hangs on the
     ground by a clearance joint: from the bearing's centre to the journal's, which in metre-sized
     coordinates would lose the digits that impacts amplify.
+
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
+    AbsoluteCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:

@@ -79,6 +79,11 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
 
     **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them; for
     a joint to be seated that has no clearance, or whose journal nothing presses against the wall.
+
+    >>> scene, guess = cj.slider_crank(clearance=None)
+    >>> state = cj.assemble(scene, guess)
+    >>> bool(np.allclose(state.bodies["slider"].position, guess.bodies["slider"].position))
+    True
     """
     check_names(scene, state)
     known = sorted(centring_joints(scene, scene.contact_joints()))

@@ -62,6 +62,10 @@ def constraint_report(
 
     **Arguments:** `coordinates`: take the joints that these eliminate as given, and look for
     redundancy among the rows that remain. Otherwise among all, in their order.
+
+    >>> report = cj.constraint_report(*cj.bricard())
+    >>> report.degrees_of_freedom(), len(report.redundant)
+    (1, 1)
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
     values = _constraints_first_on_host(scene, coordinates, state, on_device(t))

@@ -41,6 +41,13 @@ class AbstractMechanics(abc.ABC):
     """The equations of motion at one instant. What is not asked for is not computed.
 
     `motions`: pose and twist of each body, the ground included.
+
+    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> system = extend.System(scene, extend.Formulation())
+    >>> variables = system.encode(state.bodies)
+    >>> mechanics = system.mechanics(variables)
+    >>> float(mechanics.motions["arm 2"].position.x)
+    0.5
     """
 
     motions: Motions
@@ -80,7 +87,12 @@ class AbstractMechanics(abc.ABC):
 
 
 class AbstractCoordinates(eqx.Module):
-    """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form."""
+    """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form.
+
+    >>> scene, _ = cj.double_pendulum()
+    >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # is one
+    frozenset({'elbow'})
+    """
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:

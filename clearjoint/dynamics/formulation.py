@@ -14,6 +14,10 @@ class Formulation(eqx.Module):
     - `redundant`: whether constraints depend on each other, so that multipliers of least norm are
       sought. `clearjoint.dynamics.constraint_report` finds out.
     - `ledger`: whether the dissipated energies are integrated with the state.
+
+    >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
+    >>> formulation.coordinates
+    AbsoluteCoordinates()
     """
 
     coordinates: AbstractCoordinates = eqx.field(default_factory=JointCoordinates)

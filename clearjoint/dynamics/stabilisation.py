@@ -43,7 +43,12 @@ class AbstractStabilisation(AbstractConverting):
 
 
 class Unstabilised(AbstractStabilisation):
-    """No stabilisation: the constraints drift with the integration error."""
+    """No stabilisation: the constraints drift with the integration error.
+
+    >>> kept = cj.Unstabilised()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=kept).stabilisation
+    Unstabilised()
+    """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """Zero: constraints are differentiated twice, and left to themselves."""
@@ -55,6 +60,10 @@ class Baumgarte(AbstractStabilisation):
     """Feedback -2 alpha rate - beta^2 value (eq. 32; J. Baumgarte 1972).
 
     The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
+
+    >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
+    >>> print(f"{feedback:.3f}")  # -beta^2 value
+    -0.025
     """
 
     alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
@@ -66,7 +75,12 @@ class Baumgarte(AbstractStabilisation):
 
 
 class Projection(AbstractStabilisation):
-    """Positions and velocities at the end of each step are projected onto the constraints."""
+    """Positions and velocities at the end of each step are projected onto the constraints.
+
+    >>> kept = cj.Projection()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=kept).stabilisation
+    Projection()
+    """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """Zero: constraints are differentiated twice, and left to themselves."""

@@ -17,6 +17,13 @@ class UnusualValueWarning(UserWarning):
     """A number is far from what machines have: its unit may be mistaken.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.UnusualValueWarning)``.
+
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     _ = cj.RavnStiffness(207.0, 0.3)  # GPa?
+    >>> print(str(seen[-1].message)[:66])
+    Argument `young_modulus` is 207 Pa, where at least 1e+09 Pa is usu
     """
 
 
@@ -24,6 +31,9 @@ class LeftBearingWarning(UserWarning):
     """A journal that nothing holds axially has slid out of its bearing.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LeftBearingWarning)``.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("error", category=cj.LeftBearingWarning)  # raise it
     """
 
 
@@ -32,6 +42,9 @@ class NotCarriedOverWarning(UserWarning):
 
     Silence it with
     ``warnings.filterwarnings("ignore", category=clearjoint.NotCarriedOverWarning)``.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("error", category=cj.NotCarriedOverWarning)  # raise it
     """
 
 
@@ -39,6 +52,9 @@ class LawRangeWarning(UserWarning):
     """A contact law is used where it does not hold, or for what it cannot give.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("error", category=cj.LawRangeWarning)  # raise it
     """
 
 

@@ -43,20 +43,32 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def require(condition: bool, argument: str, value: object, expected: str, remedy: str) -> None:
-    """Raise a ``ValueError`` that names argument, value, expectation and remedy."""
+    """Raise a ``ValueError`` that names argument, value, expectation and remedy.
+
+    >>> extend.require(False, "teeth", 3, "at least 5", "count them")
+    Traceback (most recent call last):
+        ...
+    ValueError: Argument `teeth` must be at least 5, but is 3: count them.
+    """
     if not condition:
         shown = value.tolist() if isinstance(value, np.ndarray) else value
         raise ValueError(f"Argument `{argument}` must be {expected}, but is {shown!r}: {remedy}.")
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
-    """Check the shape of an array and that its values are finite."""
+    """Check the shape of an array and that its values are finite.
+
+    >>> extend.require_shape("inertia", np.eye(3), (3, 3), "give it so")  # else raises
+    """
     require(np.shape(value) == shape, argument, value, f"an array of shape {shape}", remedy)
     require_finite(argument, value)
 
 
 def require_finite(argument: str, value: object) -> None:
-    """Check that no value is NaN or infinite."""
+    """Check that no value is NaN or infinite.
+
+    >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
+    """
     numbers = concrete(value)
     if numbers is not None:
         require(
@@ -69,7 +81,13 @@ def require_finite(argument: str, value: object) -> None:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Check a scalar to be finite and positive, or not negative when ``zero`` is allowed."""
+    """Check a scalar to be finite and positive, or not negative when ``zero`` is allowed.
+
+    >>> extend.require_positive("radius", -1.0, "give it in m")
+    Traceback (most recent call last):
+        ...
+    ValueError: Argument `radius` must be positive, but is -1.0: give it in m.
+    """
     require_shape(argument, value, (), "pass a single number")
     number = concrete(value)
     if number is not None:
@@ -114,7 +132,13 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Check a scalar to lie in a closed interval."""
+    """Check a scalar to lie in a closed interval.
+
+    >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
+    Traceback (most recent call last):
+        ...
+    ValueError: Argument `restitution` must be in [0.0, 1.0], but is 1.5: give c.
+    """
     require_shape(argument, value, (), "pass a single number")
     number = concrete(value)
     if number is not None:
@@ -151,12 +175,21 @@ def caution_above(argument: str, value: object, unit: str, most: float, remedy: 
 
 
 def require_point(argument: str, value: ArrayLike) -> None:
-    """Check a point or vector of three finite coordinates."""
+    """Check a point or vector of three finite coordinates.
+
+    >>> extend.require_point("journal_point", (-0.5, 0, 0))  # raises for other shapes
+    """
     require_shape(argument, value, (3,), "pass three coordinates in m")
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Check a direction: three finite components of which one at least is not zero."""
+    """Check a direction: three finite components of which one at least is not zero.
+
+    >>> extend.require_axis("axis", (0, 0, 0))
+    Traceback (most recent call last):
+        ...
+    ValueError: Argument `axis` must be a vector of non-zero length, but is ...
+    """
     require_shape(argument, value, (3,), "pass three components")
     numbers = concrete(value)
     if numbers is not None:

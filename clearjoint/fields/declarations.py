@@ -85,6 +85,13 @@ def quantity(
     - `table`: whether it stays an array wherever the element computes, of whatever length, as
       `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
     - `options`: of `equinox.field`, such as its `default`.
+
+    >>> class Blade(cj.AbstractFriction):
+    ...     coefficient: float = cj.quantity("1", positive=True, zero=True)
+    ...     def ratio(self, slip_speed):
+    ...         return self.coefficient * jnp.tanh(slip_speed / 1e-3)
+    >>> Blade(0.1)
+    Blade(coefficient=0.1)
     """
     declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
     metadata = {"unit": unit, "table": table, "declared": declared}
@@ -92,7 +99,17 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """A `quantity` that may be ``None``: absent, and then without cost."""
+    """A `quantity` that may be ``None``: absent, and then without cost.
+
+    >>> class Damper(cj.AbstractForce):
+    ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
+    ...     def body_names(self):
+    ...         return ()
+    ...     def wrenches(self, motions, t):
+    ...         return {}
+    >>> Damper().damping is None
+    True
+    """
     return quantity(unit, converter=_as_optional_number, default=None, **options)
 
 

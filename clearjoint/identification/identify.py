@@ -78,6 +78,23 @@ def identify(
 
     **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
     see `Fit.ending` and `Fit.warnings`.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     guess={"stiffness": 90.0},
+    ...     progress=False,
+    ... )
+    >>> print(f"{fit.estimates['stiffness']:.3f} N/m")
+    100.000 N/m
     """
     return identify_many(
         scene,
@@ -113,7 +130,20 @@ def identify_many(
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
     """`identify` for several sets of measurements of the same channels and times, such as draws of
-    the noise: one fit for each."""
+    the noise: one fit for each.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
+    >>> draws = [cj.Measurements({"x": series}) for series in noisy]
+    >>> fits = cj.identify_many(scene, state, draws, {"stiffness": stiffness}, progress=False)
+    >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
+    True
+    """
     _check(scene, measurements, start_time, grow, max_iterations, tolerance)
     settings = settings_or(settings, presets.identification)
     times = measurements[0].times()

@@ -60,7 +60,11 @@ E = TypeVar("E", bound=LinearisedMisfit)
 
 
 class Ending(Enum):
-    """How a search ended; the value is the message."""
+    """How a search ended; the value is the message.
+
+    >>> cj.Ending.CONVERGED.value
+    'converged'
+    """
 
     CONVERGED = "converged"
     STALLED = "no step improves the fit: the data may be rough there; fit growing windows first"
@@ -78,6 +82,10 @@ class Iteration:
       of the estimates.
     - `trust`: in the linear model: one over the damping of Levenberg and Marquardt; where whole
       steps are taken, the part of a step that the search begins with.
+
+    >>> step = cj.Iteration(3, True, 101.2, coordinates=np.zeros(2), decrement=0.1, trust=1.0)
+    >>> step.accepted
+    True
     """
 
     number: int

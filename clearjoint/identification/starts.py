@@ -26,6 +26,9 @@ class Starts:
       scale, 1 is a factor of e both ways); one number, or one by parameter. Starts are uniformly
       distributed up to there.
     - `seed`: of the random numbers.
+
+    >>> cj.Starts(4, spread=0.5)
+    Starts(number=4, spread=0.5, seed=0)
     """
 
     number: int

@@ -55,6 +55,22 @@ class Horizon:
 
     `numerical`, `convergence` and `single_shot` are infinite if nothing of the kind happens within
     the record.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> limits.growth.shape
+    (30, 2)
     """
 
     times: Float[np.ndarray, " T"]
@@ -165,6 +181,22 @@ def horizon(
 
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run at the
     parameters' own values fails.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> limits.single_shot
+    inf
     """
     settings = settings_or(settings, presets.derivatives)
     looser = settings.looser(LOOSER)

@@ -45,6 +45,11 @@ class Sensor:
       SI unit: a number, or (N,).
 
     **Raises:** `ValueError` for times that don't rise and for noise that is not positive.
+
+    >>> times = np.linspace(0.0, 0.1, 201)
+    >>> probe = cj.Sensor(cj.quantities.JournalOffset("shoulder", "x"), times, noise=1e-6)
+    >>> probe.times.shape
+    (201,)
     """
 
     channels: tuple[Quantity, ...]

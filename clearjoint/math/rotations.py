@@ -17,6 +17,11 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
     Dividing by the squared norm keeps A orthogonal when rounding or integration error lets the
     norm drift, so that no constraint on the norm is needed.
+
+    >>> half = 0.5**0.5  # a quarter turn about z
+    >>> matrix = extend.rotation_matrix(extend.EulerParameters(half, 0.0, 0.0, half))
+    >>> print(f"{(matrix @ extend.UNIT_X).y:.3f}")
+    1.000
     """
     s = 2.0 / squared_norm(p)
     xs, ys, zs = p.e1 * s, p.e2 * s, p.e3 * s
@@ -42,7 +47,13 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Euler parameters after a small turn (rotation vector in body axes, rad), of unit norm."""
+    """Euler parameters after a small turn (rotation vector in body axes, rad), of unit norm.
+
+    >>> still = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
+    >>> p = extend.turned(still, extend.Vector(0.0, 0.0, 1e-3))
+    >>> print(f"{p.e3:.2e}")  # half of the angle
+    5.00e-04
+    """
     rate = euler_parameter_rates(p, angle)
     q = EulerParameters(p.e0 + rate.e0, p.e1 + rate.e1, p.e2 + rate.e2, p.e3 + rate.e3)
     return normalised(q)
@@ -62,7 +73,12 @@ def conjugate(p: EulerParameters) -> EulerParameters:
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Euler parameters scaled to unit norm."""
+    """Euler parameters scaled to unit norm.
+
+    >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
+    >>> print(f"{p.e0:.1f}")
+    1.0
+    """
     scale = 1.0 / square_root(squared_norm(p))
     return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
 
@@ -90,12 +106,20 @@ def within_two_turns(angle: Scalar) -> Scalar:
 
     A double turn gives back the Euler parameters with their sign. An angle that grew with every
     revolution would lose its digits, and errors would be judged against it.
+
+    >>> print(f"{extend.within_two_turns(5.0 * np.pi) / np.pi:.1f}")  # half a turn
+    1.0
     """
     return angle - 4.0 * math.pi * jnp.round(angle / (4.0 * math.pi))
 
 
 def unit(vector: Vector) -> Vector:
-    """A vector of length one; the argument must not vanish."""
+    """A vector of length one; the argument must not vanish.
+
+    >>> direction = extend.unit(extend.Vector(3.0, 4.0, 0.0))
+    >>> print(f"{direction.x:.1f}, {direction.y:.1f}")
+    0.6, 0.8
+    """
     return vector * (1.0 / square_root(vector.dot(vector)))
 
 

@@ -15,7 +15,11 @@ _TINY = 1e-200
 
 def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     """max(x, 0) to a power of at least one; the Python numbers 1.5 and 1 avoid the slow general
-    power."""
+    power.
+
+    >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
+    8.0, 0.0
+    """
     positive, known = x > 0.0, exponent if isinstance(exponent, int | float) else None
     if known == 1.0:
         return jnp.where(positive, x, 0.0)
@@ -25,7 +29,12 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
 
 
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
-    """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector."""
+    """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector.
+
+    >>> norm, direction = cj.norm_and_direction(cj.Vector(3.0, 4.0, 0.0))
+    >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")
+    5.0, 0.6, 0.8
+    """
     square = vector.dot(vector)
     vanishes = square <= _TINY
     norm = square_root(where(vanishes, 1.0, square))
@@ -34,7 +43,11 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:
-    """max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w."""
+    """max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w.
+
+    >>> print(f"{extend.ramp(0.0, 1e-6):.2e}, {extend.ramp(2e-6, 1e-6):.2e}")  # w/4, x
+    2.50e-07, 2.00e-06
+    """
     if width is None:
         return jnp.maximum(x, 0.0)
     inside = jnp.clip(x, -width, width)

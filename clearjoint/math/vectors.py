@@ -24,7 +24,11 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = float | jax.Array
-"""A number: a float, Python's or numpy's, or a JAX array of shape ()."""
+"""A number: a float, Python's or numpy's, or a JAX array of shape ().
+
+>>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
+...     return 1.0 + depth
+"""
 Condition: TypeAlias = bool | jax.Array
 """True or false: a bool, or a JAX array of booleans of shape ()."""
 
@@ -84,7 +88,12 @@ def square_root(a: Scalar) -> Scalar:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Vector:
-    """A vector of three scalar components."""
+    """A vector of three scalar components.
+
+    >>> force, arm = cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)
+    >>> arm.cross(force).z, arm.dot(force)
+    (5.0, 0.0)
+    """
 
     x: Scalar
     y: Scalar
@@ -131,15 +140,40 @@ class Vector:
 
 
 ZERO = Vector(0.0, 0.0, 0.0)
+"""The zero vector, whose components cost nothing where they are multiplied.
+
+>>> extend.ZERO + extend.UNIT_X
+Vector(x=1.0, y=0.0, z=0.0)
+"""
 UNIT_X = Vector(1.0, 0.0, 0.0)
+"""The unit vector along x.
+
+>>> extend.UNIT_X * 2.0
+Vector(x=2.0, y=0.0, z=0.0)
+"""
 UNIT_Y = Vector(0.0, 1.0, 0.0)
+"""The unit vector along y.
+
+>>> extend.UNIT_Y * 2.0
+Vector(x=0.0, y=2.0, z=0.0)
+"""
 UNIT_Z = Vector(0.0, 0.0, 1.0)
+"""The unit vector along z.
+
+>>> extend.UNIT_Z * 2.0
+Vector(x=0.0, y=0.0, z=2.0)
+"""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """A 3x3 matrix, by rows."""
+    """A 3x3 matrix, by rows.
+
+    >>> matrix = extend.Matrix(extend.UNIT_Y, -extend.UNIT_X, extend.UNIT_Z)
+    >>> matrix @ extend.Vector(1.0, 2.0, 3.0)
+    Vector(x=2.0, y=-1.0, z=3.0)
+    """
 
     row_x: Vector
     row_y: Vector
@@ -185,13 +219,22 @@ class Matrix:
 
 
 IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
+"""The rotation matrix of a body whose axes are the global ones.
+
+>>> extend.IDENTITY @ extend.UNIT_X
+Vector(x=1.0, y=0.0, z=0.0)
+"""
 NOTHING = Matrix(ZERO, ZERO, ZERO)
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class EulerParameters:
-    """A unit quaternion, scalar part first, that turns body components into global ones."""
+    """A unit quaternion, scalar part first, that turns body components into global ones.
+
+    >>> extend.rotation_matrix(extend.EulerParameters(1.0, 0.0, 0.0, 0.0)).row_x
+    Vector(x=1.0, y=0.0, z=0.0)
+    """
 
     e0: Scalar
     e1: Scalar
@@ -280,6 +323,9 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 
     The tree may come as `Structured`: its structural components become Python numbers. Fields that
     are declared as tables keep their arrays.
+
+    >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
+    2.0
     """
     packed = tree if isinstance(tree, Structured) else Structured(tree, ())
     leaves, shape = jax.tree.flatten(packed.tree)
@@ -308,5 +354,9 @@ def library(parts: Sequence[Scalar]) -> ModuleType:
 
 
 def pack(tree: PyTree) -> PyTree:
-    """The inverse of `unpack`; leading axes shared by all components stay in front."""
+    """The inverse of `unpack`; leading axes shared by all components stay in front.
+
+    >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
+    array([1., 2., 3.])
+    """
     return jax.tree.map(_pack_leaf, tree, is_leaf=lambda node: isinstance(node, _KINDS))

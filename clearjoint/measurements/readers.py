@@ -50,6 +50,9 @@ class Channel:
     - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
     - `noise`: one standard deviation, in the column's unit: a number, or one for each row.
     - `unit`: of the column, where the table does not give it.
+
+    >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
+    'um'
     """
 
     quantity: Quantity
@@ -120,6 +123,13 @@ def read_csv(
 
     **Raises:** `ValueError` for a column that is not there, without a unit or in one of another
     dimension, for text and NaN, times that don't rise, and noise that is not positive.
+
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
+    >>> table.to_csv("rig.csv", index=False)
+    >>> probe = cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=0.1)
+    >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
+    array([0.   , 0.001])
     """
     table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
     headers = [_split(header) for header in _headers(path, table, options)]
@@ -154,6 +164,12 @@ def from_xarray(
     "units". The variables' own attributes "units" are theirs.
 
     **Arguments:** `channels`: `Channel` by variable; the others, and errors, as for `read_csv`.
+
+    >>> import xarray as xr
+    >>> data = xr.Dataset({"probe": ("t", [1.0, 2.0], {"units": "um"})}, coords={"t": [0.0, 0.1]})
+    >>> channel = cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=0.1)
+    >>> cj.from_xarray(data, {"probe": channel}).series["probe"].values  # m
+    array([1.e-06, 2.e-06])
     """
     import pandas as pd
 

@@ -37,6 +37,11 @@ class Series(AbstractReadable):
     - `name`: of the series in errors.
 
     **Raises:** `ValueError` for values that no measurement can have.
+
+    >>> angle = cj.quantities.JointAngle("elbow")
+    >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
+    >>> series.values.round(4)  # rad
+    array([1.5708, 1.5882])
     """
 
     channel: Quantity = eqx.field(static=True)
@@ -141,6 +146,12 @@ class Measurements(AbstractReadable):
     """Series by name.
 
     **Arguments:** `series`: a dictionary of `Series`, at least one.
+
+    >>> angle = cj.quantities.JointAngle("elbow")
+    >>> encoder = cj.Series(angle, [0.0, 0.1, 0.2], [1.0, 1.1, 1.3], noise=0.01)
+    >>> data = cj.Measurements({"encoder": encoder})
+    >>> data.between(0.05, 0.3).times()
+    array([0.1, 0.2])
     """
 
     series: dict[str, Series]

@@ -26,7 +26,12 @@ from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 
 GROUND = "ground"
-"""The name of the fixed body, which every scene has and no state holds."""
+"""The name of the fixed body, which every scene has and no state holds.
+
+>>> scene, _ = cj.double_pendulum()
+>>> scene.joints["shoulder"].bearing_body == cj.GROUND
+True
+"""
 DENSITIES = 1e-2, 1e6
 """Densities of a body's equivalent box, kg/m^3, beyond which a unit is mistaken. Solids have 10 to
 2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
@@ -85,6 +90,9 @@ class Body(AbstractReadable):
 
     **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
     inequality (each at most the sum of the other two) are among them.
+
+    >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
+    Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
     """
 
     mass: Single = quantity(
@@ -245,6 +253,10 @@ class BodyState(AbstractReadable):
     - `orientation`: (4,) Euler parameters, scalar first, body to global.
     - `velocity`: (3,) m/s, of the centre of mass, global.
     - `spin`: (3,) rad/s, angular velocity in body axes.
+
+    >>> state = cj.body_state(position=(0.5, 0, 0), spin=(0, 0, 2))
+    >>> state.orientation, state.spin
+    (array([1., 0., 0., 0.]), array([0., 0., 2.]))
     """
 
     position: Triple = eqx.field(metadata={"unit": "m"})
@@ -261,6 +273,10 @@ class State(AbstractReadable):
     energy ledger in J by name, and is empty unless the ledger is asked for.
     `bristles[joint][contact]`, (3,) m, are deflections of bristles, in the axes of the joint's
     first body, zero in flight; the dictionary is empty for scenes without bristle laws.
+
+    >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
+    >>> state.bodies["arm"].position
+    array([0.5, 0. , 0. ])
     """
 
     bodies: dict[str, BodyState]
@@ -284,7 +300,12 @@ class State(AbstractReadable):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it."""
+    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it.
+
+    >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motion.wrench(cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)).moment.z  # N m
+    5.0
+    """
 
     force: Vector
     moment: Vector
@@ -294,6 +315,11 @@ class Wrench:
 
 
 NO_WRENCH = Wrench(ZERO, ZERO)
+"""Neither force nor moment: what a sum of wrenches begins with.
+
+>>> extend.NO_WRENCH.force
+Vector(x=0.0, y=0.0, z=0.0)
+"""
 
 
 @jax.tree_util.register_dataclass
@@ -320,6 +346,10 @@ class Motion:
     Position and velocity are global, the spin is in body axes, `rotation` turns body components
     into global ones. Where there is an `anchor`, points near it are known to more digits than the
     position, and so are their velocities.
+
+    >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
+    >>> motion.velocity_at(cj.Vector(0.5, 0.0, 0.0))  # v + w x r
+    Vector(x=2, y=1.5, z=0.0)
     """
 
     position: Vector
@@ -393,6 +423,14 @@ def body_state(
     `spin`: (3,) rad/s, in body axes.
 
     **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
+
+    >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0))
+    BodyState(
+      position=[0.5, 0.0, 0.0],
+      orientation=[1.0, 0.0, 0.0, 0.0],
+      velocity=[0.0, 1.0, 0.0],
+      spin=[0.0, 0.0, 0.0]
+    )
     """
     numbers = BodyState(*(as_number(value) for value in (position, orientation, velocity, spin)))
     for name in ("position", "velocity", "spin"):

@@ -39,6 +39,14 @@ class Scene(AbstractReadable):
     - `gravity`: (3,) m/s^2, or ``None``.
 
     **Raises:** `ValueError` for an element of the wrong kind or one that names an unknown body.
+
+    >>> scene = cj.Scene(
+    ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
+    ...     joints={"pivot": cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))},
+    ...     gravity=(0, 0, -9.81),
+    ... )
+    >>> list(scene.bodies), list(scene.joints)
+    (['arm'], ['pivot'])
     """
 
     bodies: dict[str, Body]

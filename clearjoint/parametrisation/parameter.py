@@ -28,6 +28,11 @@ class Parameter:
 
     `Parameter.initial` takes a place in the initial state, and `Parameter.change` a function that
     makes scene and state of a value.
+
+    >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
+    >>> scene, state = cj.double_pendulum(clearance=0.5e-3)
+    >>> print(f"{parameter.coordinate_in(scene, state):.4f}")  # log(0.5e-3)
+    -7.6009
     """
 
     variation: AbstractVariation

@@ -64,6 +64,11 @@ def put(tree: PyTree, place: Place, value: Leaf) -> PyTree:
     """The tree with another value at a place; nothing is checked (see `fields.recheck`).
 
     **Raises:** `ValueError` if the value has another shape than what it replaces.
+
+    >>> scene, _ = cj.double_pendulum()
+    >>> wider = cj.put(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
+    >>> float(wider.joints["shoulder"].clearance)
+    0.001
     """
     return put_numbers(tree, numbers_at(tree, place), value)
 
@@ -120,7 +125,12 @@ def unit_at(tree: PyTree, place: Place) -> str:
 
 
 def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
-    """All numbers of a scene or state by name: value and unit."""
+    """All numbers of a scene or state by name: value and unit.
+
+    >>> scene, _ = cj.double_pendulum()
+    >>> [name for name in cj.parameters(scene) if "clearance" in name]
+    ["joints['shoulder'].clearance"]
+    """
     return {name: (value, unit) for name, value, unit in _named_leaves(tree, "")}
 
 

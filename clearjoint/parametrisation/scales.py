@@ -70,7 +70,11 @@ class AbstractScale(abc.ABC):
 
 @dataclass(frozen=True)
 class Linear(AbstractScale):
-    """Any value: the coordinate in units of `unit`."""
+    """Any value: the coordinate in units of `unit`.
+
+    >>> cj.Linear(unit=0.5).value(3.0)
+    1.5
+    """
 
     unit: float = 1.0
     stride: ClassVar[float] = math.inf
@@ -97,7 +101,12 @@ class Linear(AbstractScale):
 
 @dataclass(frozen=True)
 class Log(AbstractScale):
-    """Positive values: the natural logarithm."""
+    """Positive values: the natural logarithm.
+
+    >>> scale = cj.Log()
+    >>> print(f"{scale.coordinate(1.0):.1f}, {scale.value(0.0):.1f}")
+    0.0, 1.0
+    """
 
     stride: ClassVar[float] = 1.0
 
@@ -118,7 +127,12 @@ class Log(AbstractScale):
 
 @dataclass(frozen=True)
 class Bounded(AbstractScale):
-    """Values between two bounds: the logarithm of the ratio of the distances to them."""
+    """Values between two bounds: the logarithm of the ratio of the distances to them.
+
+    >>> scale = cj.Bounded(0.0, 1.0)
+    >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
+    0.50, 0.993
+    """
 
     low: float
     high: float

@@ -44,6 +44,12 @@ def journal_frames(
     - `columns`: pictures in a line.
 
     **Returns:** the figure.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
     blocks = -(-len(instants) // columns)
     if figure is None:
@@ -88,6 +94,12 @@ def animate_journal(
     - `file`: where to write; the name ends in ".gif".
     - `instants`: (M,) s, one a frame; each shows the observed instant nearest to it.
     - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
     figure = Figure(figsize=(5.0, 2.9))
     pair = figure.subplots(1, 2)

@@ -26,6 +26,9 @@ def over_angle(
     - `quantity`: what the values are, with their unit. `shaft`: what turns.
 
     **Returns:** the axes; angle in degrees, ticks at quarter turns.
+
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
     """
     axes = axes_or_new(axes)
     for (label, (angles, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
@@ -44,6 +47,8 @@ def poincare_map(
     **Arguments:** `x`, `y`: (N,) coordinates of the points, in order; `labels`: theirs, with units.
 
     **Returns:** the axes; later points are darker.
+
+    >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
     axes = axes_or_new(axes, (4.8, 4.8))
     shade = np.linspace(0.35, 1.0, len(x))

@@ -20,6 +20,22 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     **Arguments:** `series`: names of those to draw; all unless given.
 
     **Returns:** the axes, (2, number of series), of a new figure.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     guess={"stiffness": 90.0},
+    ...     progress=False,
+    ... )
+    >>> axes = plot.fitted(fit)
     """
     names = list(fit.measurements.series) if series is None else list(series)
     known = list(fit.measurements.series)
@@ -65,7 +81,24 @@ def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
-    """Correlations of the estimates, as numbers on colours."""
+    """Correlations of the estimates, as numbers on colours.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     guess={"stiffness": 90.0},
+    ...     progress=False,
+    ... )
+    >>> axes = plot.correlations(fit)
+    """
     axes = axes_or_new(axes, (1.6 + 1.0 * len(fit.parameters), 1.2 + 0.9 * len(fit.parameters)))
     numbers, names = fit.correlation, list(fit.parameters)
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)

@@ -28,6 +28,12 @@ def contact_and_reaction(
     - `window`: instants between which to draw, s; the whole observation unless given.
 
     **Returns:** the axes; time in ms, forces in N.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
     axes = axes_or_new(axes)
     inside_span = inside(observation.times, window)
@@ -61,6 +67,12 @@ def contact_forces(
     - `window`: instants between which to draw, s; the whole observation unless given.
 
     **Returns:** the axes; time in ms, force in N or kN.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     axes = axes_or_new(axes)
     times = observation.times * 1e3
@@ -93,6 +105,12 @@ def hysteresis(
     - `count`: how many loops to draw.
 
     **Returns:** the axes; penetration in micrometres, force in N.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
     axes = axes_or_new(axes)
     for k, (colour, style) in zip(range(min(count, len(impacts))), lines(), strict=False):
@@ -107,7 +125,16 @@ def hysteresis(
 
 
 def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
-    """Area inside the hysteresis loop of one impact, J: what is dissipated at that contact."""
+    """Area inside the hysteresis loop of one impact, J: what is dissipated at that contact.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> impacts = solution.impacts.of("shoulder", "V")
+    >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
+    True
+    """
     depth, force = _loop(observation, impacts, index)
     return float(np.trapezoid(force, depth))
 

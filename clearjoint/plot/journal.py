@@ -15,7 +15,11 @@ CrossSection = Mapping[str, ArrayLike]
 """Two perpendicular unit vectors by their labels: the first points to the right in a figure, the
 second upwards. (3,) each in global axes, or (N, 3) for a bearing that moves."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
-"""The cross-section of a bearing at rest whose axis is Z."""
+"""The cross-section of a bearing at rest whose axis is Z.
+
+>>> plot.XY["X"]
+(1.0, 0.0, 0.0)
+"""
 OWN = ("the bearing's x", "the bearing's y")
 """What points to the right and upwards in the bearing's own cross-section."""
 
@@ -37,6 +41,12 @@ def eccentricities(
     - `window`: instants between which to draw, s; the whole observation unless given.
 
     **Returns:** the axes; time in ms, eccentricity in mm.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes)
     inside_span = inside(observation.times, window)
@@ -59,6 +69,13 @@ def eccentricity_vectors(
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, global, by
     their labels: (3,) each, or (N, 3) for a bearing that moves. The bearing's own x and y, which
     move with it, unless given; those of a bearing whose axis is its body's z are the body's.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape
+    (2001, 2)
     """
     seen = contact(observation, joint, base)
     if section is None:
@@ -87,6 +104,12 @@ def journal_orbit(
     - `window`: instants between which to draw, s; the whole observation unless given.
 
     **Returns:** the axes, of equal scale, in mm.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
     inside_span = inside(observation.times, window)
@@ -111,6 +134,12 @@ def orbit_in_contact(
     **Arguments:** as `journal_orbit`, and the name of the `base`.
 
     **Returns:** the axes, of equal scale, in mm.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
     inside_span = inside(observation.times, window)
@@ -124,7 +153,11 @@ def orbit_in_contact(
 
 def clearance_circle(axes: Axes, clearance: float) -> Axes:
     """Draw the circle on which a base touches the wall, for a radial clearance in m; the axes, now
-    of equal scale, are in mm."""
+    of equal scale, are in mm.
+
+    >>> _, axes = plt.subplots()
+    >>> axes = plot.clearance_circle(axes, 0.5e-3)
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = clearance * 1e3 * np.stack([np.cos(angle), np.sin(angle)])
     axes.plot(*circle, color="black", linewidth=1.0, label="clearance")

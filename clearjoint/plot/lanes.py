@@ -36,6 +36,15 @@ def against(
     - `colour`: of the points; unless given, one that the axes do not have yet.
 
     **Returns:** the axes, logarithmic where values spread over a decade.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> drawn = plot.against(found, "speed")
     """
     axis = only_axis(dataset, axis)
     axes = axes_or_new(axes)
@@ -71,6 +80,11 @@ def running_median(
     NaN is left out, and so are the ends, which have too few neighbours.
 
     **Raises:** `ValueError` if there are fewer values than `width`.
+
+    >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
+    >>> places, medians = plot.running_median(np.arange(5.0), values, 3)
+    >>> medians
+    array([2., 3., 3.])
     """
     there = np.isfinite(values)
     count = int(there.sum())

@@ -31,6 +31,12 @@ def position(
     - `window`: instants between which to draw, s; all there are unless given.
 
     **Returns:** the axes; time in s, position in m.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
     curves = {
         label: (trajectory.times, centre_of(trajectory, body)[:, _number(component)])
@@ -59,6 +65,12 @@ def acceleration(
     - `window`: instants between which to draw, s; all there are unless given.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
     curves = {
         label: (seen.times, acceleration_of(seen, body)[:, _number(component)])
@@ -88,6 +100,12 @@ def path(
     - `window`: instants between which to draw, s; the whole trajectories unless given.
 
     **Returns:** the axes, of equal scale; positions in m. A dot marks the beginning.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
     axes = axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)

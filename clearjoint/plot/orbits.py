@@ -28,6 +28,15 @@ def orbit(
     - `window`: instants between which to draw, s; all that was saved unless given.
 
     **Returns:** the axes, of equal scale, in mm. A dot marks the beginning.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
+    >>> channels = {"x": (x, "m"), "y": (y, "m")}
+    >>> saved = cj.Saved(np.linspace(0.0, 0.02, 201), channels)
+    >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [0.5e-3])
+    >>> axes = {"clearance": clearance}
+    >>> found = cj.sweep(scene, state, 0.02, axes, {"path": saved}, progress=False)
+    >>> drawn = plot.orbit(found.isel(clearance=0), "path", 0.5e-3)
     """
     names = [f"{saved}_{channel}" for channel in channels]
     require_names(lane, (*names, f"{saved}_time"))

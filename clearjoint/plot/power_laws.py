@@ -35,6 +35,15 @@ def convergence(
     - `axes`: pass those of another call to compare.
 
     **Returns:** the axes, logarithmic both ways.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> drawn = plot.convergence(found, "speed")
     """
     axis = only_axis(dataset, axis)
     axes = axes_or_new(axes)
@@ -62,6 +71,16 @@ def power_law_exponent(
     The arguments are those of `convergence`.
 
     **Raises:** `ValueError` for fewer than two positive values.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
+    0.500
     """
     axis = only_axis(dataset, axis)
     used = inside(dataset[axis].values, within)

@@ -15,6 +15,21 @@ def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     **Arguments:** `horizon`: from `clearjoint.horizon`.
 
     **Returns:** the axes; time in ms, displacements in m, logarithmic.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> axes = plot.growth(limits)
     """
     axes = axes_or_new(axes)
     times, labels = horizon.times * 1e3, [*horizon.information.labels, f"{DISTURBANCE}, m/s"]
@@ -33,6 +48,21 @@ def integration_error(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     **Arguments:** `horizon`: from `clearjoint.horizon`.
 
     **Returns:** the axes; time in ms, errors logarithmic.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> axes = plot.integration_error(limits)
     """
     axes = axes_or_new(axes)
     curves = {

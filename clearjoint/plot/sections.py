@@ -34,6 +34,17 @@ def bifurcation(
     - `number`: whether colours tell which crossing it is, for motions that do not repeat.
 
     **Returns:** the axes, logarithmic where values spread over a decade.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> position = cj.quantities.Position("ball", "x")
+    >>> still = cj.Section(cj.quantities.Velocity("ball", "x"), {"x": (position, "m")}, count=3)
+    >>> save, axes = cj.Saving(sections={"still": still}), {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 2.0, axes, {"speed": speed}, save=save, progress=False)
+    >>> drawn = plot.bifurcation(found, "still", "x")
     """
     axis = only_axis(dataset, axis)
     variable = f"{section}_{channel}"

@@ -15,10 +15,22 @@ from ..model.scene import Scene
 from .instant import Instant
 
 Component = Literal["x", "y", "z"]
+"""The name of a component of a vector.
+
+>>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y", "z")}
+"""
 Axes = Literal["global", "body"]
-"""In which a component of a vector is taken."""
+"""In which a component of a vector is taken.
+
+>>> sensor = cj.quantities.PointAcceleration("arm 2", (0.5, 0, 0), "x", axes="body")
+"""
 Quantity = Callable[[Instant], Scalar]
-"""A scalar function of an instant, such as those of `clearjoint.quantities`."""
+"""A scalar function of an instant, such as those of `clearjoint.quantities`.
+
+>>> def clock(now: extend.Instant) -> float:
+...     return now.time
+>>> outputs = {"latest": cj.Peak(clock, "s")}
+"""
 
 
 class AbstractQuantity(eqx.Module):

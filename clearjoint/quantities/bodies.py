@@ -40,7 +40,12 @@ class AbstractBodyQuantity(AbstractQuantity):
 
 
 class Position(AbstractBodyQuantity):
-    """Global coordinate of a body's centre of mass, m."""
+    """Global coordinate of a body's centre of mass, m.
+
+    >>> height = cj.quantities.Position("arm 3", "z")
+    >>> height.unit
+    'm'
+    """
 
     body: str = eqx.field(static=True)
     component: Component = eqx.field(static=True)
@@ -55,7 +60,12 @@ class Position(AbstractBodyQuantity):
 
 
 class Velocity(AbstractBodyQuantity):
-    """Velocity of a body's centre of mass, m/s: its magnitude, or a global component."""
+    """Velocity of a body's centre of mass, m/s: its magnitude, or a global component.
+
+    >>> quantity = cj.quantities.Velocity("arm 3", "y")
+    >>> quantity.unit
+    'm/s'
+    """
 
     body: str = eqx.field(static=True)
     component: Component | None = eqx.field(default=None, static=True)
@@ -70,7 +80,12 @@ class Velocity(AbstractBodyQuantity):
 
 
 class Acceleration(AbstractBodyQuantity):
-    """Acceleration of a body's centre of mass, m/s^2: its magnitude, or a global component."""
+    """Acceleration of a body's centre of mass, m/s^2: its magnitude, or a global component.
+
+    >>> quantity = cj.quantities.Acceleration("arm 3", "y")
+    >>> quantity.unit
+    'm/s^2'
+    """
 
     body: str = eqx.field(static=True)
     component: Component | None = eqx.field(default=None, static=True)
@@ -98,6 +113,10 @@ class PointPosition(AbstractPointQuantity):
     """Global coordinate of a point of a body, m.
 
     **Arguments:** `body`: its name; `point`: (3,) m in body axes; `component`: "x", "y" or "z".
+
+    >>> tip = cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y")
+    >>> tip.unit
+    'm'
     """
 
     body: str = eqx.field(static=True)
@@ -117,6 +136,10 @@ class PointVelocity(AbstractPointQuantity):
     """Velocity of a point of a body, m/s: its magnitude, or a global component.
 
     **Arguments:** as `PointPosition`; `component` may be ``None``.
+
+    >>> tip = cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y")
+    >>> tip.unit
+    'm/s'
     """
 
     body: str = eqx.field(static=True)
@@ -143,6 +166,11 @@ class PointAcceleration(AbstractPointQuantity):
     - `body`, `point`, `component`: as `PointVelocity`.
     - `axes`: "global" or "body", in which the component is taken.
     - `gravity`: whether the scene's gravity is subtracted: acceleration less g.
+
+    >>> point = (0.06, 0, 0)
+    >>> sensor = cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True)
+    >>> sensor.unit
+    'm/s^2'
     """
 
     body: str = eqx.field(static=True)
@@ -184,6 +212,10 @@ class Angle(AbstractBodyQuantity):
       axis has the angle by which it has turned.
     - `reference`: (3,) the direction whose angle is zero, in global axes. Unless given, it has the
       components of `axis`.
+
+    >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
+    >>> angle.unit, angle.period == 2 * np.pi
+    ('rad', True)
     """
 
     body: str = eqx.field(static=True)

@@ -14,7 +14,11 @@ from .joints import AbstractJointQuantity
 
 
 class FilmForce(AbstractJointQuantity):
-    """Force of the film of a joint on its journal, N: its magnitude, or a global component."""
+    """Force of the film of a joint on its journal, N: its magnitude, or a global component.
+
+    >>> force = cj.quantities.FilmForce("bearing", "y")
+    >>> force.check(cj.rotor_in_bearing(film=cj.CaponeFilm(0.02))[0])  # is there a film?
+    """
 
     joint: str = eqx.field(static=True)
     component: Component | None = eqx.field(default=None, static=True)

@@ -30,6 +30,14 @@ class Instant:
 
     Bodies, joints and contacts have their own names, also where the run computes several alike
     ones as a group.
+
+    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> system = extend.System(scene, extend.Formulation())
+    >>> variables = system.encode(state.bodies)
+    >>> now = extend.Instant(system, 0.1, variables, memory={}, work={})
+    >>> height = cj.quantities.Position("arm 2", "x")
+    >>> print(f"{height(now):.1f} m at {now.time} s")
+    0.5 m at 0.1 s
     """
 
     def __init__(

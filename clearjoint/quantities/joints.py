@@ -58,7 +58,13 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact of a joint, N; without `contact` the largest of the joint's."""
+    """Normal force of a contact of a joint, N; without `contact` the largest of the joint's.
+
+    >>> largest = cj.quantities.ContactForce("shoulder")
+    >>> base = cj.quantities.ContactForce("shoulder", "V")
+    >>> base.unit
+    'N'
+    """
 
     joint: str = eqx.field(static=True)
     contact: str | None = eqx.field(default=None, static=True)
@@ -75,7 +81,12 @@ class ContactForce(AbstractContactQuantity):
 
 
 class FrictionForce(AbstractContactQuantity):
-    """Magnitude of the friction at a contact of a joint, N; zero without friction."""
+    """Magnitude of the friction at a contact of a joint, N; zero without friction.
+
+    >>> quantity = cj.quantities.FrictionForce("shoulder", "V")
+    >>> quantity.unit
+    'N'
+    """
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
@@ -88,7 +99,12 @@ class FrictionForce(AbstractContactQuantity):
 
 
 class Penetration(AbstractContactQuantity):
-    """Penetration of a contact, m: negative in flight, so that it rises through zero at onsets."""
+    """Penetration of a contact, m: negative in flight, so that it rises through zero at onsets.
+
+    >>> quantity = cj.quantities.Penetration("shoulder", "V")
+    >>> quantity.unit
+    'm'
+    """
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
@@ -100,7 +116,12 @@ class Penetration(AbstractContactQuantity):
 
 
 class PenetrationRate(AbstractContactQuantity):
-    """Rate of the penetration of a contact, m/s: at an onset, the entry speed."""
+    """Rate of the penetration of a contact, m/s: at an onset, the entry speed.
+
+    >>> quantity = cj.quantities.PenetrationRate("shoulder", "V")
+    >>> quantity.unit
+    'm/s'
+    """
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
@@ -113,7 +134,12 @@ class PenetrationRate(AbstractContactQuantity):
 
 class EntrySpeed(AbstractContactQuantity):
     """Speed at which a contact closed, m/s, while it lasts; zero in flight. Only contacts whose law
-    uses its entry speed have it."""
+    uses its entry speed have it.
+
+    >>> quantity = cj.quantities.EntrySpeed("shoulder", "V")
+    >>> quantity.unit
+    'm/s'
+    """
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
@@ -126,7 +152,11 @@ class EntrySpeed(AbstractContactQuantity):
 
 class BristleDeflection(AbstractContactQuantity):
     """Size of the deflection of a contact's bristles, m; zero in flight. Only contacts whose
-    friction is an `AbstractBristleFriction` have it."""
+    friction is an `AbstractBristleFriction` have it.
+
+    >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
+    >>> deflection.check(cj.double_pendulum(friction=cj.Dahl(0.1))[0])  # are there bristles?
+    """
 
     joint: str = eqx.field(static=True)
     contact: str = eqx.field(static=True)
@@ -168,6 +198,10 @@ class JournalOffset(AbstractJournalQuantity):
 
     Components "x" and "y" are across the bearing's axis, "z" is along it. `base` is "V" or "W".
     What a proximity probe on the bearing sees.
+
+    >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
+    >>> probes["x"].unit
+    'm'
     """
 
     joint: str = eqx.field(static=True)
@@ -185,7 +219,11 @@ class JournalOffset(AbstractJournalQuantity):
 
 class Eccentricity(AbstractJournalQuantity):
     """Distance of the centre of a clearance joint's journal, or of one base, from the bearing's
-    axis, m. `base` is "V" or "W"."""
+    axis, m. `base` is "V" or "W".
+
+    >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
+    >>> eccentricity.check(cj.double_pendulum()[0])  # is there such a joint?
+    """
 
     joint: str = eqx.field(static=True)
     base: str | None = eqx.field(default=None, static=True)
@@ -203,6 +241,9 @@ class Multiplier(AbstractJointQuantity):
     """Multiplier of a constraint row, N or N m: of a driver, the moment it exerts.
 
     Joints that the coordinates eliminate have none; see `Reaction`.
+
+    >>> torque = cj.quantities.Multiplier("motor", "angle")
+    >>> torque.check(cj.slider_crank()[0])  # is there such a row?
     """
 
     joint: str = eqx.field(static=True)
@@ -251,6 +292,10 @@ class Reaction(AbstractReaction):
 
     **Arguments:** `joint`, `body`: names; `component`: "x", "y", "z", or ``None`` for the
     magnitude.
+
+    >>> force = cj.quantities.Reaction("elbow", "arm 3")
+    >>> force.unit
+    'N'
     """
 
     joint: str = eqx.field(static=True)
@@ -333,6 +378,10 @@ class JointAngle(AbstractJointQuantity):
 
     Of a series that is saved often enough ``numpy.unwrap`` counts the revolutions; a state does not
     hold their number.
+
+    >>> angle = cj.quantities.JointAngle("elbow")
+    >>> angle.unit, angle.period == 2 * np.pi
+    ('rad', True)
     """
 
     joint: str = eqx.field(static=True)

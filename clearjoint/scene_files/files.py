@@ -39,6 +39,11 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
 
     **Raises:** `ValueError` that names the place of what a file can't hold: a function, NaN, or an
     object whose constructor does not make it anew from its fields.
+
+    >>> cj.save(*cj.double_pendulum(), "pendulum.toml")
+    >>> scene, state = cj.load("pendulum.toml")
+    >>> list(scene.bodies)
+    ['arm 2', 'arm 3']
     """
     path = Path(path)
     suffix, writer, place = suffix_of(path), Writer(), FilePlace(str(path))

@@ -25,6 +25,10 @@ def scene_schema(classes: Classes = ()) -> Schema:
     **Arguments:** `classes`: those of your own that files may name.
 
     **Returns:** a dictionary for `json.dump`.
+
+    >>> schema = cj.scene_schema()
+    >>> schema["$schema"]
+    'https://json-schema.org/draft/2020-12/schema'
     """
     require_classes(classes)
     catalogue = Catalogue(classes)

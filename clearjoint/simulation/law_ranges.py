@@ -9,6 +9,14 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     """Sentences on impacts deeper than their contacts' laws hold for, none if all are within.
 
     Each names joint, contact, law, quantity, limits and the largest value.
+
+    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> scene, _ = cj.double_pendulum(law=cj.Hertz(cylinder))
+    >>> names = np.array(["shoulder"]), np.array(["V"])
+    >>> depth = np.array([0.4e-3])  # of 0.5 mm of clearance
+    >>> impacts = cj.Impacts(*names, *[np.zeros(1)] * 7, depth)
+    >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
+    Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """
     sentences = []
     for name, joint in scene.contact_joints().items():

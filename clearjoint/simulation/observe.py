@@ -33,7 +33,11 @@ CHUNK = 512
 
 
 class MotionMode(enum.IntEnum):
-    """The paper's four modes of a journal in its bearing (Fig. 2)."""
+    """The paper's four modes of a journal in its bearing (Fig. 2).
+
+    >>> cj.MotionMode(2).name
+    'LINE_CONTACT'
+    """
 
     FREE_FLIGHT = 0
     ONE_BASE = 1
@@ -98,6 +102,12 @@ class Observation(eqx.Module):
       the scene has them, their sum "mechanical", and of the ledger, if it was kept, the integrals
       "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". What
       bristles hold, and so would give back, is no part of "friction".
+
+    >>> scene, state = cj.double_pendulum()
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
+    >>> observed = cj.observe(scene, solution)
+    >>> list(observed.energies)
+    ['contacts', 'gravity', 'kinetic', 'mechanical']
     """
 
     times: Numbers
@@ -132,6 +142,12 @@ def observe(
     every accepted step; the saved states unless given.
 
     **Returns:** an `Observation` of numpy arrays.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
+    >>> observed = cj.observe(scene, solution)
+    >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
+    0.51 mm
     """
     trajectory = solution.saved if trajectory is None else trajectory
     require(

@@ -14,16 +14,41 @@ import diffrax
 from .settings import Settings
 
 default = Settings()
-"""Of `simulate` and `sweep`."""
+"""Of `simulate` and `sweep`.
+
+>>> cj.presets.default.rtol
+1e-06
+"""
 look = Settings(rtol=1e-4)
-"""For a look. Not for gradients."""
+"""For a look. Not for gradients.
+
+>>> cj.presets.look.rtol
+0.0001
+"""
 study = Settings(rtol=1e-8)
-"""For a study."""
+"""For a study.
+
+>>> from dataclasses import replace
+>>> replace(cj.presets.study, ledger=True).rtol
+1e-08
+"""
 reference = Settings(solver=diffrax.Dopri8(), rtol=1e-10)
-"""To test against. Compiles twice as long."""
+"""To test against. Compiles twice as long.
+
+>>> cj.presets.reference.rtol
+1e-10
+"""
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
 """For derivatives: what `sensitivities` takes unless told otherwise, and what is made of it, such
-as `horizon`. An onset found within 1e-13 m leaves no error in the derivative of the entry speed."""
+as `horizon`. An onset found within 1e-13 m leaves no error in the derivative of the entry speed.
+
+>>> cj.presets.derivatives.landing_tolerance
+1e-13
+"""
 identification = replace(derivatives, derivative_tolerance=1e3)
 """For fits, whose slopes need three digits: what `identify`, `identify_many` and fits by multiple
-shooting take unless told otherwise. A fifth fewer steps than `derivatives`, states as accurate."""
+shooting take unless told otherwise. A fifth fewer steps than `derivatives`, states as accurate.
+
+>>> cj.presets.identification.derivative_tolerance
+1000.0
+"""

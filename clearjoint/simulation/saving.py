@@ -28,6 +28,9 @@ class Saving:
     - `sections`: Poincaré sections by name, the crossings of which are kept; see `Section`.
 
     **Raises:** `ValueError` for times that don't rise.
+
+    >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
+    True
     """
 
     times: ArrayLike | None = None

@@ -124,7 +124,12 @@ def after_sections(
 
 class Crossings(AbstractReadable):
     """Where a run crossed a section: `times` (N,) s, and `values[name]` (N,), those of its channels
-    there, in their units."""
+    there, in their units.
+
+    >>> crossings = cj.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
+    >>> np.diff(crossings.times).round(6)  # the period
+    array([0.1])
+    """
 
     times: Numbers
     values: dict[str, Numbers]
@@ -154,6 +159,14 @@ class Section:
     - `channels`: quantity and unit by name, taken there.
     - `count`: how many crossings are kept, the first ones.
     - `after`: s; earlier crossings, of the transient, are left out.
+
+    >>> touch = cj.Section(
+    ...     cj.quantities.Penetration("shoulder", "V"),
+    ...     {"speed": (cj.quantities.EntrySpeed("shoulder", "V"), "m/s")},
+    ...     count=10,
+    ... )
+    >>> list(touch.channels)
+    ['speed']
     """
 
     crossing: Quantity

@@ -63,6 +63,10 @@ class Settings:
     - `allow_float32`: run in single precision if JAX is set to it.
 
     **Raises:** `ValueError` for a setting that no run can use.
+
+    >>> settings = cj.Settings(rtol=1e-8, ledger=True)
+    >>> settings.rtol, settings.ledger
+    (1e-08, True)
     """
 
     solver: diffrax.AbstractSolver = field(default_factory=diffrax.Tsit5)

@@ -75,6 +75,13 @@ def simulate(
     bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
     is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
     the wall of a bearing.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> solution = cj.simulate(scene, state, 0.1 * np.pi, progress=False)
+    >>> print(f"{solution.final.bodies['ball'].position[0]:.4f} m")
+    -0.1000 m
     """
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)

@@ -16,7 +16,12 @@ from .sections import Crossings
 
 
 class Trajectory(AbstractReadable):
-    """States over time: `times` (N,) s, and `states` with the times in front of each array."""
+    """States over time: `times` (N,) s, and `states` with the times in front of each array.
+
+    >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
+    >>> cj.Trajectory(np.zeros(1), states).times.shape
+    (1,)
+    """
 
     times: Numbers
     states: State
@@ -40,6 +45,14 @@ class Solution(AbstractReadable):
     - `formulation`: how the equations were set up.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
       reactions are those of least norm and not unique.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
+    >>> positions = solution.saved.states.bodies["ball"].position
+    >>> print(solution.result == cj.RESULTS.successful, np.round(positions[:, 0], 4))
+    True [0.1   0.054]
     """
 
     time: Scalar
@@ -87,7 +100,16 @@ class FinishedRun(Protocol):
 
 class SimulationError(RuntimeError):
     """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
-    that raised it returns."""
+    that raised it returns.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
+    Traceback (most recent call last):
+        ...
+    clearjoint.simulation.solution.SimulationError: The run ended at t = 0.124372989 s: Th...
+    """
 
     def __init__(self, message: str, solution: FinishedRun):
         super().__init__(message)

@@ -41,6 +41,10 @@ class Axis:
 
     `Axis.initial` takes a place in the initial state. `Axis.change` takes a function that makes
     scene and state from a value, for parameters on which several numbers depend, such as lengths.
+
+    >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
+    >>> axis.values.shape
+    (64,)
     """
 
     variation: AbstractVariation

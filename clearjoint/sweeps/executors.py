@@ -55,7 +55,12 @@ class AbstractSubmitter(Protocol):
 
 
 class ChunkError(RuntimeError):
-    """Chunks could not be computed. `chunks` are their numbers, `__cause__` is the first error."""
+    """Chunks could not be computed. `chunks` are their numbers, `__cause__` is the first error.
+
+    >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
+    >>> error.chunks
+    (3,)
+    """
 
     def __init__(self, message: str, chunks: tuple[int, ...] = ()):
         super().__init__(message)

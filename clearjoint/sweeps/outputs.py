@@ -39,6 +39,11 @@ class Saved(AbstractSaved):
     - `times`: (K,) s, rising; or a function of the lane's scene that returns as many for every
       lane, such as one instant in each turn of a crank whose speed is swept.
     - `channels`: quantity and unit by name.
+
+    >>> offset = cj.quantities.JournalOffset("shoulder", "x")
+    >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
+    >>> saved.times.shape
+    (5,)
     """
 
     times: ArrayLike | Callable[[Scene], ArrayLike]
@@ -94,6 +99,10 @@ class ImpactTable:
 
     **Raises:** `ValueError` for a count that is none, and a window that does not end after its
     begin.
+
+    >>> scene, _ = cj.double_pendulum()
+    >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
+    [('shoulder', 'V'), ('shoulder', 'W')]
     """
 
     count: int

@@ -51,6 +51,8 @@ def check_law(
     must not jump elsewhere, where no step lands.
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
+
+    >>> testing.check_law(cj.HuntCrossley(0.8, 1e9))
     """
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
@@ -184,7 +186,10 @@ def _check_derivatives(
 
 def check_friction(friction: AbstractFriction) -> None:
     """Check a friction law: against the slip, zero without it, finite derivatives at rest, by its
-    parameters too, and behaviour under vmap."""
+    parameters too, and behaviour under vmap.
+
+    >>> testing.check_friction(cj.RegularisedCoulomb(0.1))
+    """
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
     ratios = ratio(speeds)
@@ -213,7 +218,10 @@ def check_friction(friction: AbstractFriction) -> None:
 def check_bristles(friction: AbstractBristleFriction) -> None:
     """Check a bristle law: it sticks without slip, sliding bounds the deflection, it stores no
     negative energy, derivatives are finite at rest, by its parameters too, and vmap gives what one
-    lane does."""
+    lane does.
+
+    >>> testing.check_bristles(cj.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
+    """
     full = jnp.asarray(friction.full_deflection(), float)
     _require(full > 0.0, "full_deflection() is not positive.")
     shares = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
@@ -279,6 +287,13 @@ def check_constraint(
     bias against the rate's own rate, by central differences along the motion.
 
     **Arguments:** `motions` of the joint's bodies; moving and turning ones test most.
+
+    >>> motions = {
+    ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
+    ...     "arm": testing.moving((0.1, 0.2, 0.3), (1, 0.1, 0.2, 0.3), (1, 2, 3), (3, 2, 1)),
+    ... }
+    >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
+    >>> testing.check_constraint(joint, motions)
     """
     step = 1e-5
     constraint = unpack(constraint)

@@ -38,6 +38,8 @@ def check_film(
     that vmap gives what one lane does.
 
     **Arguments:** `bearing_radius`, radial `clearance` and `length`, m.
+
+    >>> testing.check_film(cj.CaponeFilm(0.02))
     """
     for complaint in complaints_of_film(film, bearing_radius, clearance, length):
         raise AssertionError(complaint)

@@ -30,6 +30,13 @@ def check_force(
 
     **Arguments:** `motions` of the element's bodies; moving and turning ones test most. `time`: s,
     not at one of its breakpoints.
+
+    >>> motions = {
+    ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
+    ...     "arm": testing.moving((0.1, 0.2, 0.3), (1, 0.1, 0.2, 0.3), (1, 2, 3), (3, 2, 1)),
+    ... }
+    >>> spring = cj.SpringDamper("ground", "arm", (0, 0, 0), (0, 0.5, 0), stiffness=100.0)
+    >>> testing.check_force(spring, motions)
     """
     motions = {name: _as_arrays(motions[name]) for name in force.body_names()}
     wrenches = _wrenches(force, motions, time)
@@ -63,10 +70,12 @@ def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance:
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)
         for name, wrench in wrenches.items()
     ]
-    for parts, unit in ((forces, "N"), (moments, "N m")):
+    levers = [_size(motions[name].position) for name in wrenches]
+    for parts, lever, unit in ((forces, 0.0, "N"), (moments, max(levers), "N m")):
         left = _size(sum(parts[1:], parts[0]))
+        scale = lever * max(_size(force) for force in forces)
         _require(
-            left <= tolerance * max(_size(part) for part in parts),
+            left <= tolerance * max(scale, *(_size(part) for part in parts)),
             f"The force is not equal and opposite: {left:.3g} {unit} are left over.",
         )
 

@@ -19,6 +19,10 @@ def moving(
 
     **Arguments:** `position` (3,) m and `velocity` (3,) m/s of the centre of mass, global;
     `orientation`: (4,) Euler parameters, which are normalised; `spin`: (3,) rad/s, body axes.
+
+    >>> arm = testing.moving((0.5, 0, 0), (1, 0, 0, 0), velocity=(0, 1, 0), spin=(0, 0, 2))
+    >>> arm.spin.z
+    2
     """
     parameters = normalised(EulerParameters(*orientation))
     return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))

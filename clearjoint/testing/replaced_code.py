@@ -42,12 +42,20 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     }
 )
 """Of each feature of a scene or run the functions that no scene without it calls, as owner and
-name."""
+name.
+
+>>> "friction" in testing.FEATURES
+True
+"""
 
 
 @contextmanager
 def without(*features: str) -> Iterator[None]:
-    """Inside, the code of `FEATURES` is missing: a call of it raises an ``AssertionError``."""
+    """Inside, the code of `FEATURES` is missing: a call of it raises an ``AssertionError``.
+
+    >>> with testing.without("friction"):
+    ...     scene, state = cj.double_pendulum()  # a run of it calls nothing of friction
+    """
     with ExitStack() as patches:
         for owner, name in (place for feature in features for place in FEATURES[feature]):
             patches.enter_context(patch.object(owner, name, _missing(name)))
@@ -70,6 +78,17 @@ def equations_of_motion(
     **Arguments:** `rates`: a function of the `System` (whose `scene` is in scalar form), variables,
     memory (entry speeds, m/s, by joint and contact), time, s, and, perhaps, which contacts are
     closed, by joint and contact; it returns the variables' rates and the powers of the ledger.
+
+    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> system = extend.System(scene, extend.Formulation())
+    >>> variables = system.encode(state.bodies)
+    >>> def rates(system, variables, memory, t):
+    ...     return jax.tree.map(jnp.zeros_like, variables), {}
+    >>> import jax
+    >>> with testing.equations_of_motion(rates):
+    ...     stopped, _ = system.rates(variables, {}, 0.0)
+    >>> sum(float(jnp.sum(jnp.abs(leaf))) for leaf in jax.tree.leaves(stopped))
+    0.0
     """
     with patch.object(System, "rates", rates):
         yield

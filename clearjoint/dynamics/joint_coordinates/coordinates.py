@@ -40,6 +40,9 @@ class JointCoordinates(AbstractCoordinates):
     0.14 and 0.24 (0.04 and 0.07 a lane in a batch of 64), ideal one 0.03 and 0.38, double four-bar
     0.25 and 50, Bricard 0.5 and 45, chain of 4 and of 12 bodies about changing axes 0.2 and 34, 2.3
     and 150. The large ratios are those of systems of constraints that no longer need LAPACK.
+
+    >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
+    JointCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:

@@ -54,6 +54,24 @@ class ShootingFit:
     - `boundaries`: (K,) s, at which windows meet.
     - `gaps`: (K, d) jumps of the variables and entry speeds at the boundaries, in m, rad, m/s and
       rad/s. The smaller they are, the better the windows make up one motion.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> found = cj.identify_by_shots(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     boundaries=[0.15],
+    ...     guess={"stiffness": 95.0},
+    ...     progress=False,
+    ... )
+    >>> bool(abs(found.gaps).max() < 1e-6)
+    True
     """
 
     fit: Fit
@@ -99,6 +117,24 @@ def identify_by_shots(
     estimated with them.
 
     **Raises:** `ValueError` for arguments that no fit can use.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> found = cj.identify_by_shots(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     boundaries=[0.15],
+    ...     guess={"stiffness": 95.0},
+    ...     progress=False,
+    ... )
+    >>> print(f"{found.fit.estimates['stiffness']:.2f} N/m")
+    100.00 N/m
     """
     measurements.check(scene)
     with_bristles = sorted(scene.bristle_laws())

@@ -57,6 +57,9 @@ class Screening:
     - `passes`: at most. Another one, with other random numbers, follows while the best search ends
       at a chi squared that noise does not explain.
     - `seed`: of the generator.
+
+    >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
+    4
     """
 
     number: int = 160
@@ -89,6 +92,23 @@ class Screened:
     - `starts`: (finish, p) those of them from which to search.
     - `times`: s, up to which each round could keep its points; `runs`: of all rounds.
     - `complete`: whether they came to the end of the record.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     starts=cj.Screening(number=16, keep=8, finish=1, passes=1),
+    ...     progress=False,
+    ... )
+    >>> fit.screened[0].starts.shape
+    (1, 1)
     """
 
     points: Float[np.ndarray, "keep p"]

@@ -41,7 +41,14 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
 
 class ElastoGap(AbstractBoundedDampingLaw):
     """F = K delta^n + D rate with the damping force no larger than the elastic one (Modelica's
-    Translational.Components.ElastoGap): it neither jumps nor pulls. `damping` D in N s/m."""
+    Translational.Components.ElastoGap): it neither jumps nor pulls. `damping` D in N s/m.
+
+    >>> law = cj.ElastoGap(stiffness=1e6, damping=5e3)
+    >>> print(law.force(cj.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
+    1500.0
+    >>> print(law.force(cj.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
+    2000.0
+    """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     damping: Single = quantity("N s/m", positive=True, zero=True)
@@ -59,6 +66,10 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
     D rises from zero to `damping` (N s/m) over the `full_damping_depth` d (m), as the cubic
     s^2 (3 - 2 s) of s = delta/d.
+
+    >>> law = cj.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    1200.0
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
@@ -80,6 +91,12 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
     It delivers sqrt(c). Where the rate turns, the force goes from one to the other as a hyperbolic
     tangent of the rate over the `transition_speed` (m/s), since no step lands there; impacts that
     are hardly faster lose less.
+
+    >>> law = cj.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
+    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, on the way in
+    1000.0
+    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # on the way out
+    810.0
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")

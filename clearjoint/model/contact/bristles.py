@@ -90,6 +90,10 @@ class Dahl(AbstractBristleFriction):
     """dz/dt = v - sigma0 |v| z/mu, friction sigma0 z (P. R. Dahl 1968, of exponent one).
 
     **Arguments:** `coefficient` mu; `stiffness` sigma0, 1/m, of the bristles over the normal force.
+
+    >>> friction = cj.Dahl(0.1, stiffness=1e5)
+    >>> print(f"{friction.full_deflection():.1e} m")  # mu/sigma0
+    1.0e-06 m
     """
 
     coefficient: Single = quantity("1", positive=True, remedy="give mu")
@@ -158,6 +162,10 @@ class LuGre(AbstractDampedBristles):
     `stribeck_speed` v_S, m/s; all over the normal force: `stiffness` sigma0, 1/m, `damping` sigma1,
     s/m, and `viscosity` sigma2, s/m. Where sigma1 |v| exceeds 4 g(v) the bristles may give
     out more than they took in (N. Barabanov, R. Ortega 2000).
+
+    >>> friction = cj.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
+    >>> print(f"{friction.sliding_ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
+    0.1368
     """
 
     breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
@@ -181,6 +189,11 @@ class ElastoPlastic(AbstractDampedBristles):
     swings. In a plane, alpha has the cosine of slip and deflection as a factor.
 
     **Arguments:** as those of `LuGre`, and `elastic_deflection` z_ba, m, below mu_C/sigma0.
+
+    >>> friction = cj.ElastoPlastic(0.2, 0.1, stribeck_speed=0.01, elastic_deflection=5e-7)
+    >>> still = friction.rate(cj.Vector(4e-7, 0.0, 0.0), cj.Vector(1e-3, 0.0, 0.0))
+    >>> print(f"{still.x:.1e}")  # m/s: below 0.5 um all of the slip is elastic
+    1.0e-03
     """
 
     breakaway: Single = quantity("1", positive=True, remedy="give mu_S")

@@ -137,6 +137,11 @@ class LiuCylinder(AbstractCylinder):
     """F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu, K. Zhang, R. Yang 2007).
 
     For large conformity too: dR is the clearance, 1/E* the sum of (1 - nu^2)/E.
+
+    >>> cylinder = cj.LiuCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    251 N
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
@@ -153,6 +158,11 @@ class PereiraCylinder(AbstractCylinder):
     n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 up to a clearance dR of 0.34954 mm and
     0.0151 dR + 1.151 from there. It holds for clearances from 0.005 to 10 mm. Its damping is that
     of `LankaraniNikravesh`. All arguments are in SI units.
+
+    >>> cylinder = cj.PereiraCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    1009 N
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
@@ -183,6 +193,11 @@ class PerssonCylinder(AbstractCylinder):
     E' = E/(1 - nu^2). Persson says nothing of the penetration. With the overlap, cos(half-angle) =
     dR/(dR + delta) as in `LiuCylinder`, the force is several times that of the other laws at small
     penetrations. It is here for `load` and `half_angle`, which tell where they end.
+
+    >>> cylinder = cj.PerssonCylinder(207e9, 0.3, length=20e-3)
+    >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
+    >>> print(f"{load:.3e} N/m")
+    1.611e+05 N/m
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:

@@ -16,7 +16,12 @@ from .restitution import exact_damping_factor
 
 class HuntCrossley(AbstractDampedLaw):
     """chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999 have
-    the same)."""
+    the same).
+
+    >>> law = cj.HuntCrossley(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3000, delivers 0.8329
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/2."""
@@ -24,7 +29,12 @@ class HuntCrossley(AbstractDampedLaw):
 
 
 class HerbertMcWhannell(AbstractDampedLaw):
-    """chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977)."""
+    """chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977).
+
+    >>> law = cj.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3571, delivers 0.8070
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 6 (1 - c)/((2 c - 1)^2 + 3)."""
@@ -33,7 +43,12 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
 class LeeWang(AbstractDampedLaw):
     """chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983): near c = 1 it loses half of what it should,
-    and at c = 0 it still delivers 0.66."""
+    and at c = 0 it still delivers 0.66.
+
+    >>> law = cj.LeeWang(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.1500, delivers 0.9090
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/4."""
@@ -41,7 +56,12 @@ class LeeWang(AbstractDampedLaw):
 
 
 class LankaraniNikravesh(AbstractDampedLaw):
-    """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990)."""
+    """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990).
+
+    >>> law = cj.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.2700, delivers 0.8471
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c^2)/4."""
@@ -49,7 +69,12 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
 
 class ZhiyingQishao(AbstractDampedLaw):
-    """chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006)."""
+    """chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006).
+
+    >>> law = cj.ZhiyingQishao(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4028, delivers 0.7874
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3/4 (1 - c^2) exp(2 (1 - c))."""
@@ -58,7 +83,12 @@ class ZhiyingQishao(AbstractDampedLaw):
 
 class CarvalhoMartins(AbstractDampedLaw):
     """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019): to four digits
-    exact from c = 0.5 on."""
+    exact from c = 0.5 on.
+
+    >>> law = cj.CarvalhoMartins(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3732, delivers 0.8000
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c))."""
@@ -85,6 +115,10 @@ class Flores2011(AbstractReboundingLaw):
     """chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011).
 
     K. Ye et al. 2009 have the same for an exponent of 1.5.
+
+    >>> law = cj.Flores2011(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4000, delivers 0.7885
     """
 
     def damping_factor(self) -> Scalar:
@@ -93,7 +127,12 @@ class Flores2011(AbstractReboundingLaw):
 
 
 class Gonthier(AbstractReboundingLaw):
-    """chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`)."""
+    """chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`).
+
+    >>> law = cj.Gonthier(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4500, delivers 0.7680
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = (1 - c^2)/c."""
@@ -102,7 +141,12 @@ class Gonthier(AbstractReboundingLaw):
 
 class GharibHurmuzlu(AbstractReboundingLaw):
     """chi = 1/c (M. Gharib, Y. Hurmuzlu 2012), for nearly plastic impacts: it never delivers more
-    than 0.594."""
+    than 0.594.
+
+    >>> law = cj.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    1.2500, delivers 0.5362
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 1/c."""
@@ -110,7 +154,12 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
 
 class HuGuo(AbstractReboundingLaw):
-    """chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015)."""
+    """chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015).
+
+    >>> law = cj.HuGuo(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3750, delivers 0.7992
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 3 (1 - c)/(2 c)."""
@@ -118,7 +167,12 @@ class HuGuo(AbstractReboundingLaw):
 
 
 class SafaeifarFarshidianfar(AbstractReboundingLaw):
-    """chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020)."""
+    """chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020).
+
+    >>> law = cj.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3125, delivers 0.8271
+    """
 
     def damping_factor(self) -> Scalar:
         """chi = 5 (1 - c)/(4 c)."""
@@ -126,7 +180,12 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
 
 class YePounding(AbstractReboundingLaw):
-    """chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound."""
+    """chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound.
+
+    >>> law = cj.YePounding(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3750, delivers 0.7992
+    """
 
     exponent: float = eqx.field(default=1.0, static=True)
 
@@ -142,6 +201,12 @@ class PantWijeyewickrema(AbstractReboundingLaw):
     to reproduce papers, and warns.
 
     **Warns:** `LawRangeWarning` for any restitution below 1.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("ignore", category=cj.LawRangeWarning)
+    >>> law = cj.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3519, delivers 0.8093
     """
 
     exponent: float = eqx.field(default=1.0, static=True)
@@ -165,6 +230,10 @@ class ExactRestitution(AbstractReboundingLaw):
 
     It solves chi (1 + c) = ln[(1 + chi)/(1 - chi c)], the relation of Y. Gonthier et al. 2004 and
     J. Zhang, I. Sharf 2009.
+
+    >>> law = cj.ExactRestitution(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3731, delivers 0.8000
     """
 
     def damping_factor(self) -> Scalar:

@@ -93,6 +93,9 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
     """Rebound over entry speed of a damped oscillator that is let go where its force vanishes.
 
     exp(-2 z acos z/sqrt(1 - z^2)) with the damping ratio z < 1 (T. Schwager, T. Poeschel 2007).
+
+    >>> print(f"{cj.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
+    0.550
     """
     return jnp.exp(-2.0 * ratio * jnp.arccos(ratio) / jnp.sqrt(1.0 - ratio**2))
 
@@ -140,6 +143,10 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
     the requested restitution, which an impact delivers that ends where the surfaces part and pulls
     before. This one does not pull: for 0.1, 0.5 and 0.9 it delivers 0.253, 0.550 and 0.902. At
     touch the force jumps to D times the entry speed.
+
+    >>> law = cj.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
+    >>> print(f"{law.delivered_restitution():.3f}")
+    0.550
     """
 
     exponent = 1.0
@@ -160,6 +167,10 @@ class Tsuji(AbstractTunedDashpotLaw):
 
     z is the `damping_ratio` (J. Antypov, J. A. Elliott 2011): it would deliver the requested
     restitution if it pulled before the end; clamped, it delivers what `KelvinVoigt` does.
+
+    >>> law = cj.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
+    >>> print(f"{law.delivered_restitution():.3f}")
+    0.902
     """
 
     exponent = 1.5
@@ -179,6 +190,10 @@ class Jankowski(AbstractTunedDashpotLaw):
     (R. Jankowski 2005). It never pulls, and delivers nearly what is requested.
 
     z = (9 sqrt(5)/2) (1 - c^2)/(c (c (9 pi - 16) + 16)).
+
+    >>> law = cj.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
+    1000.0
     """
 
     exponent = 1.5
@@ -214,6 +229,10 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
     The restitution falls with the speed, as that of metals does. D in N s/m^1.5. The slope of the
     damping grows without bound towards touch, where the force is zero.
+
+    >>> law = cj.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    1200.0
     """
 
     exponent = 1.5
@@ -221,14 +240,24 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
 
 class BordbarHyppanen(AbstractGivenDashpotLaw):
-    """F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65."""
+    """F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65.
+
+    >>> law = cj.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 1e5 (1e-4)^0.65
+    1251.2
+    """
 
     exponent = 1.5
     damping_exponent = 0.65
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    """F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m."""
+    """F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m.
+
+    >>> law = cj.Ristow(stiffness=1e9, damping_coefficient=2e3)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    1200.0
+    """
 
     exponent = 1.5
     damping_exponent = 0.0

@@ -55,7 +55,12 @@ class AbstractFriction(AbstractConverting):
 
 
 class RegularisedCoulomb(AbstractFriction):
-    """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load."""
+    """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load.
+
+    >>> friction = cj.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
+    >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
+    0.0762
+    """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -68,7 +73,12 @@ class RegularisedCoulomb(AbstractFriction):
 
 
 class LinearCoulomb(AbstractFriction):
-    """mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load."""
+    """mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load.
+
+    >>> friction = cj.LinearCoulomb(0.1, regularisation_speed=1e-3)
+    >>> print(f"{friction.ratio(0.5e-3):.4f}")
+    0.0500
+    """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -85,6 +95,10 @@ class Threlfall(AbstractFriction):
 
     The constant is 1 - exp(-3) = 0.9502 mu: the law never reaches mu. With 0.95 mu, as the formula
     is often printed, it would jump at v_r. Creeps under load.
+
+    >>> friction = cj.Threlfall(0.1, regularisation_speed=1e-3)
+    >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
+    0.0950
     """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
@@ -102,6 +116,10 @@ class Ambrosio(AbstractFriction):
     """mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
 
     **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
+
+    >>> friction = cj.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
+    >>> print(f"{friction.ratio(0.55e-3):.4f}")  # half-way
+    0.0500
     """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")

@@ -115,7 +115,12 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
 
 class Hertz(AbstractHertzianLaw):
-    """Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory."""
+    """Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory.
+
+    >>> law = cj.Hertz(stiffness=1e9)
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
+    1000.0
+    """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
@@ -134,6 +139,12 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     `design_speed`, m/s. There the `restitution` c is requested, and the one that
     `delivered_restitution` reports is delivered. Slower impacts lose less and faster ones more, as
     metals do, and a contact that begins slowly isn't stiff.
+
+    >>> law = cj.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
+    >>> print(f"{law.delivered_restitution():.4f}")
+    0.8329
+    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 (1 + 0.3)
+    1300.0
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic, 0 is plastic")

@@ -102,7 +102,11 @@ class AbstractContactLaw(AbstractConverting):
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """A law whose `stiffness`, a number or an `AbstractElasticity`, says its elastic force."""
+    """A law whose `stiffness`, a number or an `AbstractElasticity`, says its elastic force.
+
+    >>> issubclass(cj.Hertz, extend.AbstractElasticLaw), cj.Hertz(1e9).stiffness
+    (True, GivenStiffness(stiffness=1000000000.0))
+    """
 
     stiffness: eqx.AbstractVar[AbstractElasticity]
 
@@ -118,7 +122,12 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Normal force of a contact, N. Without an entry speed on record (memory zero) the present rate
-    stands for it, which it is at the onset."""
+    stands for it, which it is at the onset.
+
+    >>> law, gap = cj.HuntCrossley(0.8, 1e9), cj.Gap(depth=1e-4, rate=0.1)
+    >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
+    1300.0 N
+    """
     if law.has_memory:
         assert entry_speed is not None
         entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)

@@ -67,7 +67,13 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
 
 class JohnsonCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR."""
+    """delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR.
+
+    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    1032 N
+    """
 
     def reference_load(self, gap: Gap) -> Scalar:
         """4 pi E* dR, N/m."""
@@ -79,7 +85,13 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
 
 class EsduCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR."""
+    """delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR.
+
+    >>> cylinder = cj.EsduCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    776 N
+    """
 
     def reference_load(self, gap: Gap) -> Scalar:
         """4 pi E* dR, N/m."""
@@ -96,6 +108,11 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
     Roark's 1.60 goes with diameters: with 2.26 in its place the penetration is smaller by
     P/(pi E*) ln 2.
+
+    >>> cylinder = cj.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    888 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
@@ -108,7 +125,13 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971)."""
+    """delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
+
+    >>> cylinder = cj.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    775 N
+    """
 
     def reference_load(self, gap: Gap) -> Scalar:
         """L^2 dR/(R_i R_j S), N/m."""
@@ -124,6 +147,11 @@ class GoldsmithCylinder(AbstractLogarithmicCylinder):
 
     The exponent of L is printed as 1, which no units make sense of. With 3 the law is that of
     Dubowsky and Freudenstein.
+
+    >>> cylinder = cj.GoldsmithCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    775 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:

@@ -23,7 +23,13 @@ millimetre."""
 
 
 class AbstractElasticity(AbstractConverting):
-    """The elastic force of a contact against its penetration, and the energy that it stores."""
+    """The elastic force of a contact against its penetration, and the energy that it stores.
+
+    >>> foundation = cj.LiuCylinder(207e9, 0.3, length=10e-3)  # is one
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{foundation.force(gap, exponent=1.5):.0f} N")
+    126 N
+    """
 
     @abc.abstractmethod
     def force(self, gap: Gap, exponent: float) -> Scalar:
@@ -79,7 +85,11 @@ class AbstractStiffness(AbstractElasticity):
 
 
 class GivenStiffness(AbstractStiffness):
-    """A stiffness known from elsewhere, N/m^n."""
+    """A stiffness known from elsewhere, N/m^n.
+
+    >>> cj.GivenStiffness(1e9).value(cj.Gap(depth=1e-6, rate=0.0)).item()
+    1000000000.0
+    """
 
     stiffness: Single = quantity(
         "N/m^n", positive=True, usual=(SOFTEST_CONTACT, math.inf), remedy="give K in N and m"
@@ -98,6 +108,10 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     **Arguments:** Young's moduli in Pa and Poisson's ratios of bearing and journal; the journal's
     are the bearing's unless given.
+
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> print(f"{cj.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")  # the paper's, of Table 2
+    6.61e+10 N/m^1.5
     """
 
     def value(self, gap: Gap) -> Scalar:

@@ -67,6 +67,9 @@ class Polynomial(AbstractFunctionOfTime):
     **Arguments:** `coefficients`: (N,), of one's unit by powers of s.
 
     **Raises:** `ValueError` for coefficients that are not a row of finite numbers.
+
+    >>> cj.Polynomial((0.1, 50.0))(2.0).item()  # 0.1 + 50 t
+    100.1
     """
 
     coefficients: Column = quantity("1", table=True)
@@ -96,6 +99,10 @@ class Spline(AbstractFunctionOfTime):
 
     **Raises:** `ValueError` for rows of different lengths, of fewer than two or unlike finite
     numbers, and for times that do not rise.
+
+    >>> spline = cj.Spline.through([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
+    >>> print(f"{spline(1.0):.1f}, {spline(0.5):.4f}")
+    1.0, 0.6875
     """
 
     times: Column = quantity("s", table=True)

@@ -87,6 +87,12 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     body's point to the second's.
 
     **Raises:** as `PrescribedAngle`.
+
+    >>> slide = cj.PrescribedTranslation(
+    ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
+    ... )
+    >>> slide.body_names()
+    ('ground', 'slider')
     """
 
     first: str = eqx.field(static=True)

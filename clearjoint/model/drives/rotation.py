@@ -105,6 +105,10 @@ class PrescribedRotation(AbstractRotationDriver):
       frame into the first's where the angle is zero; parallel frames by default.
 
     For another motion take `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+
+    >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
+    >>> print(f"{drive.angle(0.1):.1f} rad")
+    5.0 rad
     """
 
     first: str = eqx.field(static=True)
@@ -187,6 +191,9 @@ class DriveTorque(AbstractDriveTorque):
     `Motor`.
 
     **Raises:** `ValueError` for a torque that is neither, and for values no driver can have.
+
+    >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
+    >>> scene, state = cj.slider_crank(motor=drive)
     """
 
     first: str = eqx.field(static=True)

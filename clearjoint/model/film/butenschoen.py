@@ -54,6 +54,19 @@ class ButenschoenFilm(AbstractFilm):
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
     `hydrodynamic_plain_bearing`.
+
+    >>> gap = extend.FilmGap(
+    ...     axis=extend.UNIT_Z,
+    ...     offset=cj.Vector(0.5, 0.0, 0.0),
+    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     spin=200.0,
+    ...     bearing_radius=25e-3,
+    ...     clearance=50e-6,
+    ...     length=12.5e-3,
+    ... )
+    >>> force = cj.ButenschoenFilm(viscosity=0.02).force(gap)
+    >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
+    -61.0 N, 89.4 N
     """
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")

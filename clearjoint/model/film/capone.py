@@ -24,6 +24,19 @@ class CaponeFilm(AbstractFilm):
 
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
+
+    >>> gap = extend.FilmGap(
+    ...     axis=extend.UNIT_Z,
+    ...     offset=cj.Vector(0.5, 0.0, 0.0),
+    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     spin=200.0,
+    ...     bearing_radius=25e-3,
+    ...     clearance=50e-6,
+    ...     length=12.5e-3,
+    ... )
+    >>> force = cj.CaponeFilm(viscosity=0.02).force(gap)
+    >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
+    -69.4 N, 94.5 N
     """
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")

@@ -30,6 +30,18 @@ class FilmGap:
     - `rate`: 1/s, the offset's in axes that turn with half the sum of the spins.
     - `spin`: rad/s, of the journal against the bearing, about the axis.
     - `bearing_radius`, radial `clearance`, `length` of the film: m.
+
+    >>> gap = extend.FilmGap(
+    ...     axis=extend.UNIT_Z,
+    ...     offset=cj.Vector(0.5, 0.0, 0.0),
+    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     spin=200.0,
+    ...     bearing_radius=25e-3,
+    ...     clearance=50e-6,
+    ...     length=12.5e-3,
+    ... )
+    >>> print(f"{gap.offset.dot(gap.offset) ** 0.5}")  # the eccentricity ratio
+    0.5
     """
 
     axis: Vector

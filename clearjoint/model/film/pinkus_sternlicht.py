@@ -29,6 +29,19 @@ class PinkusSternlichtFilm(AbstractFilm):
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer,
     H. M. Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy
     2006.
+
+    >>> gap = extend.FilmGap(
+    ...     axis=extend.UNIT_Z,
+    ...     offset=cj.Vector(0.5, 0.0, 0.0),
+    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     spin=200.0,
+    ...     bearing_radius=25e-3,
+    ...     clearance=50e-6,
+    ...     length=12.5e-3,
+    ... )
+    >>> force = cj.PinkusSternlichtFilm(viscosity=0.02).force(gap)
+    >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
+    -1111.1 N, 3023.0 N
     """
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")

@@ -22,6 +22,13 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     **Arguments:** names; points (3,) m in body axes; `stiffness` N/m, `damping` N s/m, and
     `free_length` m, none of them negative. The force has no direction where the points coincide
     and is zero there.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> wrenches = extend.unpack(spring).wrenches({"ground": ground, "ball": ball}, 0.0)
+    >>> print(f"{wrenches['ball'].force.x:.1f} N")
+    -10.0 N
     """
 
     first: str = eqx.field(static=True)
@@ -87,6 +94,12 @@ class AppliedLoad(AbstractForce):
     A load that changes with the motion is a subclass of `AbstractForce`.
 
     **Raises:** `ValueError` for components that are neither, or not three.
+
+    >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> wrenches = extend.unpack(load).wrenches({"arm": still}, 0.0)
+    >>> print(f"{wrenches['arm'].moment.z:.1f} N m")
+    -5.0 N m
     """
 
     body: str = eqx.field(static=True)

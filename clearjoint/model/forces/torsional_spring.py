@@ -24,6 +24,10 @@ class TorsionalSpring(AbstractDriveTorque):
     of them negative, and `rest_angle` rad, where the spring is slack.
 
     **Raises:** `ValueError` for values that no spring can have.
+
+    >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
+    >>> spring.body_names()
+    ('ground', 'lever')
     """
 
     first: str = eqx.field(static=True)

@@ -26,7 +26,11 @@ from .motion_subspaces import AbstractFreedom
 T = TypeVar("T")
 
 Motions: TypeAlias = Mapping[str, Motion]
-"""Motion of each body by name, the ground included."""
+"""Motion of each body by name, the ground included.
+
+>>> def height(motions: extend.Motions) -> extend.Scalar:
+...     return motions["arm"].position.z
+"""
 ByLabel: TypeAlias = dict[str, dict[str, T]]
 """One of each contact, or of each constraint equation, by the joint's name and its own label."""
 Attachment: TypeAlias = tuple[str, str, Triple]
@@ -43,6 +47,11 @@ class Row:
     multiplier); `bias` is Phi's second derivative where all accelerations are zero.
     `time_rate` is the rate of Phi while all bodies stand still: zero unless Phi depends on time,
     as a driver's does, which then supplies the power -multiplier time_rate.
+
+    >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
+    >>> row = cj.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
+    >>> row.time_rate
+    0.0
     """
 
     value: Scalar
@@ -181,6 +190,12 @@ class Contact:
     the spin of the first and of the second body, m in body axes. A normal force F is then no force,
     but the moments -F times these; `normal` is the axis about which the second body turns into the
     first, and there is no friction.
+
+    >>> gap = cj.Gap(depth=1e-6, rate=0.0)
+    >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
+    >>> contact = cj.Contact(gap, extend.UNIT_Z, *arms, slip=None)
+    >>> contact.normal.z
+    1.0
     """
 
     gap: Gap

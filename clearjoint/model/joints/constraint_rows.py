@@ -29,7 +29,15 @@ def _negative(wrench: Wrench) -> Wrench:
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Three rows that keep a point of each body together; points in m, body axes (eq. 25)."""
+    """Three rows that keep a point of each body together; points in m, body axes (eq. 25).
+
+    >>> names = "ground", "ball"
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> rows = extend.coincident_points(names, ground, ball, extend.ZERO, extend.ZERO)
+    >>> print(f"{rows['translation x'].value:.1f} m")
+    -0.1 m
+    """
     separation = first.point(local_first) - second.point(local_second)
     rows = {}
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
@@ -43,7 +51,14 @@ def coincident_points(
 def perpendicular(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """One row that keeps a direction of each body, in body axes, at a right angle."""
+    """One row that keeps a direction of each body, in body axes, at a right angle.
+
+    >>> names = "ground", "ball"
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> extend.perpendicular(names, ground, ball, extend.UNIT_X, extend.UNIT_Y).value
+    0.0
+    """
     a, b = first.direction(axis_first), second.direction(axis_second)
     b_in_first = first.rotation.transposed_times(b)
     a_in_second = second.rotation.transposed_times(a)
@@ -64,7 +79,15 @@ def point_in_plane(
     names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
 ) -> Row:
     """One row that keeps a point of the second body (`local`, m, its axes) in a plane of the first,
-    through `origin` and with the normal `axis` (m and unit vector, its axes)."""
+    through `origin` and with the normal `axis` (m and unit vector, its axes).
+
+    >>> names = "ground", "ball"
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> row = extend.point_in_plane(names, ground, ball, extend.ZERO, extend.UNIT_X, extend.ZERO)
+    >>> print(f"{row.value:.1f} m")
+    0.1 m
+    """
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
@@ -87,6 +110,13 @@ def turning_angle(
 
     It is that of the direction's projection across the axis, so that its derivatives are exact
     wherever the axes of both bodies point.
+
+    >>> names = "ground", "ball"
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> row = extend.turning_angle(names, ground, ball, extend.UNIT_Z, extend.UNIT_X)
+    >>> sorted(row.jacobian)
+    ['ball', 'ground']
     """
     start, quarter = transverse_axes(axis)
     cosine = perpendicular(names, first, second, start, direction)
@@ -144,6 +174,15 @@ def rows_from_residual(
 
     **Arguments:** `residual` maps ((position, rotation matrix) of the first body, of the second)
     to one scalar a label. For a joint of one's own where derivatives by hand are not worth it.
+
+    >>> names = "ground", "ball"
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> def residual(first, second):
+    ...     return ((second[0] - first[0]).x,)
+    >>> rows = cj.rows_from_residual(names, ("x",), residual, ground, ball)
+    >>> print(f"{rows['x'].value:.1f} m")
+    0.1 m
     """
     poses, velocities = _as_arrays(
         (

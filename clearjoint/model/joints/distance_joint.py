@@ -20,6 +20,13 @@ class DistanceJoint(AbstractPairJoint):
     at the wall of its bearing in this way.
 
     **Raises:** `ValueError` for a length that is not positive.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> rod = cj.DistanceJoint("ground", "arm", (0, 0, 0), (0.5, 0, 0), length=0.5)
+    >>> rows = extend.unpack(rod).rows(motions, 0.0)
+    >>> {name: float(row.value) for name, row in rows.items()}
+    {'length': 0.0}
     """
 
     first: str = eqx.field(static=True)

@@ -80,6 +80,13 @@ class SphericalJoint(AbstractPairJoint):
     """A point of each body coincide; three rows (eq. 25).
 
     **Arguments:** names of the bodies, and the joint's point on each, (3,) m in body axes.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
+    >>> rows = extend.unpack(joint).rows(motions, 0.0)
+    >>> {name: float(row.value) for name, row in rows.items()}  # m, by which the points are apart
+    {'translation x': 0.5, 'translation y': 0.0, 'translation z': 0.0}
     """
 
     first: str = eqx.field(static=True)
@@ -104,6 +111,12 @@ class RevoluteJoint(AbstractAxisJoint):
     a right angle to two directions across the second body's axis: independent in every orientation.
 
     **Arguments:** as `SphericalJoint`, and the axis on each body, (3,) in body axes, any length.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
     """
 
     first: str = eqx.field(static=True)
@@ -130,6 +143,12 @@ class FixedJoint(AbstractPairJoint):
 
     **Arguments:** as `SphericalJoint`, and `orientation`: (4,) Euler parameters, scalar first, that
     turn components in the second body's frame into the first body's; parallel frames by default.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['translation x', 'translation y', 'translation z', 'rotation x', 'rotation y', 'rotation z']
     """
 
     first: str = eqx.field(static=True)
@@ -158,6 +177,12 @@ class InlineJoint(AbstractPairJoint):
     **Arguments:** as `SphericalJoint`, and the line's `axis` on the first body, (3,) in its axes,
     any length. With the axis across a planar mechanism it is a pin that adds no redundant
     constraint to those that already hold the bodies in the plane.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.InlineJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2']
     """
 
     first: str = eqx.field(static=True)
@@ -176,6 +201,12 @@ class CylindricalJoint(AbstractAxisJoint):
     """Bodies that turn about a common axis and slide along it; four rows.
 
     **Arguments:** as `RevoluteJoint`.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.CylindricalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2', 'tilt 1', 'tilt 2']
     """
 
     first: str = eqx.field(static=True)
@@ -196,6 +227,12 @@ class PrismaticJoint(AbstractPairJoint):
 
     **Arguments:** as `FixedJoint`, and the `axis` on the first body, (3,) in its axes, any length;
     the joint's point on the second body stays on the line along it through that on the first.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.PrismaticJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2', 'rotation x', 'rotation y', 'rotation z']
     """
 
     first: str = eqx.field(static=True)

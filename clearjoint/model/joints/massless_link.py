@@ -27,6 +27,10 @@ class MasslessLink(AbstractConstraint):
     nearer to the side meant.
 
     **Raises:** `ValueError` for values that no joint can have.
+
+    >>> link = cj.MasslessLink("ground", "arm", clearance=0.5e-3, journal_length=20e-3)
+    >>> link.body_names(), float(link.clearance)
+    (('ground', 'arm'), 0.0005)
     """
 
     bearing_body: str = eqx.field(static=True)

@@ -39,7 +39,12 @@ from ...math.vectors import (
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """A spin of the child and a velocity of its joint's point, against the parent."""
+    """A spin of the child and a velocity of its joint's point, against the parent.
+
+    >>> twist = extend.Twist(turn=extend.UNIT_Z, slide=extend.ZERO) * 2.0
+    >>> twist.turn.z
+    2.0
+    """
 
     turn: Vector
     slide: Vector
@@ -60,6 +65,11 @@ class Relative:
 
     `orientation` turns the child's components into the parent's; `displacement` leads from the
     parent's point to the child's, in the child's axes, in which its rate is ``twist.slide``.
+
+    >>> still = extend.Twist(extend.ZERO, extend.ZERO)
+    >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
+    >>> relative.displacement
+    Vector(x=1.0, y=0.0, z=0.0)
     """
 
     orientation: EulerParameters
@@ -72,6 +82,9 @@ class JointState(eqx.Module):
 
     - `position`: an angle in rad, a distance in m, Euler parameters, or any other PyTree.
     - `speeds`: one for each degree of freedom, rad/s or m/s.
+
+    >>> extend.JointState(position=0.5, speeds=(2.0,)).speeds  # a hinge: rad, rad/s
+    (2.0,)
     """
 
     position: PyTree
@@ -82,6 +95,13 @@ class AbstractFreedom(eqx.Module):
     """The relative motion that a joint allows.
 
     `point_parent` and `point_child` are the joint's points, m in each body's axes.
+
+    >>> axes = (0, 0, 1), (0, 0, 1)
+    >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
+    >>> freedom = extend.unpack(hinge).freedom("ground")
+    >>> (column,) = freedom.columns(0.0)  # one speed
+    >>> print(f"{abs(column.turn.z):.1f}")
+    1.0
     """
 
     point_parent: eqx.AbstractVar[Vector]

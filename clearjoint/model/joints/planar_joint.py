@@ -22,6 +22,12 @@ class PlanarJoint(AbstractAxisJoint):
     the axes of each body, any length. The plane goes through the point of each body.
 
     **Raises:** `ValueError` for points and axes that no joint can have.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.PlanarJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['height', 'tilt 1', 'tilt 2']
     """
 
     first: str = eqx.field(static=True)

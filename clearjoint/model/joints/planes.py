@@ -20,6 +20,13 @@ class PointInPlaneJoint(AbstractPairJoint):
 
     **Arguments:** as `SphericalJoint`; the plane goes through the point on the first body, at a
     right angle to the `normal`, (3,) in that body's axes, any length.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.PointInPlaneJoint("ground", "arm", (0, 0, 0), (0, 0.1, 0), normal=(0, 1, 0))
+    >>> rows = extend.unpack(joint).rows(motions, 0.0)
+    >>> {name: float(row.value) for name, row in rows.items()}  # m off the plane
+    {'height': 0.1}
     """
 
     first: str = eqx.field(static=True)
@@ -41,6 +48,13 @@ class LineInPlaneJoint(AbstractPairJoint):
 
     **Arguments:** as `PointInPlaneJoint`; the line goes through the point on the second body along
     the `axis`, (3,) in that body's axes, any length.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> points = (0, 0, 0), (0, 0, 0)
+    >>> joint = cj.LineInPlaneJoint("ground", "arm", *points, normal=(0, 1, 0), axis=(1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['height', 'tilt']
     """
 
     first: str = eqx.field(static=True)

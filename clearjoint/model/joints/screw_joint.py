@@ -40,6 +40,13 @@ class ScrewJoint(AbstractAxisJoint):
     is zero: where the bodies' frames differ by the shortest turn between the axes' components.
 
     **Raises:** `ValueError` for a lead of zero, and for points and axes that no joint can have.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> axes = (0, 0, 1), (0, 0, 1)
+    >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2', 'tilt 1', 'tilt 2', 'thread']
     """
 
     first: str = eqx.field(static=True)

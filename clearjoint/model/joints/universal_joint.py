@@ -25,6 +25,12 @@ class UniversalJoint(AbstractPairJoint):
     (3,) in the axes of its body, any length.
 
     **Raises:** `ValueError` for points and axes that no joint can have.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> joint = cj.UniversalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['translation x', 'translation y', 'translation z', 'cross']
     """
 
     first: str = eqx.field(static=True)

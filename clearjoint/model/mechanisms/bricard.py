@@ -12,6 +12,10 @@ def bricard() -> tuple[Scene, State]:
 
     Six revolute joints, each at a right angle to the next: 30 constraints on 30 velocities of which
     one is redundant, which leaves one degree of freedom. Starts at rest; gravity 9.81 along -Y.
+
+    >>> scene, state = cj.bricard()
+    >>> list(scene.joints)
+    ['hinge 1', 'hinge 2', 'hinge 3', 'hinge 4', 'hinge 5', 'hinge 6']
     """
     corners = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
     axes = ((0, 1, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 0))

@@ -14,6 +14,10 @@ def double_four_bar() -> tuple[Scene, State]:
     Rods 1, 3 and 5 stand on the ground, 2 and 4 join their tips; gravity 9.81 along -Y, and the
     tips start at 1 m/s along +X. A planar mechanism of seven spatial revolute joints, so that 6 of
     35 constraints are redundant; with the rods in one line it passes singular positions.
+
+    >>> scene, state = cj.double_four_bar()
+    >>> list(scene.joints)
+    ['foot 1', 'foot 2', 'foot 3', 'left 1', 'right 1', 'left 2', 'right 2']
     """
     names = [f"rod {k}" for k in range(1, 6)]
     bodies = {name: Body(1.0, (1e-3, 1.0 / 12, 1.0 / 12)) for name in names}

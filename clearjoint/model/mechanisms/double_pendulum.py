@@ -30,6 +30,10 @@ def double_pendulum(
 
     **Arguments:** radial clearance, bearing radius and journal length in m; `clearance=None` makes
     the ground joint ideal. `law` replaces Lankarani-Nikravesh with the given restitution.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> list(scene.joints)
+    ['shoulder', 'elbow']
     """
     bodies = {
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),

@@ -41,6 +41,10 @@ def gear_pair(
 
     **Arguments:** `backlash` along the pitch circle and `module` in m; `teeth` of both; `speeds` of
     both in rad/s. `law` replaces the one above.
+
+    >>> scene, state = cj.gear_pair()
+    >>> list(scene.joints)
+    ['pinion bearing', 'wheel bearing', 'mesh']
     """
     first, second = (0.5 * module * number for number in teeth)
     if law is None:

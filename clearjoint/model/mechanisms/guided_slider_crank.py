@@ -54,6 +54,10 @@ def guided_slider_crank(
       guide, with a coefficient of 0.01 unless given, or ``None``; `pin_law`: the pin's, that of
       the other mechanisms' steel unless given.
     - `speed`: of the crank at the start, rad/s.
+
+    >>> scene, state = cj.guided_slider_crank()
+    >>> list(scene.joints)
+    ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
     near, far = 0.5, -0.5
     joints: dict[str, AbstractConstraint | AbstractContactJoint] = {

@@ -51,6 +51,10 @@ def quick_return(
       clock. The pin starts centred.
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
       of 0.8, unless given. `friction`: of them.
+
+    >>> scene, state = cj.quick_return()
+    >>> list(scene.joints)
+    ['crank bearing', 'lever bearing', 'motor', 'slot']
     """
     foot = (-0.5 * LEVER, 0.0, 0.0)
     pin, middle = (0.5 * CRANK, 0.0, 0.0), (BASE - 0.5 * LEVER, 0.0, 0.0)

@@ -53,6 +53,10 @@ def robot_arm(
     **Arguments:** `play` in rad, of all three joints, from flank to flank; ``None`` lets the motors
     turn the links themselves. `angles` and `speeds` of the motors at the start, rad and rad/s.
     `law` replaces one that delivers the restitution.
+
+    >>> scene, state = cj.robot_arm(play=1e-3)
+    >>> list(scene.bodies)
+    ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
     """
     if law is None:
         law = ExactRestitution(restitution=restitution, stiffness=FLANK_STIFFNESS)

@@ -50,6 +50,10 @@ def rotor_in_bearing(
     - `law` replaces Lankarani-Nikravesh with the given restitution; `friction` is that of the dry
       wall.
     - `gravity`: (3,) m/s^2.
+
+    >>> scene, state = cj.rotor_in_bearing()
+    >>> list(scene.joints)
+    ['bearing', 'motor']
     """
     bearing = ClearanceJoint(
         GROUND,

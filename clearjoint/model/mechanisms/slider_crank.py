@@ -18,7 +18,13 @@ from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
-"""Of the slider-crank, m."""
+"""Of the slider-crank, m.
+
+>>> _, state = cj.slider_crank(clearance=None, angle=0.0)
+>>> slider = state.bodies["slider"].position[0]  # farthest out
+>>> bool(np.isclose(slider, cj.CRANK_LENGTH + cj.ROD_LENGTH))
+True
+"""
 SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
 """The rod's end at the slider, m in its axes."""
 
@@ -56,6 +62,10 @@ def slider_crank(
       speed, such as a `DriveTorque` about (0, 0, 1).
     - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
+
+    >>> scene, state = cj.slider_crank()
+    >>> list(scene.joints)
+    ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
     if clearance is None:
         pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)

@@ -43,6 +43,10 @@ def spatial_four_bar(
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
     - `speed`: of the crank at the start, rad/s, in the ideal joint's motion; at rest unless given.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
+
+    >>> scene, state = cj.spatial_four_bar()
+    >>> list(scene.joints)
+    ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """
     end = (0.5 * COUPLER, 0.0, 0.0)
     top = (0.0, 0.5 * ROCKER, 0.0)

@@ -61,11 +61,20 @@ class FreeAxially(AbstractAxialPolicy):
     they don't, the journal slides out sooner or later; `simulate` then warns with a
     `LeftBearingWarning`. Take `EndPlay` for a real bearing, whose collars stop the journal, or
     `FixedAxially` where the axial motion is of no interest.
+
+    >>> scene, state = cj.double_pendulum(axial=cj.FreeAxially())
+    >>> scene.joints["shoulder"].axial
+    FreeAxially()
     """
 
 
 class FixedAxially(AbstractAxialPolicy):
-    """An ideal constraint keeps the journal's centre in the bearing's middle plane."""
+    """An ideal constraint keeps the journal's centre in the bearing's middle plane.
+
+    >>> scene, state = cj.double_pendulum(axial=cj.FixedAxially())
+    >>> scene.joints["shoulder"].axial
+    FixedAxially()
+    """
 
     holds_centre = True
 
@@ -79,6 +88,11 @@ class EndPlay(AbstractAxialPolicy):
     - `law`: the normal law of a shoulder, with a given stiffness (the surfaces are flat).
 
     The force acts along the bearing's axis at the journal's base. No friction at the shoulders.
+
+    >>> collars = cj.EndPlay(play=0.2e-3, law=cj.Hertz(1e9))
+    >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
+    >>> print(f"{gap.depth:.2e} m")  # beyond half of the play
+    5.00e-05 m
     """
 
     play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")

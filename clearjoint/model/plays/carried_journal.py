@@ -27,6 +27,11 @@ class CarriedJournal(NamedTuple):
     Components are along two directions across the axis that don't turn and make a right-handed
     frame with it. `offset`: (2,) m; `stiffness`: (2, 2) N/m, minus the derivative of the force by
     the offset; `damping`: (2, 2) N s/m, minus that by the offset's rate.
+
+    >>> scene, _ = cj.rotor_in_bearing(film=cj.CaponeFilm(0.02))
+    >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
+    >>> carried.stiffness.shape, bool(carried.damping[0, 0] > 0.0)
+    ((2, 2), True)
     """
 
     offset: Float[jax.Array, "2"]

@@ -78,6 +78,18 @@ class ClearanceJoint(AbstractContactJoint):
 
     **Raises:** `ValueError` for a journal that is not smaller than the bearing, axes of no length,
     or other values that no joint can have.
+
+    >>> pin = cj.ClearanceJoint(
+    ...     "ground",
+    ...     "arm",
+    ...     journal_point=(-0.5, 0, 0),
+    ...     bearing_radius=10e-3,
+    ...     clearance=0.5e-3,
+    ...     journal_length=20e-3,
+    ...     law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+    ... )
+    >>> print(f"{pin.bearing_radius - pin.clearance:.4f} m")  # the journal's radius
+    0.0095 m
     """
 
     bearing_body: str = eqx.field(static=True)

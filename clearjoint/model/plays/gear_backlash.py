@@ -92,6 +92,23 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
 
     Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
     A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
+
+    >>> law = cj.ExactRestitution(0.8, 1.8e11)
+    >>> mesh = cj.GearBacklash(
+    ...     "pinion",
+    ...     "wheel",
+    ...     (0, 0, 0),
+    ...     (0, 0, 0),
+    ...     (0, 0, 1),
+    ...     (0, 0, 1),
+    ...     teeth_first=20,
+    ...     teeth_second=50,
+    ...     module=3e-3,
+    ...     backlash=0.1e-3,
+    ...     law=law,
+    ... )
+    >>> mesh.pair(), list(mesh.laws())
+    (('pinion', 'wheel'), ['lower flank', 'upper flank'])
     """
 
     first: str = eqx.field(static=True)

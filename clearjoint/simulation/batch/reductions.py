@@ -116,6 +116,10 @@ class Peak(AbstractReduction):
       that ended before.
 
     **Raises:** `ValueError` for a window that does not end after its begin.
+
+    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    >>> peak.units()
+    {'': 'N', 'time': 's'}
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -198,6 +202,10 @@ class Statistics(AbstractReduction):
     **Arguments:** `quantity`, `unit`, `after` and `until` as for `Peak`.
 
     **Raises:** `ValueError` as `Peak`.
+
+    >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
+    >>> list(speed.units())
+    ['mean', 'rms', 'smallest', 'largest']
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -274,6 +282,9 @@ class ImpactCount(AbstractReduction):
     as for `Peak`.
 
     **Raises:** `ValueError` as `Peak`.
+
+    >>> cj.ImpactCount("shoulder")
+    ImpactCount(joint='shoulder')
     """
 
     joint: str = eqx.field(static=True)
@@ -338,6 +349,10 @@ class DissipatedEnergy(AbstractReduction):
     **Arguments:** `after`, `until`: s, the window of time, as for `Peak`.
 
     **Raises:** `ValueError` as `Peak`.
+
+    >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
+    >>> outputs["losses"].needs_ledger
+    True
     """
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time)

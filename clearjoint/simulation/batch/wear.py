@@ -38,6 +38,10 @@ class ArchardWear(AbstractReduction):
     - `after`, `until`: s, the window of time, as for `Peak`.
 
     **Source:** J. F. Archard 1953.
+
+    >>> wear = cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)
+    >>> list(wear.units())[:4]
+    ['', 'V', 'W', 'V 1']
     """
 
     joint: str = eqx.field(static=True)

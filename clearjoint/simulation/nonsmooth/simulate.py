@@ -64,6 +64,11 @@ def simulate_nonsmooth(
     the restitution that it delivers; `SimulationError` for a run that fails: the contacts of a step
     were not solved, a bearing was penetrated deeper than its clearance, or the state is not
     finite.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
+    >>> int(solution.contacts["shoulder"]["V"].impacts)
+    1
     """
     check_precision(False)
     save = saving_or_nothing(save)

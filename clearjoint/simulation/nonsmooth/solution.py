@@ -19,6 +19,11 @@ class ContactTotals(AbstractReadable):
     - `dissipated`: J, by restitution and friction.
     - `hardest`: largest impulse of a step, N s. `fastest`: largest approach speed with one, m/s.
     - `penetration`: deepest in the middle of a step, m.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
+    >>> bool(totals.impulse > 0.0)
+    True
     """
 
     impacts: Integers
@@ -41,6 +46,11 @@ class NonsmoothSolution(AbstractReadable):
     - `residual`: largest violation of the contacts' laws in any step, over its largest velocity.
     - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes
       such a solution too, for all but forces.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
+    >>> int(solution.steps)
+    200
     """
 
     time: Numbers

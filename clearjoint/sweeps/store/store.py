@@ -128,6 +128,17 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     by lane with `xarray.open_zarr(path)`.
 
     **Raises:** `ValueError` if there is no sweep's store at the path.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
+    >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> _ = cj.sweep(
+    ...     scene, state, 0.5, {"stiffness": axis}, outputs, path="ball.zarr", progress=False
+    ... )
+    >>> np.round(cj.open_sweep("ball.zarr")["speed"].values, 4)
+    array([1., 2.])
     """
     path = Path(path)
     contents = contents_of(path)

@@ -1,0 +1,66 @@
+"""The examples in docstrings of public names, as tests run them."""
+
+import doctest
+import re
+from pathlib import Path
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+import clearjoint as cj
+from clearjoint import extend, plot, testing
+from clearjoint.reference.public_names import PublicName, public_names
+
+COMPILES = re.compile(
+    r"\b(simulate\w*|sweep|sensitivities|identif\w+|minimise|horizon|compiled_sensitivities"
+    r"|free_impact|smoothing_bias|carried_journal|check_\w+|load_urdf|animate_journal|settle|largest|view|report|movie)\("
+)
+"""What takes seconds: an example that calls one of these is slow."""
+BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+TABLE = re.compile(r"```toml\n(.*?)```", re.DOTALL)
+"""A scene file, which an example reads."""
+
+
+def distinct_names() -> dict[str, PublicName]:
+    """Public names by origin and name, each once."""
+    found = {f"{public.origin}:{public.name}": public for public in public_names()}
+    return {public.name + f" of {public.source}": public for public in found.values()}
+
+
+def has_example(public: PublicName) -> bool:
+    """Whether a docstring has a session or a block of Python."""
+    return ">>> " in public.docstring or BLOCK.search(public.docstring) is not None
+
+
+def is_slow(public: PublicName) -> bool:
+    """Whether an example compiles a run or the like."""
+    sessions = doctest.DocTestParser().get_examples(public.docstring)
+    code = "".join(example.source for example in sessions)
+    return COMPILES.search(code + "".join(BLOCK.findall(public.docstring))) is not None
+
+
+def run_example(public: PublicName) -> str:
+    """What an example's session printed that it should not have, nothing if all is right.
+
+    Blocks of Python only have to run.
+    """
+    given = {
+        "cj": cj,
+        "extend": extend,
+        "jnp": jnp,
+        "np": np,
+        "plot": plot,
+        "plt": plt,
+        "testing": testing,
+    }
+    for table in TABLE.findall(public.docstring):
+        Path("pendulum.toml").write_text(table, encoding="utf-8")
+    for block in BLOCK.findall(public.docstring):
+        exec(block, {"__name__": "a_user"})
+    session = BLOCK.sub("", public.docstring)
+    test = doctest.DocTestParser().get_doctest(session, given, public.name, public.origin, 0)
+    wrong: list[str] = []
+    flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+    doctest.DocTestRunner(optionflags=flags).run(test, out=wrong.append)
+    return "".join(wrong)
