@@ -24,6 +24,7 @@ from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
 from .fields.cautions import LawRangeWarning as LawRangeWarning
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
+from .fields.cautions import LooseBodyWarning as LooseBodyWarning
 from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number
-from .complaints import FilePlace, listed, nearest
+from ..fields.suggestions import nearest
+from .complaints import FilePlace, listed
 from .expectations import ANYTHING, MAKERS, Expectation, arguments
 from .kinds import Classes, find_kind, is_abstract
 from .numbers import number_of_text

@@ -133,6 +133,8 @@ def observe(
 
     **Returns:** an `Observation` of numpy arrays.
     """
+    kind, fine = type(solution).__name__, hasattr(solution, "formulation")
+    require(fine, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
     require(
         trajectory is not None,

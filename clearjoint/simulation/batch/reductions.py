@@ -18,7 +18,7 @@ from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Condition, Scalar, add
 from ...model.scene import Scene
-from ...quantities.base import Quantity, check_quantity, require_known
+from ...quantities.base import Quantity, check_quantity, require_known, require_quantity
 from ...quantities.instant import Instant
 
 LOSSES = ("normal damping", "friction", "film")
@@ -107,6 +107,9 @@ class Peak(AbstractReduction):
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
 
+    def __check_init__(self):
+        require_quantity("quantity", self.quantity)
+
     def start(self, now: Instant) -> PeakTally:
         """The value at the start, the highest so far."""
         value = self._value(now)
@@ -169,6 +172,7 @@ class Statistics(AbstractReduction):
     end_time: float = eqx.field(default=float("inf"), static=True)
 
     def __check_init__(self):
+        require_quantity("quantity", self.quantity)
         require(
             self.end_time > self.start_time,
             "end_time",
