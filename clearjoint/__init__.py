@@ -24,6 +24,7 @@ from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
 from .fields.cautions import LawRangeWarning as LawRangeWarning
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
+from .fields.cautions import LooseBodyWarning as LooseBodyWarning
 from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity
@@ -32,6 +33,12 @@ from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.limits.largest import Largest as Largest
+from .identification.limits.largest import largest as largest
+from .identification.limits.looks import margins as margins
+from .identification.limits.margins import Margins as Margins
+from .identification.limits.margins import MarginZero as MarginZero
+from .identification.limits.margins import largest_within as largest_within
 from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
 from .identification.multiple_shooting.identify import ShootingFit as ShootingFit
@@ -222,6 +229,9 @@ from .simulation.sections import Section as Section
 from .simulation.sensitivities import Sensitivities as Sensitivities
 from .simulation.sensitivities import sensitivities as sensitivities
 from .simulation.settings import Settings as Settings
+from .simulation.settle import Settled as Settled
+from .simulation.settle import Settling as Settling
+from .simulation.settle import settle as settle
 from .simulation.simulate import simulate as simulate
 from .simulation.solution import SimulationError as SimulationError
 from .simulation.solution import Solution as Solution

@@ -11,6 +11,7 @@ from ..compilation import Compiled, HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import require, require_finite
 from ..fields.conversion import on_device
+from ..fields.suggestions import nearest
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
 from ..model.joints.base import AbstractConstraint
@@ -34,6 +35,13 @@ REPRESENTED = 1e-3
 def check_names(scene: Scene, state: State) -> None:
     """Check that a state has exactly the scene's bodies."""
     require(
+        isinstance(scene, Scene),
+        "scene",
+        type(scene).__name__,
+        "a Scene",
+        "pass one; what makes a mechanism returns two things: scene, state = cj.four_bar()",
+    )
+    require(
         isinstance(state, State),
         "state",
         type(state).__name__,
@@ -45,7 +53,7 @@ def check_names(scene: Scene, state: State) -> None:
         "state",
         sorted(state.bodies),
         f"of the scene's bodies {sorted(scene.bodies)}",
-        "give each body of the scene one state",
+        "give each body of the scene one state, under the same name",
     )
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
@@ -87,8 +95,9 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
     """
     check_names(scene, state)
     known = sorted(centring_joints(scene, scene.contact_joints()))
+    require(not isinstance(seated, str), "seated", seated, "a list of names", 'pass ["pin"]')
     for name in seated:
-        remedy = "leave out the others"
+        remedy = nearest(name, known, "leave out the others")
         require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
     held = centring_joints(scene, seated)
     state = _in_bearings(scene, held, state, t)

@@ -48,6 +48,13 @@ class NotCarriedOverWarning(UserWarning):
     """
 
 
+class LooseBodyWarning(UserWarning):
+    """A body that nothing holds, or a drive about an axis that nothing holds.
+
+    Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
+    """
+
+
 class LawRangeWarning(UserWarning):
     """A contact law is used where it does not hold, or for what it cannot give.
 

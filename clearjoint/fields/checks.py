@@ -24,17 +24,31 @@ Path: TypeAlias = tuple[str | int, ...]
 """Names of fields, and keys of containers, that lead into a tree."""
 
 
-def as_number(value: object) -> np.ndarray | jax.Array:
-    """A float64 numpy array, or the JAX array that was given."""
+def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
+    """A float64 numpy array, or the JAX array that was given.
+
+    **Arguments:** `argument`, `unit`: what the caller calls the value, and the unit that it is
+    given in, for the error.
+
+    **Raises:** `ValueError` for what holds no numbers.
+    """
     if isinstance(value, jax.Array):
         return value
+    expected, remedy = (
+        "a number or an array of numbers",
+        "pass a float, a list of floats or an array",
+    )
     try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        unfit = value is None or np.asarray(value).dtype.kind in "US"
+        numbers = None if unfit else np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = None
+    if numbers is None:
+        given = "" if unit == "1" else f", in {unit}"
         raise ValueError(
-            f"Expected a number or an array of numbers, but got {value!r}: pass a float, a list of "
-            "floats or an array."
-        ) from error
+            f"Argument `{argument}` must be {expected}, but is {value!r}: {remedy}{given}."
+        )
+    return numbers
 
 
 def concrete(value: object) -> np.ndarray | None:

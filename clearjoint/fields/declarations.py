@@ -1,8 +1,9 @@
 """Fields that declare what they hold: unit, shape, sign and range, checked at construction."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import Field, dataclass, fields
+from functools import cache, partial
+from types import MappingProxyType
 from typing import Any
 
 import equinox as eqx
@@ -113,8 +114,20 @@ def optional_quantity(unit: str, **options: Any) -> Any:
     return quantity(unit, converter=_as_optional_number, default=None, **options)
 
 
-def _as_optional_number(value: object) -> np.ndarray | jax.Array | None:
-    return None if value is None else as_number(value)
+def _as_optional_number(
+    value: object, argument: str = "value", unit: str = "1"
+) -> np.ndarray | jax.Array | None:
+    return None if value is None else as_number(value, argument, unit)
+
+
+def name_conversions(cls: type) -> None:
+    """Have the errors of a class's own `quantity` fields that are given no numbers name the
+    field."""
+    for name, field in list(vars(cls).items()):
+        own = field.metadata.get("converter") if isinstance(field, Field) else None
+        if own is as_number or own is _as_optional_number:
+            named = partial(own, argument=name, unit=field.metadata["unit"])
+            field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
 
 def check_declared(module: eqx.Module) -> None:

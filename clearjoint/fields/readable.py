@@ -1,5 +1,7 @@
 """The base of what users build: it checks what its fields declare, and prints their numbers."""
 
+from dataclasses import FrozenInstanceError
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -7,7 +9,7 @@ from jax.core import Tracer
 
 from ..results import RESULTS
 from .cautions import warns
-from .declarations import check_declared
+from .declarations import check_declared, name_conversions
 
 LONGEST = 16
 """Numbers up to which an array is printed whole; of a longer one type and shape."""
@@ -22,6 +24,10 @@ class AbstractReadable(eqx.Module):
     left out where nothing warns.
     """
 
+    def __init_subclass__(cls, **options: object):
+        super().__init_subclass__(**options)
+        name_conversions(cls)
+
     def __check_init__(self):
         check_declared(self)
         self._check_together()
@@ -33,6 +39,15 @@ class AbstractReadable(eqx.Module):
 
     def _caution_together(self) -> None:
         """Warn if the fields are unusual beside each other."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        try:
+            super().__setattr__(name, value)
+        except FrozenInstanceError as error:
+            raise FrozenInstanceError(
+                f"{error}: a {type(self).__name__} does not change; take a copy with another "
+                f"number, cj.put(it, lambda it: it.{name}, value), or make another one."
+            ) from None
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))

@@ -283,6 +283,10 @@ def _check(
 ) -> None:
     remedy = "pass one set of measurements at least"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    for one in measurements:
+        kind, fine = type(one).__name__, isinstance(one, Measurements)
+        require(fine, "measurements", kind, "Measurements", remedy)
     first = measurements[0]
     first.check(scene)
     for k, one in enumerate(measurements):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import require, require_count
+from ..fields.checks import as_number, recheck, require, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -90,10 +90,22 @@ def start_coordinates(
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
     try:
         if name in guess:
-            return parameter.scale.coordinate(guess[name])
+            value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
+            coordinate = parameter.scale.coordinate(value)
+            _require_possible(scene, state, parameter, value)
+            return coordinate
         return parameter.coordinate_in(scene, state)
     except ValueError as error:
         raise ValueError(f"Parameter {name!r}: {error}") from error
+
+
+def _require_possible(scene: Scene, state: State, parameter: Parameter, value: np.ndarray) -> None:
+    """Check that a scene may have the value.
+
+    **Raises:** `ValueError` as at the scene's construction.
+    """
+    changed, _ = parameter.variation.setter(scene, state, value)(scene, state, value)
+    recheck(changed)
 
 
 def _require_known(argument: str, by_name: Mapping[str, float], names: Sequence[str]) -> None:

@@ -59,8 +59,8 @@ class Sensor:
     def __init__(self, channels: Quantity | Sequence[Quantity], times: ArrayLike, noise: ArrayLike):
         several = isinstance(channels, list | tuple)
         object.__setattr__(self, "channels", tuple(channels) if several else (channels,))
-        object.__setattr__(self, "times", np.asarray(as_number(times)))
-        deviation = np.asarray(as_number(noise))
+        object.__setattr__(self, "times", np.asarray(as_number(times, "times", "s")))
+        deviation = np.asarray(as_number(noise, "noise"))
         _check(self.channels, self.times, deviation)
         object.__setattr__(self, "noise", deviation * np.ones(len(self.times)))
 

@@ -69,9 +69,9 @@ class Series(AbstractReadable):
         assert unit is not None
         factor, self.unit = to_si(unit, si)
         self.channel, self.name = channel, name
-        self.times = as_number(times)
-        self.values = as_number(values) * factor
-        self.noise = as_number(noise) * factor * np.ones(np.shape(self.values))
+        self.times = as_number(times, "times", "s")
+        self.values = as_number(values, "values", unit) * factor
+        self.noise = as_number(noise, "noise", unit) * factor * np.ones(np.shape(self.values))
 
     def __check_init__(self):
         rows = [concrete(row) for row in (self.times, self.values, self.noise)]

@@ -291,7 +291,11 @@ class State(AbstractReadable):
         work: dict[str, Single] | None = None,
         bristles: dict[str, dict[str, Triple]] | None = None,
     ):
-        self.bodies = named("bodies", bodies, "pass State({name: body_state(...)})")
+        remedy = "pass State({name: body_state(...)})"
+        self.bodies = named("bodies", bodies, remedy)
+        for name, body in self.bodies.items():
+            kind, fine = type(body).__name__, isinstance(body, BodyState)
+            require(fine, f"bodies[{name!r}]", kind, "a BodyState", remedy)
         self.memory = {} if memory is None else memory
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles
@@ -432,7 +436,8 @@ def body_state(
       spin=[0.0, 0.0, 0.0]
     )
     """
-    numbers = BodyState(*(as_number(value) for value in (position, orientation, velocity, spin)))
+    given = {"position": position, "orientation": orientation, "velocity": velocity, "spin": spin}
+    numbers = BodyState(**{name: as_number(value, name) for name, value in given.items()})
     for name in ("position", "velocity", "spin"):
         require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
     require_euler_parameters("orientation", numbers.orientation)

@@ -6,6 +6,7 @@ from types import MappingProxyType
 import jax
 import numpy as np
 
+from ..fields.cautions import LooseBodyWarning, caution
 from ..fields.checks import (
     caution_above,
     caution_unless,
@@ -15,8 +16,10 @@ from ..fields.checks import (
 )
 from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
+from ..fields.suggestions import nearest
 from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
+from .connections import unconnected_bodies, unheld_drives
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
@@ -90,6 +93,20 @@ class Scene(AbstractReadable):
             if size is not None:
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
+    def _caution_together(self) -> None:
+        for name in unconnected_bodies(self.bodies, self.joints, self.forces):
+            caution(
+                f"No joint and no force holds body {name!r}, which flies free: name it in one, or "
+                "leave it out.",
+                LooseBodyWarning,
+            )
+        for name in unheld_drives(self.joints, self.forces):
+            caution(
+                f"Drive {name!r} turns a body about an axis on which no joint holds it: put a "
+                "RevoluteJoint, say, between the same bodies.",
+                LooseBodyWarning,
+            )
+
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """The joints that have contacts, by name."""
         return {
@@ -115,8 +132,19 @@ def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) ->
             f"{argument}[{name!r}]",
             type(element).__name__,
             "one of " + ", ".join(kind.__name__ for kind in kinds),
-            "pass an element of that kind",
+            f"pass an element of that kind{_rightful_place(element)}",
         )
+
+
+def _rightful_place(element: object) -> str:
+    """Where in a scene something belongs, as the end of a remedy."""
+    families = {
+        "bodies": Body,
+        "joints": (AbstractConstraint, AbstractContactJoint),
+        "forces": AbstractForce,
+    }
+    found = [family for family, kinds in families.items() if isinstance(element, kinds)]
+    return "".join(f"; this one belongs among the `{family}`" for family in found)
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
@@ -124,13 +152,9 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
     flatten the whole scene while it is made."""
     known = {GROUND, *bodies}
     for name in element.body_names():
-        require(
-            name in known,
-            argument,
-            name,
-            f"between known bodies {sorted(known)}",
-            "correct the name, or add the body to the scene",
-        )
+        remedy = nearest(name, known, "correct the name, or add the body to the scene")
+        expected = f"between known bodies {sorted(known)}"
+        require(name in known, argument, name, expected, remedy)
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:

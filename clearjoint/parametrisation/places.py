@@ -7,6 +7,7 @@ component (``scene.gravity[1]``), or several numbers, which ties them: they get 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from types import EllipsisType
+from typing import NoReturn
 
 import equinox as eqx
 import jax
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number, concrete, require
+from ..fields.suggestions import nearest
 
 Place = Callable[[PyTree], PyTree]
 """From a scene or a state to a number of it, or to several that are tied."""
@@ -48,7 +50,9 @@ def numbers_at(tree: PyTree, place: Place) -> list[Number]:
     try:
         result = place(marked)
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
-    except (AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError) as error:
+        _refuse_missing(tree, error)
+    except TypeError as error:
         numbers = [error]
     require(
         bool(numbers) and all(isinstance(number, Number) for number in numbers),
@@ -58,6 +62,21 @@ def numbers_at(tree: PyTree, place: Place) -> list[Number]:
         "see parameters(tree) for what there is, e.g. lambda s: s.joints['pin'].clearance",
     )
     return numbers
+
+
+def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
+    """Raise the error of a place that leads through a name that is not there."""
+    missing = error.name if isinstance(error, AttributeError) else error.args[0]
+    paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
+    known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
+    otherwise = (
+        "see cj.parameters(scene), or cj.parameters(state) for Axis.initial and Parameter.initial, "
+        "for what there is"
+    )
+    raise ValueError(
+        "Argument `place` must be a function that leads to numbers stored in the tree, but names "
+        f"{missing!r}, which is not there: {nearest(missing, map(str, known), otherwise)}."
+    ) from error
 
 
 def put(tree: PyTree, place: Place, value: Leaf) -> PyTree:

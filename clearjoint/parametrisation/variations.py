@@ -47,7 +47,7 @@ class SceneNumber(AbstractVariation):
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        _require_function("place", self.place, "pass lambda scene: ...")
+        _require_function("place", self.place, 'pass lambda scene: scene.joints["pin"].clearance')
 
     @property
     def function(self) -> Place:
@@ -73,7 +73,7 @@ class StateNumber(AbstractVariation):
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        _require_function("place", self.place, "pass lambda state: ...")
+        _require_function("place", self.place, 'pass lambda state: state.bodies["arm"].spin[2]')
 
     @property
     def function(self) -> Place:
@@ -99,7 +99,9 @@ class MadeByFunction(AbstractVariation):
     unit: str = "1"
 
     def __post_init__(self) -> None:
-        _require_function("make", self.make, "pass lambda scene, state, value: ...")
+        _require_function(
+            "make", self.make, "pass lambda scene, state, value: (scene, state), changed"
+        )
 
     @property
     def function(self) -> Change:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require
+from ..fields.suggestions import nearest
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import Scalar, Vector
 from ..model.scene import Scene
@@ -91,10 +92,18 @@ def check_quantity(place: str, function: object, scene: Scene) -> None:
             raise ValueError(f"{place}: {error}") from error
 
 
+def require_quantity(argument: str, function: object) -> None:
+    """Check for a function of an instant."""
+    remedy = 'pass for example cj.quantities.Position("arm", "x")'
+    fine = callable(function) and not isinstance(function, type)
+    require(fine, argument, function, "a scalar function of an Instant", remedy)
+
+
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
     """Check that a name is one of those that a scene has."""
     expected = f"one of the scene's {sorted(known)}"
-    require(name in known, argument, name, expected, "correct the name, or add it to the scene")
+    remedy = nearest(name, known, "correct the name, or add it to the scene")
+    require(name in known, argument, name, expected, remedy)
 
 
 def require_component(component: str | None, *, magnitude: bool = False) -> None:

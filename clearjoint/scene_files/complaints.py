@@ -1,7 +1,6 @@
 """What is said of a place in a file: where it is, what was found, what was expected, the remedy."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import NoReturn, TypeAlias
 
 Keys: TypeAlias = tuple[str | int, ...]
@@ -36,12 +35,6 @@ def _step(key: str | int) -> str:
     if isinstance(key, int):
         return f"[{key}]"
     return f".{key}" if key.replace("-", "_").isidentifier() else f".{key!r}"
-
-
-def nearest(name: str, known: Iterable[str], otherwise: str) -> str:
-    """The remedy for a name that is not among the known ones."""
-    meant = get_close_matches(name, list(known), n=1)
-    return f"did you mean {meant[0]!r}?" if meant else otherwise
 
 
 def listed(names: Iterable[str]) -> str:

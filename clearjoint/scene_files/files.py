@@ -7,9 +7,10 @@ from typing import TypeAlias
 
 from ..dynamics.assembly import assemble, check_names
 from ..fields.cautions import quiet
+from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
-from .complaints import FilePlace, listed, nearest
+from .complaints import FilePlace, listed
 from .differences import first_difference
 from .formats import Document, parsed, suffix_of, text_of
 from .guesses import guessed
@@ -45,9 +46,9 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     >>> list(scene.bodies)
     ['arm 2', 'arm 3']
     """
+    check_names(scene, state)
     path = Path(path)
     suffix, writer, place = suffix_of(path), Writer(), FilePlace(str(path))
-    check_names(scene, state)
     document = {VERSION: FORMAT, **writer.table(scene, place)}
     document[STATE] = writer.table(state, place.at(STATE))
     beside = path.with_suffix(".schema.json")

@@ -7,7 +7,8 @@ from typing import TypeAlias
 
 from ..fields.checks import require
 from ..fields.readable import AbstractReadable
-from .complaints import FilePlace, listed, nearest
+from ..fields.suggestions import nearest
+from .complaints import FilePlace, listed
 from .expectations import ways_to_make
 
 PACKAGE = __name__.split(".")[0]

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number
+from ..fields.suggestions import nearest
 from ..model.orientations import rotation
-from .complaints import FilePlace, listed, nearest
+from .complaints import FilePlace, listed
 from .expectations import ANYTHING, MAKERS, Expectation, arguments, ways_to_make
 from .kinds import Classes, find_way, is_abstract
 from .numbers import number_of_text

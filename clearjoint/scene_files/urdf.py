@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from ..fields.cautions import NotCarriedOverWarning, caution
+from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
 from ..model.bodies import BodyState, State, body_state
 from ..model.plays.clearance import ClearanceJoint
 from ..model.scene import Scene
-from .complaints import FilePlace, listed, nearest
+from .complaints import FilePlace, listed
 from .expectations import arguments
 from .files import FilePath
 from .urdf_frames import (

@@ -149,6 +149,8 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
+    kind, fine = type(solution).__name__, hasattr(solution, "formulation")
+    require(fine, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
     require(
         trajectory is not None,

@@ -17,6 +17,9 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
     **Raises:** `ValueError` if it does not go forward to a finite end.
     """
+    for name, value in (("start_time", start), ("end_time", end)):
+        number = np.shape(as_number(value, name, "s")) == ()
+        require(number, name, value, "a single number", "pass one time in s")
     require(
         bool(np.isfinite(end)) and bool(end > start),
         "end_time",
@@ -55,14 +58,14 @@ def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray, " N"]:
 
     **Raises:** `ValueError` for times that don't rise.
     """
-    row = np.asarray(as_number(times))
+    row = np.asarray(as_number(times, argument, "s"))
     fine = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
     require(
         fine and bool((np.diff(row) >= 0).all()),
         argument,
         row,
         "a rising one-dimensional array of finite times",
-        "sort the times",
+        "sort the times, or pass for example numpy.linspace(0, 1, 101)",
     )
     return row
 

@@ -81,8 +81,14 @@ class Axis:
 
 
 def _row(values: ArrayLike) -> np.ndarray:
-    row = np.asarray(as_number(values))
-    require(row.ndim == 1 and row.size > 0, "values", row, "a row of numbers", "pass shape (n,)")
+    row = np.asarray(as_number(values, "values"))
+    require(
+        row.ndim == 1 and row.size > 0,
+        "values",
+        row,
+        "a row of numbers",
+        "pass shape (n,), one number at least",
+    )
     require_finite("values", row)
     return row
 

@@ -59,7 +59,7 @@ class Saved(AbstractSaved):
     def at(self, scene: Scene) -> np.ndarray:
         """The times of a lane, (K,) s."""
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
-        times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen))
+        times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
         require(
             fine and bool((np.diff(times) >= 0).all()),

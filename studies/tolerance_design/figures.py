@@ -8,7 +8,6 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot import style
-from studies.tolerance_design.margins import Margins
 from studies.tolerance_design.search import FORCE, POSITION, RANGE, Answer, Design
 
 REACH = 0.25
@@ -51,7 +50,7 @@ def _curve(answer: Answer, name: str, axes: Axes) -> None:
     style.dress(axes, "radial clearance, µm", f"{name}:\nlog(limit / peak)")
 
 
-def _tangents(path: list[Margins], name: str, axes: Axes) -> None:
+def _tangents(path: list[cj.Margins], name: str, axes: Axes) -> None:
     ends = np.array([-REACH, REACH])
     for number, look in enumerate(path):
         here, margin, slope = 1e6 * np.exp(look.place), look.margins[name], look.slopes[name]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+import clearjoint as cj
 from studies.common.output import Output
 from studies.tolerance_design import figures
-from studies.tolerance_design.margins import predicted
 from studies.tolerance_design.search import RANGE, Answer, growth, settled, solve, start
 
 
@@ -23,9 +23,8 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
             )
         both = answer.both
         lines.append(
-            f"{title}, both: {_micrometres(both.place)} in {len(both.path)} looks; of "
-            f"{len(answer.lanes)} clearances from {_range()}, and as many just below that, all "
-            f"hold up to {1e6 * answer.safe:.3f} µm"
+            f"{title}, both: {_micrometres(both.place)} in {len(both.path)} looks; from {_range()} "
+            f"all hold up to {1e6 * answer.safe:.3f} µm: {answer.safest}"
         )
         shares = (f"{name} {predicted(answer.lanes, name):.0%}" for name in answer.design.limits)
         lines.append(
@@ -36,6 +35,17 @@ def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]
         last = ", ".join(f"{size:.3g}" for size in sizes)
         lines.append(f"{label}: derivative of the slider's position, by revolution: {last}")
     return lines
+
+
+def predicted(lanes: list[cj.Margins], name: str, within: float = 0.01) -> float:
+    """Share of neighbouring lanes between which the mean slope tells the change of the margin."""
+    places = np.array([lane.place for lane in lanes])
+    margins, slopes = (
+        np.array([part[name] for part in parts])
+        for parts in ([lane.margins for lane in lanes], [lane.slopes for lane in lanes])
+    )
+    told = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(places)
+    return float(np.mean(np.abs(told - np.diff(margins)) <= within))
 
 
 def around(answer: Answer) -> str:

@@ -18,13 +18,6 @@ from clearjoint.extend import Instant
 from clearjoint.quantities import Position
 from studies.slider_crank.runs import PIN, Settings, closed_form
 from studies.slider_crank.sweep import pin_force
-from studies.tolerance_design.margins import (
-    Found,
-    Margins,
-    first_failure,
-    largest_within,
-    margins_of,
-)
 
 POSITION, FORCE = "slider position", "pin force"
 RANGE = (5e-6, 60e-6)
@@ -34,10 +27,7 @@ TOLERANCE = 1e-5
 SAMPLES = 4000
 """Instants at which a run takes its outputs: in a revolution, some 10 a vibration on the wall."""
 
-CLOSE = 0.25
-"""How far below what was found clearances are looked at closely, in their logarithm."""
-NEIGHBOURS = 20
-"""Instants on either side of a peak, of those taken closely round it, that say where it is."""
+CLEARANCE = cj.Parameter(lambda scene: scene.joints[PIN].clearance, cj.Log())
 
 
 def slider_error(now: Instant) -> Any:
@@ -91,30 +81,46 @@ class Design:
             scene,
             state,
             times[-1],
-            {"clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance, cj.Log())},
+            {"clearance": CLEARANCE},
             OUTPUTS,
             times,
             throw=False,
         )
 
-    def look(self, place: float) -> Margins:
+    def look(self, place: float) -> cj.Margins:
         """Margins at the logarithm of a clearance in m, by a run that finds the peaks and another
         that takes the outputs closely round them."""
-        clearance = float(np.exp(place))
-        coarse = self.run(clearance, self.instants())
-        if coarse.result != cj.RESULTS.successful:
-            return margins_of(coarse, place, self.limits)
-        fine = self.run(clearance, times_round_peaks(coarse, tuple(self.limits)))
-        return margins_of(fine, place, self.limits, NEIGHBOURS)
+        scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
+        end = self.revolutions * self.period
+        return cj.margins(
+            scene,
+            state,
+            end,
+            CLEARANCE,
+            {name: OUTPUTS[name] for name in self.limits},
+            self.limits,
+            value=float(np.exp(place)),
+            after=end - self.period,
+            samples=SAMPLES,
+        )
 
-
-def times_round_peaks(run: cj.Sensitivities, names: tuple[str, ...]) -> np.ndarray:
-    """As many instants as the run has, within one of its intervals round the largest value of each
-    output, s."""
-    interval = run.times[1] - run.times[0]
-    shifts = np.linspace(-interval, interval, len(run.times) // len(names))
-    peaks = [run.times[np.argmax(run.values[name])] for name in names]
-    return np.sort(np.clip(np.concatenate([peak + shifts for peak in peaks]), *run.times[[0, -1]]))
+    def largest(self, count: int) -> cj.Largest:
+        """The largest clearance that keeps both limits, with rows of so many clearances."""
+        scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
+        end = self.revolutions * self.period
+        return cj.largest(
+            scene,
+            state,
+            end,
+            CLEARANCE,
+            {name: OUTPUTS[name] for name in self.limits},
+            self.limits,
+            between=RANGE,
+            after=end - self.period,
+            lanes=count,
+            tolerance=TOLERANCE,
+            samples=SAMPLES,
+        )
 
 
 def start() -> Design:
@@ -136,7 +142,7 @@ class Alone:
     """The search for one requirement, and how often bisection and Brent's method look in the same
     range to the same tolerance."""
 
-    found: Found
+    found: cj.MarginZero
     bisection: int
     brent: int
 
@@ -144,34 +150,33 @@ class Alone:
 @dataclass(frozen=True)
 class Answer:
     """What was found for a design: for each requirement alone and for both; the margins over the
-    range; and the clearance, m, up to which all of those hold."""
+    range; and what the library's search says of both."""
 
     design: Design
     alone: dict[str, Alone]
-    both: Found
-    lanes: list[Margins]
-    safe: float
+    both: cj.MarginZero
+    lanes: list[cj.Margins]
+    safest: cj.Largest
+
+    @property
+    def safe(self) -> float:
+        """The clearance, m, up to which all hold."""
+        return self.safest.value
 
 
 def solve(design: Design, count: int) -> Answer:
-    """Search, and look at so many clearances of the range, and as many just below what was found.
-
-    If one of these fails, the search is for the zero next to the first that does.
-    """
+    """Search, and look at so many clearances of the range."""
     low, high = np.log(RANGE)
     look = lru_cache(None)(design.look)
-    both = largest_within(look, low, high, TOLERANCE)
+    both = cj.largest_within(look, low, high, TOLERANCE)
     lanes = [look(float(place)) for place in np.linspace(low, high, count)]
-    closer = [look(float(place)) for place in both.place - np.linspace(CLOSE, 0.0, count)]
-    gap = first_failure(sorted([*lanes, *closer], key=lambda lane: lane.place), both.place)
-    safe = both if gap is None else largest_within(look, *gap, TOLERANCE)
     alone = {name: search(look, name, low, high) for name in design.limits}
-    return Answer(design, alone, both, lanes, float(np.exp(safe.place)))
+    return Answer(design, alone, both, lanes, design.largest(count))
 
 
-def search(look: Callable[[float], Margins], name: str, low: float, high: float) -> Alone:
+def search(look: Callable[[float], cj.Margins], name: str, low: float, high: float) -> Alone:
     """For one requirement between two places."""
-    found = largest_within(lambda place: look(place).of(name), low, high, TOLERANCE)
+    found = cj.largest_within(lambda place: look(place).of(name), low, high, TOLERANCE)
     halvings = math.ceil(math.log2((high - low) / TOLERANCE))
     _, brent = brentq(
         lambda place: look(place).margins[name], low, high, xtol=TOLERANCE, full_output=True

@@ -7,7 +7,6 @@ import math
 
 import jax.numpy as jnp
 
-from ...fields.checks import as_number
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -123,4 +122,4 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
 def as_stiffness(value: object) -> AbstractElasticity:
     """The elasticity given, or a `GivenStiffness` of a number in N/m^n."""
-    return value if isinstance(value, AbstractElasticity) else GivenStiffness(as_number(value))
+    return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)

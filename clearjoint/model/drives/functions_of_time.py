@@ -125,7 +125,7 @@ class Spline(AbstractFunctionOfTime):
         """
         from scipy.interpolate import CubicSpline
 
-        times, values = as_number(times), as_number(values)
+        times, values = as_number(times, "times", "s"), as_number(values, "values")
         require_rising(times)
         require_rows("values", values, np.shape(times))
         spline = CubicSpline(np.asarray(times), np.asarray(values), bc_type="natural")
@@ -159,7 +159,7 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
         return value
     if callable(value):
         return _PlainFunction(value)
-    number = as_number(value)
+    number = as_number(value, "function")
     remedy = (
         "pass a number, a function of the time, or for a table Spline.through(times, values) or "
         "PiecewiseLinear(times, values)"

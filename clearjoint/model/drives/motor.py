@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
 from ...math.periodic import wrapped
@@ -73,10 +72,10 @@ class Motor(AbstractDriveTorque):
         orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
     ):
         self.first, self.second = first, second
-        self.axis, self.orientation = as_number(axis), as_number(orientation)
+        self.axis, self.orientation = axis, orientation
         self.target = as_function_of_time(target)
-        self.proportional, self.derivative = as_number(proportional), as_number(derivative)
-        self.torque_limit = None if torque_limit is None else as_number(torque_limit)
+        self.proportional, self.derivative = proportional, derivative
+        self.torque_limit = torque_limit
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """The control's torque within the limit, N m."""

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number, require_axis, require_point
+from ...fields.checks import require_axis, require_point
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, QuadrupleLike, Triple, TripleLike
 from ...math.rotations import unit
@@ -60,7 +60,7 @@ class PrescribedAngle(AbstractRotationDriver):
         orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
     ):
         self.first, self.second = first, second
-        self.axis, self.orientation = as_number(axis), as_number(orientation)
+        self.axis, self.orientation = axis, orientation
         self.function = as_function_of_time(function)
 
     def __check_init__(self):
@@ -112,8 +112,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         function: FunctionOfTime,
     ):
         self.first, self.second = first, second
-        self.point_first, self.point_second = as_number(point_first), as_number(point_second)
-        self.axis, self.function = as_number(axis), as_function_of_time(function)
+        self.point_first, self.point_second = point_first, point_second
+        self.axis, self.function = axis, as_function_of_time(function)
 
     def __check_init__(self):
         require_continuous(self.function)

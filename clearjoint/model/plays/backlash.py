@@ -110,12 +110,12 @@ class Backlash(AbstractContactJoint):
             "pass one of the two: an angle in rad, or a length at the radius in m",
         )
         self.first, self.second = first, second
-        self.axis_first, self.axis_second = as_number(axis_first), as_number(axis_second)
-        self.radius, self.middle, self.law = as_number(radius), as_number(middle), law
+        self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
+        self.radius, self.middle = as_number(radius, "radius", "m"), middle
         if play is None:
-            self.play = as_number(play_length) / self.radius
+            self.play = as_number(play_length, "play_length", "m") / self.radius
         else:
-            self.play = as_number(play)
+            self.play = as_number(play, "play", "rad")
 
     def __check_init__(self):
         require_distinct(self.first, self.second)

@@ -131,23 +131,25 @@ class ClearanceJoint(AbstractContactJoint):
             "given if and only if `journal_radius` is not",
             "pass one of the two, in m",
         )
-        difference = as_number(clearance)
-        if clearance is None:
-            difference = as_number(bearing_radius) - as_number(journal_radius)
+        outer = as_number(bearing_radius, "bearing_radius", "m")
+        if clearance is not None:
+            difference = as_number(clearance, "clearance", "m")
+        else:
+            difference = outer - as_number(journal_radius, "journal_radius", "m")
             number = concrete(difference)
             if number is not None and number.shape == ():
                 require(
                     not number <= 0.0,
                     "journal_radius",
                     journal_radius,
-                    f"smaller than the bearing's {float(bearing_radius)} m",
+                    f"smaller than the bearing's {float(outer)} m",
                     "swap the radii, or use an ideal RevoluteJoint for no clearance",
                 )
         self.bearing_body, self.journal_body = bearing_body, journal_body
-        self.bearing_point, self.bearing_axis = as_number(bearing_point), as_number(bearing_axis)
-        self.journal_point, self.journal_axis = as_number(journal_point), as_number(journal_axis)
-        self.bearing_radius, self.clearance = as_number(bearing_radius), difference
-        self.journal_length = as_number(journal_length)
+        self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
+        self.journal_point, self.journal_axis = journal_point, journal_axis
+        self.bearing_radius, self.clearance = outer, difference
+        self.journal_length = journal_length
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
 

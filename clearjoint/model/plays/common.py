@@ -64,8 +64,15 @@ def require_law_and_friction(law: object, friction: object) -> None:
             name,
             value,
             f"an {names}",
-            f"subclass {names} or pass one of clearjoint's",
+            _remedy(value, names),
         )
+
+
+def _remedy(value: object, names: str) -> str:
+    """What to pass instead of a value that is none of the named classes."""
+    if isinstance(value, type):
+        return f"call the class with its numbers, {value.__name__}(...)"
+    return f"subclass {names} or pass one of clearjoint's"
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, of: str) -> None:

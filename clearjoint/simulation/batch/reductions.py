@@ -17,7 +17,7 @@ from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Condition, Scalar, add
 from ...model.scene import Scene
-from ...quantities.base import Quantity, check_quantity, require_known
+from ...quantities.base import Quantity, check_quantity, require_known, require_quantity
 from ...quantities.instant import Instant
 from ..windows import Instants, Window, optional_time
 
@@ -128,6 +128,7 @@ class Peak(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
+        require_quantity("quantity", self.quantity)
         self._window()
 
     def _window(self) -> Window:
@@ -214,6 +215,7 @@ class Statistics(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
+        require_quantity("quantity", self.quantity)
         self._window()
 
     def _window(self) -> Window:

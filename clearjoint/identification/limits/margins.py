@@ -1,4 +1,4 @@
-"""Margins of peaks to their limits, and the largest value of a parameter at which none is negative.
+"""Margins of peaks to their limits, and where the smallest of them is zero.
 
 The margin of an output is log(limit / peak): 0.1 is ten per cent in hand, and where a peak is a
 power of the parameter, the margin is a straight line over the parameter's logarithm. A peak moves
@@ -12,14 +12,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import clearjoint as cj
-from clearjoint.extend import require
+from ...fields.checks import require
+from ...results import RESULTS
+from ...simulation.sensitivities import Sensitivities
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins at a place, the parameter's scaled coordinate, by output; their slopes over it; and
-    the times of the peaks, s. NaN for a run that failed."""
+    """Margins, log(limit / peak), at one value of a parameter.
+
+    - `place`: the parameter's coordinate on its scale.
+    - `margins[name]`: of each output, 0.1 for ten per cent in hand; `slopes[name]`: their
+      derivatives to the coordinate; `times[name]`: of the peaks, s. NaN for a run that failed.
+
+    ```python
+    import clearjoint as cj
+
+    two = {"force": 0.2, "error": -0.1}
+    found = cj.Margins(-8.5, two, slopes={"force": -1.0, "error": -1.0}, times=two)
+    print(found.narrowest, found.holds)  # error False
+    ```
+    """
 
     place: float
     margins: Mapping[str, float]
@@ -53,10 +66,10 @@ class Margins:
 
 
 def margins_of(
-    run: cj.Sensitivities, place: float, limits: Mapping[str, float], neighbours: int = 1
+    run: Sensitivities, place: float, limits: Mapping[str, float], neighbours: int = 1
 ) -> Margins:
     """Margins of a run's outputs to their limits, along its only parameter; see `peak`."""
-    failed = run.result != cj.RESULTS.successful
+    failed = run.result != RESULTS.successful
     found = {name: (np.nan,) * 3 if failed else peak(run, name, neighbours) for name in limits}
     return Margins(
         place,
@@ -66,7 +79,7 @@ def margins_of(
     )
 
 
-def peak(run: cj.Sensitivities, name: str, neighbours: int = 1) -> tuple[float, float, float]:
+def peak(run: Sensitivities, name: str, neighbours: int = 1) -> tuple[float, float, float]:
     """Largest value of an output, its derivative along the only parameter, and its time, s.
 
     It is that of the parabola through the largest of the values and so many on either side; the
@@ -86,8 +99,8 @@ def peak(run: cj.Sensitivities, name: str, neighbours: int = 1) -> tuple[float, 
 
 
 @dataclass(frozen=True)
-class Found:
-    """Where the margin is zero, and all places that were looked at on the way.
+class MarginZero:
+    """Where the smallest margin is zero, and all places that were looked at on the way.
 
     `known`: whether a zero was found; if not, the margin is nowhere negative, as far as was seen,
     and `place` is the upper end.
@@ -100,7 +113,7 @@ class Found:
 
 def largest_within(
     look: Callable[[float], Margins], low: float, high: float, tolerance: float = 1e-5
-) -> Found:
+) -> MarginZero:
     """The zero of the smallest margin between two places, by safeguarded Newton steps from `low`.
 
     A step that leaves the places known to hold and to fail, or follows two that did not halve the
@@ -125,8 +138,8 @@ def largest_within(
         path.append(look(place))
         good, bad = (place, bad) if path[-1].holds else (good, place)
         if good == high or (bad is not None and bad - good <= tolerance):
-            return Found(good, path, bad is not None)
-    return Found(path[-1].place, path, True)
+            return MarginZero(good, path, bad is not None)
+    return MarginZero(path[-1].place, path, True)
 
 
 def newton_step(path: list[Margins]) -> float:
@@ -135,25 +148,3 @@ def newton_step(path: list[Margins]) -> float:
     now = path[-1]
     slow = len(path) > 2 and not abs(now.margin) <= 0.5 * abs(path[-3].margin)
     return np.nan if slow or now.slope == 0.0 else now.place - now.margin / now.slope
-
-
-def first_failure(lanes: list[Margins], place: float) -> tuple[float, float] | None:
-    """Of lanes in rising order, the first below a place that fails, and the one before it, which
-    holds; or None."""
-    for lane, following in zip(lanes, lanes[1:], strict=False):
-        if following.place >= place:
-            return None
-        if not following.holds:
-            return lane.place, following.place
-    return None
-
-
-def predicted(lanes: list[Margins], name: str, within: float = 0.01) -> float:
-    """Share of neighbouring lanes between which the mean slope tells the change of the margin."""
-    places = np.array([lane.place for lane in lanes])
-    margins, slopes = (
-        np.array([part[name] for part in parts])
-        for parts in ([lane.margins for lane in lanes], [lane.slopes for lane in lanes])
-    )
-    told = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(places)
-    return float(np.mean(np.abs(told - np.diff(margins)) <= within))

@@ -1,0 +1,1 @@
+"""The largest value of a parameter with which quantities stay within their limits."""

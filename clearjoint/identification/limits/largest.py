@@ -1,0 +1,318 @@
+"""The largest value of a parameter with which quantities stay within their limits."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fields.checks import require, require_count, require_positive, require_range
+from ...fields.conversion import as_numbers
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...parametrisation.parameter import PASS_PARAMETERS, Parameter
+from ...quantities.base import Quantity, check_quantity
+from ...simulation import presets
+from ...simulation.batch.reductions import AbstractReduction
+from ...simulation.settings import Settings, settings_or
+from ...sweeps.axes import Axis
+from .lanes import LaneMargins, LaneProblem, as_reduction
+from .looks import SAMPLES, check_limits, margins
+from .margins import Margins, largest_within
+
+QUANTITY = "quantity"
+CLOSE = 2.0
+"""How far below the first lane that fails a second row looks closely, in steps of the first row."""
+TOLD = 0.1
+"""Share of the change of a margin that its slopes may miss where it counts as smooth."""
+
+Watched = Quantity | AbstractReduction
+
+
+@dataclass(frozen=True)
+class Largest:
+    """The largest value that holds, with all smaller ones that were looked at.
+
+    - `value`: in the parameter's `unit`; the upper end of the range if no limit is met there.
+    - `interval`: values between which the true one is: the last that holds and the first that
+      does not, or, with a quantile of draws, those that its 95 % confidence interval leaves open.
+    - `met`: whether a limit was met within the range.
+    - `monotone`: whether all margins that were seen fall with the parameter. If not, a larger
+      value may hold again, and one between those looked at may not.
+    - `by_gradient`: whether Newton's method found it; if not, ever finer rows of values did.
+    - `values`, `margins`: (n,) what was looked at in lanes, and the smallest margin
+      log(limit / peak) there, -inf where a run failed.
+    - `looks`: those with derivatives.
+    """
+
+    value: float
+    unit: str
+    interval: tuple[float, float]
+    met: bool
+    monotone: bool
+    by_gradient: bool
+    values: Float[np.ndarray, " n"]
+    margins: Float[np.ndarray, " n"]
+    looks: tuple[Margins, ...]
+
+    def __str__(self) -> str:
+        """The value, how sure it is, and what was seen on the way, in a sentence."""
+        low, high = self.interval
+        if not self.met:
+            return f"No limit is met up to {self.value:.6g} {self.unit}, the end of the range."
+        how = f"Newton's method in {len(self.looks)} looks" if self.by_gradient else "lanes"
+        fall = (
+            "all margins seen fall with it"
+            if self.monotone
+            else "margins rise and fall: between the values looked at some may not hold"
+        )
+        return (
+            f"Up to {self.value:.6g} {self.unit} (between {low:.6g} and {high:.6g}), by {how} and "
+            f"{len(self.values)} lanes; {fall}."
+        )
+
+
+def largest(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameter: Parameter,
+    quantity: Watched | Mapping[str, Watched],
+    limit: float | Mapping[str, float],
+    settings: Settings | None = None,
+    *,
+    between: tuple[float, float],
+    after: float | None = None,
+    draws: Mapping[str, Axis] | None = None,
+    quantile: float = 1.0,
+    lanes: int = 32,
+    tolerance: float = 1e-3,
+    samples: int = SAMPLES,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> Largest:
+    """Find the largest value of a parameter, a clearance say, with which quantities stay within
+    their limits, and all smaller values of the range too.
+
+    Rows of lanes tell where a limit is first exceeded; a second row looks closely at what lies
+    just below. Where derivatives tell how margins change there, Newton's method goes on from them,
+    inside its bracket; where they don't, since impacts come and go, further rows do.
+
+    ```python
+    import clearjoint as cj
+
+    scene, state = cj.slider_crank(0.1e-3)
+    found = cj.largest(
+        scene,
+        state,
+        2e-3,
+        cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log()),
+        cj.quantities.ContactForce("slider pin", "V"),
+        2e3,
+        between=(1e-6, 1e-4),
+        lanes=8,
+    )
+    print(found)
+    ```
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
+    - `parameter`: what is varied; rows are even on its scale.
+    - `quantity`: a scalar function of an `Instant`, whose peak counts, or a reduction with one
+      result, such as `ImpactCount`; or several by name.
+    - `limit`: the largest value allowed, positive, in SI; of several quantities by name.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
+    - `between`: the least and the largest value considered; the least must hold.
+    - `after`: s, from when on peaks count, behind a transient.
+    - `draws`: what scatters, such as the phase at the start: axes of equally many values each, by
+      name, which change together. `quantile`: the part of them that must keep the limits.
+    - `lanes`: values in a row.
+    - `tolerance`: of the value, relative to itself; of margins for Newton's method.
+    - `samples`: instants at which derivatives are taken; see `margins`.
+    - `progress`: show a bar while lanes run.
+
+    **Returns:** a `Largest`.
+
+    **Raises:** `ValueError` for arguments that no run can use, and if the least value does not
+    hold.
+    """
+    named = isinstance(quantity, Mapping)
+    quantities: dict[str, Watched] = dict(quantity) if named else {QUANTITY: quantity}
+    limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
+    draws = {} if draws is None else dict(draws)
+    low, high = _range_on_scale(parameter, between)
+    check_limits(quantities, limits)
+    _check(scene, quantities, draws, quantile, lanes, tolerance)
+    settings = settings_or(settings, presets.derivatives)
+    outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
+    problem = LaneProblem(
+        scene,
+        state,
+        end_time,
+        parameter,
+        outputs,
+        limits,
+        draws,
+        quantile,
+        settings,
+        start_time,
+        progress,
+    )
+    functions = {n: one for n, one in quantities.items() if not isinstance(one, AbstractReduction)}
+    look = partial(
+        margins,
+        scene,
+        state,
+        end_time,
+        parameter,
+        functions,
+        limits,
+        settings,
+        after=after,
+        start_time=start_time,
+        samples=samples,
+    )
+    smooth = not draws and len(functions) == len(quantities)
+    search = _Search(problem, lanes, tolerance, parameter)
+    unit = parameter.variation.unit_in(scene, state)
+    return search.found(low, high, unit, partial(_at, look, parameter) if smooth else None)
+
+
+def _at(look: Callable[..., Margins], parameter: Parameter, place: float) -> Margins:
+    return look(value=float(parameter.scale.value(place)))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Rows of so many lanes, and Newton's method, up to a tolerance."""
+
+    problem: LaneProblem
+    lanes: int
+    tolerance: float
+    parameter: Parameter
+
+    def found(
+        self, low: float, high: float, unit: str, look: Callable[[float], Margins] | None
+    ) -> Largest:
+        """The largest value between two places; by `look` too where margins are smooth."""
+        seen = self.problem.margins(np.linspace(low, high, self.lanes))
+        least = self._value(low)
+        remedy = "lower it, or raise the limit"
+        require(bool(seen.margins[0] >= 0.0), "between[0]", least, "a value that holds", remedy)
+        if seen.gap() is None:
+            return self._largest(seen, self._value(high), unit, None)
+        seen = self._refined(seen, close=True)
+        looks = () if look is None else self._looks(seen, look)
+        if looks:
+            return self._largest(seen, self._value(looks[-1].place), unit, looks)
+        while self._width(seen) > self.tolerance:
+            seen = self._refined(seen)
+        holds, _ = _gap(seen)
+        return self._largest(seen, self._value(seen.places[holds]), unit, None)
+
+    def _refined(self, seen: LaneMargins, close: bool = False) -> LaneMargins:
+        """One more row of lanes in the gap; one that looks `close` begins below it."""
+        holds, fails = (seen.places[k] for k in _gap(seen))
+        start = max(seen.places[0], holds - CLOSE * (fails - holds)) if close else holds
+        return seen.with_others(self.problem.margins(np.linspace(start, fails, self.lanes)))
+
+    def _looks(self, seen: LaneMargins, look: Callable[[float], Margins]) -> tuple[Margins, ...]:
+        """Newton's looks in the gap, the last at its end; none where slopes don't tell how margins
+        change from one side of it to the other."""
+        holds, fails = (float(seen.places[k]) for k in _gap(seen))
+        look = cache(look)
+        first, last = look(holds), look(fails)
+        change, told = last.margin - first.margin, 0.5 * (first.slope + last.slope)
+        missed = abs(told * (fails - holds) - change)
+        if not (first.holds and not last.holds and missed <= TOLD * abs(change)):
+            return ()
+        path = largest_within(look, holds, fails, self.tolerance).path
+        return (first, last, *path[1:])
+
+    def _largest(
+        self, seen: LaneMargins, value: float, unit: str, looks: tuple[Margins, ...] | None
+    ) -> Largest:
+        met = seen.gap() is not None
+        return Largest(
+            value=value,
+            unit=unit,
+            interval=self._interval(seen, looks) if met else (value, value),
+            met=met,
+            monotone=seen.falls(self.tolerance),
+            by_gradient=looks is not None,
+            values=np.array([self._value(place) for place in seen.places]),
+            margins=np.nan_to_num(seen.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
+            looks=looks or (),
+        )
+
+    def _interval(
+        self, seen: LaneMargins, looks: tuple[Margins, ...] | None
+    ) -> tuple[float, float]:
+        """Values between which the largest one is."""
+        if looks:
+            last = looks[-1]
+            room = max(self.tolerance, abs(last.margin)) / abs(last.slope)
+            return self._value(last.place - room), self._value(last.place + room)
+        sure = np.flatnonzero(~(seen.low >= 0.0))
+        lost = np.flatnonzero(~(seen.high >= 0.0))
+        low = seen.places[max(int(sure[0]) - 1, 0)] if len(sure) else seen.places[-1]
+        high = seen.places[int(lost[0])] if len(lost) else seen.places[-1]
+        return self._value(low), self._value(high)
+
+    def _width(self, seen: LaneMargins) -> float:
+        """How far the ends of the gap are apart, in the larger of their values."""
+        ends = [self._value(seen.places[k]) for k in _gap(seen)]
+        return abs(ends[1] - ends[0]) / max(map(abs, ends))
+
+    def _value(self, place: float) -> float:
+        return float(self.parameter.scale.value(place))
+
+
+def _gap(seen: LaneMargins) -> tuple[int, int]:
+    gap = seen.gap()
+    assert gap is not None
+    return gap
+
+
+def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
+    """The places of the least and the largest value."""
+    kind = type(parameter).__name__
+    require(isinstance(parameter, Parameter), "parameter", kind, "a Parameter", PASS_PARAMETERS)
+    ends = np.asarray(as_numbers(between), dtype=float)
+    rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
+    remedy = "pass (least, largest), in the unit of the parameter"
+    require(rising, "between", between, "two rising values", remedy)
+    low, high = (float(parameter.scale.coordinate(value)) for value in ends)
+    return low, high
+
+
+def _check(
+    scene: Scene,
+    quantities: Mapping[str, Watched],
+    draws: Mapping[str, Axis],
+    quantile: float,
+    lanes: int,
+    tolerance: float,
+) -> None:
+    for name, one in quantities.items():
+        if isinstance(one, AbstractReduction):
+            units, expected = list(one.units()), "a reduction with one result"
+            remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
+            require(
+                "" in units, f"quantity[{name!r}]", units, "a reduction with one result", remedy
+            )
+            one.check(scene)
+        else:
+            expected = "a scalar function of an Instant, or a reduction"
+            remedy = 'pass for example cj.quantities.ContactForce("pin")'
+            require(callable(one), f"quantity[{name!r}]", one, expected, remedy)
+            check_quantity(f"quantity[{name!r}]", one, scene)
+    sizes = {name: len(axis.values) for name, axis in draws.items()}
+    expected = "axes of equally many values each"
+    require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
+    require_range("quantile", quantile, 0.0, 1.0, "give the part of the draws, 0.95 say")
+    require_count("lanes", lanes, "give a number of values in a row")
+    require(lanes > 2, "lanes", lanes, "three at least", "take 32")
+    require_positive("tolerance", tolerance, "1e-3 of the value suffice")

@@ -1,0 +1,256 @@
+"""Margins and the search for their zero, on functions and on a drop with a closed form."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint import Margins, largest_within
+from clearjoint.identification.limits.lanes import LaneMargins, limit_margins
+from clearjoint.identification.limits.largest import _Search
+from clearjoint.quantities import ContactForce, Eccentricity
+
+MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
+LARGEST = {"eccentricity": 0.5e-3, "force": 150.0}
+
+
+def made(function, slope):
+    """A look with one output, and the places it was asked for."""
+    asked = []
+
+    def look(place):
+        asked.append(place)
+        return Margins(place, {"x": function(place)}, {"x": slope(place)}, {"x": 0.0})
+
+    return look, asked
+
+
+def test_a_power_law_takes_two_runs():
+    look, asked = made(lambda place: 1.0 - 2.0 * place, lambda place: -2.0)
+    found = largest_within(look, -3.0, 4.0)
+    assert found.place == pytest.approx(0.5) and found.known
+    assert len(asked) == 2
+
+
+@pytest.mark.parametrize("slope", [0.0, 1.0, -1e9, -1e-9, np.nan])
+def test_a_wrong_slope_costs_runs_and_not_the_answer(slope):
+    look, asked = made(lambda place: 1.0 - np.exp(place - 0.3), lambda place: slope)
+    assert largest_within(look, -3.0, 4.0).place == pytest.approx(0.3, abs=1e-5)
+    assert 10 < len(asked) < 80
+
+
+def test_a_margin_that_jumps_ends_on_the_side_that_holds():
+    look, _ = made(lambda place: 1.0 if place < 0.3 else -1.0, lambda place: -1.0)
+    place = largest_within(look, -3.0, 4.0).place
+    assert 0.3 - 1e-5 <= place < 0.3
+
+
+def test_a_run_that_fails_does_not_hold():
+    look, _ = made(lambda place: 1.0 if place < 0.3 else np.nan, lambda place: np.nan)
+    assert largest_within(look, -3.0, 4.0).place == pytest.approx(0.3, abs=1e-5)
+
+
+def test_ends_that_hold_and_fail():
+    look, asked = made(lambda place: 10.0 - place, lambda place: -1.0)
+    found = largest_within(look, 0.0, 4.0)
+    assert (found.place, found.known, asked) == (4.0, False, [0.0, 4.0])
+    with pytest.raises(ValueError, match="`low` must be a place that holds, with `x`, but is 11"):
+        largest_within(look, 11.0, 12.0)
+
+
+def test_the_narrowest_margin_decides():
+    both = Margins(0.0, {"a": 0.2, "b": 0.1}, {"a": -1.0, "b": -2.0}, {"a": 3.0, "b": 4.0})
+    assert (both.narrowest, both.margin, both.slope, both.holds) == ("b", 0.1, -2.0, True)
+    assert both.of("a").slope == -1.0
+
+
+def row(places, margins):
+    margins = np.asarray(margins, float)
+    return LaneMargins(np.asarray(places, float), margins, margins, margins)
+
+
+def searched(function, slope=None, tolerance=1e-3, draws=1):
+    """What is found between 1 and 10 on a linear scale, for margins that are a function; and what
+    was asked for."""
+    rows, looked = [], []
+
+    def lanes(places):
+        rows.append(places)
+        return row(places, [function(place) for place in places])
+
+    def look(place):
+        looked.append(place)
+        return Margins(place, {"x": function(place)}, {"x": slope(place)}, {"x": 0.0})
+
+    parameter = cj.Parameter(lambda scene: scene.gravity[0])
+    search = _Search(SimpleNamespace(margins=lanes), 10, tolerance, parameter)
+    return search.found(1.0, 10.0, "m", look if slope else None), rows, looked
+
+
+def test_smooth_margins_are_followed_by_gradient():
+    found, rows, looked = searched(lambda x: np.log(4.2 / x), lambda x: -1.0 / x, 1e-6)
+    assert found.value == pytest.approx(4.2, rel=1e-6) and found.by_gradient and found.monotone
+    assert len(rows) == 2 and len(looked) < 6
+    low, high = found.interval
+    assert low < 4.2 < high < low + 1e-4
+    assert "Newton's method" in str(found)
+
+
+@pytest.mark.parametrize("slope", [None, lambda x: 0.0, lambda x: 3.0])
+def test_margins_that_no_slope_tells_are_followed_by_lanes(slope):
+    found, rows, _ = searched(lambda x: 1.0 if x < 4.2345 else -1.0, slope)
+    assert not found.by_gradient and found.met and found.monotone
+    low, high = found.interval
+    assert found.value == low < 4.2345 <= high <= low * 1.001
+    assert len(rows) <= 5
+
+
+def test_the_first_value_that_fails_counts_and_it_is_said_that_later_ones_hold():
+    """A failure below the one that the first row sees."""
+    found, _, _ = searched(lambda x: -1.0 if 4.2 < x < 4.6 or x > 5.5 else 1.0)
+    assert found.value == pytest.approx(4.2, rel=1e-3) and not found.monotone
+    assert "rise and fall" in str(found)
+
+
+def test_a_range_without_a_limit_and_one_beyond_it():
+    found, _, _ = searched(lambda x: 1.0 / x)
+    assert (found.value, found.met, found.interval) == (10.0, False, (10.0, 10.0))
+    assert "No limit is met up to 10 m" in str(found)
+    with pytest.raises(ValueError, match=r"`between\[0\]` must be a value that holds, but is 1.0"):
+        searched(lambda x: -1.0)
+
+
+def test_runs_that_fail_do_not_hold():
+    found, _, _ = searched(lambda x: 1.0 if x < 4.2 else -np.inf)
+    assert found.value == pytest.approx(4.2, rel=1e-3)
+
+
+def test_quantiles_are_peaks_that_occurred_with_intervals_that_hold_what_they_say():
+    """Of 2000 sets of draws of a uniform peak, the interval has the quantile in 95 % and more."""
+    drawn = np.random.default_rng(0).uniform(size=(2000, 40))
+    margin, low, high = limit_margins(drawn, 1.0, 0.8)
+    assert np.all((low <= margin) & (margin <= high))
+    assert np.all(np.isin(np.exp(-margin).round(12), drawn.round(12)))
+    inside = np.mean((low <= -np.log(0.8)) & (-np.log(0.8) <= high))
+    assert 0.94 < inside < 0.99
+    margin, low, high = limit_margins(drawn, 1.0, 1.0)
+    np.testing.assert_allclose(margin, -np.log(drawn.max(axis=1)))
+    margin, low, _ = limit_margins(drawn[:, :4], 1.0, 0.95)
+    assert np.all(low == -np.inf) and np.all(margin == -np.log(drawn[:, :4].max(axis=1)))
+
+
+def test_rows_are_put_in_order():
+    both = row([1.0, 3.0], [3.0, -1.0]).with_others(row([2.0, 3.0], [np.nan, 5.0]))
+    np.testing.assert_array_equal(both.places, [1.0, 2.0, 3.0])
+    assert both.margins[2] == -1.0 and both.gap() == (0, 1) and both.falls(0.0)
+    assert not row([1.0, 2.0], [1.0, 1.1]).falls(0.05) and row([1.0, 2.0], [1.0, 1.1]).falls(0.2)
+
+
+MISTAKEN = {
+    "no parameter": ({"parameter": None}, "`parameter` must be a Parameter, but is 'NoneType'"),
+    "a range that falls": ({"between": (1e-3, 1e-4)}, "`between` must be two rising values"),
+    "a limit below zero": ({"limit": -1.0}, "`limit.'quantity'.` must be a positive number"),
+    "a limit of another": ({"limit": {"x": 1.0}}, "`limit` must be one for each of .'quantity'."),
+    "a quantity by name": ({"quantity": "force"}, "`quantity.'quantity'.` must be a scalar"),
+    "several results": (
+        {"quantity": cj.Statistics(ContactForce("shoulder", "V"), "N")},
+        "must be a reduction with one result",
+    ),
+    "another joint": ({"quantity": ContactForce("elbow")}, "`joint` must be one of the scene's"),
+    "a quantile": ({"quantile": 95.0}, r"`quantile` must be in \[0.0, 1.0\]"),
+    "two lanes": ({"lanes": 2}, "`lanes` must be three at least"),
+    "a tolerance": ({"tolerance": 0.0}, "`tolerance` must be positive"),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKEN)
+def test_what_no_search_can_use_is_told(case):
+    changed, message = MISTAKEN[case]
+    scene, state = cj.double_pendulum()
+    usual = {
+        "parameter": cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log()),
+        "quantity": ContactForce("shoulder", "V"),
+        "limit": 1e3,
+        "between": (1e-4, 1e-3),
+    }
+    with pytest.raises(ValueError, match=message):
+        cj.largest(scene, state, 0.01, **(usual | changed))
+
+
+@pytest.fixture(scope="module")
+def drop():
+    """A mass that falls in its bearing, without damping: scene and state."""
+    law = cj.Hertz(STIFFNESS)
+    scene = cj.Scene(
+        {"mass": cj.Body(MASS, (1e-2, 1e-2, 1e-2))},
+        {
+            "pin": cj.ClearanceJoint(
+                "ground",
+                "mass",
+                bearing_radius=10e-3,
+                clearance=0.3e-3,
+                journal_length=20e-3,
+                law=law,
+            )
+        },
+        gravity=(0.0, -GRAVITY, 0.0),
+    )
+    return scene, cj.State({"mass": cj.body_state((0.0, 0.0, 0.0))})
+
+
+OUTPUTS = {"eccentricity": Eccentricity("pin"), "force": ContactForce("pin", "V")}
+CLEARANCE = cj.Parameter(lambda scene: scene.joints["pin"].clearance, cj.Log())
+
+
+def clearance_for(force, speed=0.0):
+    """With which a mass that starts at a speed, m/s, presses on each base with a force, N: at the
+    lowest point m g (c + d) + m v^2 / 2 = 2 (2/5) K d^(5/2), and a base's force is K d^(3/2)."""
+    depth = (force / STIFFNESS) ** (2.0 / 3.0)
+    return 0.8 * STIFFNESS * depth**2.5 / (MASS * GRAVITY) - depth - 0.5 * speed**2 / GRAVITY
+
+
+@pytest.mark.slow
+def test_largest_clearance_of_a_drop_is_the_closed_form(drop):
+    """For either limit, and for both."""
+    allowed = LARGEST["eccentricity"]
+    eccentricity = allowed - (1.25 * MASS * GRAVITY * allowed / STIFFNESS) ** 0.4
+    expected = {"eccentricity": eccentricity, "force": clearance_for(LARGEST["force"])}
+    for names in (["eccentricity"], ["force"], list(LARGEST)):
+        found = cj.largest(
+            *drop,
+            0.03,
+            CLEARANCE,
+            {name: OUTPUTS[name] for name in names},
+            {name: LARGEST[name] for name in names},
+            between=(0.05e-3, 1e-3),
+            tolerance=1e-7,
+            samples=400,
+        )
+        exact = min(expected[name] for name in names)
+        assert found.by_gradient and found.monotone and len(found.looks) < 8
+        assert found.value == pytest.approx(exact, rel=2e-7)
+        assert found.interval[0] <= exact * (1 + 1e-7) and exact <= found.interval[1] * (1 + 1e-7)
+
+
+@pytest.mark.slow
+def test_a_quantile_of_draws_is_that_of_their_closed_forms(drop):
+    """Speeds at the start scatter; four of five must keep the force. Peaks count from the first
+    impact on, and by lanes alone."""
+    speeds = -np.linspace(0.0, 0.02, 10)
+    found = cj.largest(
+        *drop,
+        0.03,
+        CLEARANCE,
+        OUTPUTS["force"],
+        LARGEST["force"],
+        between=(0.05e-3, 1e-3),
+        after=1e-4,
+        draws={"speed": cj.Axis.initial(lambda s: s.bodies["mass"].velocity[1], speeds)},
+        quantile=0.8,
+    )
+    assert not found.by_gradient and found.met and found.monotone
+    exact = clearance_for(LARGEST["force"], speeds[7])
+    assert found.value == pytest.approx(exact, rel=1e-3) and found.value <= exact * (1 + 1e-6)
+    low, high = found.interval
+    assert low < clearance_for(LARGEST["force"], speeds[9]) * 1.05 and high > exact

@@ -1,0 +1,474 @@
+"""What a new user gets wrong in the first hour: each message names the argument, the value, what
+was expected, and what to do. Nothing here compiles a run."""
+
+import re
+import warnings
+from dataclasses import FrozenInstanceError
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint import quantities as q
+
+BODY = cj.Body(1.0, (0.01, 0.1, 0.1))
+LAW = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
+ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+HINGE = cj.RevoluteJoint("ground", "arm", ORIGIN, (-0.5, 0, 0), AXIS, AXIS)
+MOTOR = cj.PrescribedRotation("ground", "arm", AXIS, 10.0)
+
+
+def pin(first="ground", second="arm", **changed):
+    usual = {"journal_point": (-0.5, 0, 0), "bearing_radius": 10e-3, "clearance": 0.5e-3}
+    return cj.ClearanceJoint(
+        first, second, **(usual | {"journal_length": 0.02, "law": LAW} | changed)
+    )
+
+
+def scene(**changed):
+    usual = {"bodies": {"arm": BODY}, "joints": {"pin": pin()}, "gravity": (0, -9.81, 0)}
+    return cj.Scene(**(usual | changed))
+
+
+def state(**changed):
+    return cj.State({"arm": cj.body_state(**({"position": (0.5, 0, 0)} | changed))})
+
+
+def place(scene):
+    return scene.joints["pin"].clearance
+
+
+SCENE, STATE = scene(), state()
+HINGED = scene(joints={"pin": HINGE})
+HEIGHT = q.Position("arm", "y")
+CLEARANCE = {"clearance": cj.Parameter(place)}
+DATA = cj.Measurements({"height": cj.Series(HEIGHT, [0.01, 0.02], [0.0, 0.0], 1e-3)})
+
+
+def run(scene=SCENE, state=STATE, end_time=0.1, **options):
+    cj.simulate(scene, state, end_time, **options)
+
+
+def sweep(place=place, quantity=HEIGHT):
+    cj.sweep(SCENE, STATE, 0.01, {"c": cj.Axis(place, [1e-4])}, {"peak": cj.Peak(quantity, "m")})
+
+
+def without_configure():
+    with jax.enable_x64(False):
+        run()
+
+
+ERRORS = {
+    "a unit in a text": (
+        lambda: cj.Body("7 kg", (1, 1, 1)),
+        "`mass`",
+        "'7 kg'",
+        "a number",
+        "in kg",
+    ),
+    "a number in a text": (lambda: cj.Body("7", (1, 1, 1)), "`mass`", "'7'", "a number", "a float"),
+    "a number left out": (lambda: cj.Body(None, (1, 1, 1)), "`mass`", "None", "a number", "in kg"),
+    "a mass that is negative": (lambda: cj.Body(-1, (1, 1, 1)), "`mass`", "-1.0", "positive", "kg"),
+    "an inertia of one number": (lambda: cj.Body(1, 0.1), "`inertia`", "0.1", "(3,)", "principal"),
+    "moments of no body": (lambda: cj.Body(1, (1, 1, 3)), "`inertia`", "3.0", "sum", "order"),
+    "bodies in a list": (
+        lambda: cj.Scene([BODY]),
+        "`bodies`",
+        "'list'",
+        "a dictionary",
+        "Body(...)",
+    ),
+    "an empty scene": (lambda: cj.Scene({}), "`bodies`", "{}", "at least one", "Body(...)"),
+    "a load among the joints": (
+        lambda: scene(joints={"push": cj.AppliedLoad("arm")}),
+        "`joints['push']`",
+        "'AppliedLoad'",
+        "AbstractConstraint",
+        "among the `forces`",
+    ),
+    "a joint among the forces": (
+        lambda: scene(joints={}, forces={"pin": HINGE}),
+        "`forces['pin']`",
+        "'RevoluteJoint'",
+        "AbstractForce",
+        "among the `joints`",
+    ),
+    "a body's name in capitals": (
+        lambda: scene(joints={"pin": pin(second="Arm")}),
+        "`joints['pin']`",
+        "'Arm'",
+        "known bodies",
+        "did you mean 'arm'?",
+    ),
+    "another body's name": (
+        lambda: scene(joints={"pin": pin(second="crank")}),
+        "`joints['pin']`",
+        "'crank'",
+        "['arm', 'ground']",
+        "add the body",
+    ),
+    "gravity of one number": (lambda: scene(gravity=-9.81), "`gravity`", "-9.81", "(3,)", "m/s^2"),
+    "a clearance larger than the radius": (
+        lambda: pin(clearance=0.011),
+        "`clearance`",
+        "0.011",
+        "smaller than the bearing's radius 0.01",
+        "units (m)",
+    ),
+    "clearance and radius both": (
+        lambda: pin(journal_radius=9e-3),
+        "`clearance`",
+        "0.0005",
+        "if and only if",
+        "one of the two",
+    ),
+    "a law without its numbers": (
+        lambda: pin(law=cj.LankaraniNikravesh),
+        "`law`",
+        "LankaraniNikravesh",
+        "an AbstractContactLaw",
+        "call the class with its numbers, LankaraniNikravesh(...)",
+    ),
+    "a law by its name": (lambda: pin(law="hertz"), "`law`", "'hertz'", "Abstract", "pass one of"),
+    "a law's arguments swapped": (
+        lambda: cj.LankaraniNikravesh(LAW.stiffness, 0.9),
+        "`restitution`",
+        "RavnStiffness",
+        "a number",
+        "pass a float",
+    ),
+    "a stiffness by a material": (
+        lambda: cj.LankaraniNikravesh(0.9, "steel"),
+        "`stiffness`",
+        "'steel'",
+        "a number",
+        "N/m^n",
+    ),
+    "friction by its coefficient": (
+        lambda: pin(friction=0.1),
+        "`friction`",
+        "0.1",
+        "an AbstractFriction",
+        "pass one of",
+    ),
+    "an axis by its letter": (
+        lambda: pin(bearing_axis="z"),
+        "`bearing_axis`",
+        "'z'",
+        "an array of numbers",
+        "list of floats",
+    ),
+    "a point in the plane": (
+        lambda: pin(journal_point=(-0.5, 0)),
+        "`journal_point`",
+        "[-0.5, 0.0]",
+        "(3,)",
+        "coordinates in m",
+    ),
+    "an orientation by angles": (
+        lambda: state(orientation=(0, 0, 0.5)),
+        "`orientation`",
+        "0.5",
+        "(4,)",
+        "scalar part first",
+    ),
+    "a position for a body's state": (
+        lambda: cj.State({"arm": (0.5, 0, 0)}),
+        "`bodies['arm']`",
+        "'tuple'",
+        "a BodyState",
+        "body_state(...)",
+    ),
+    "a number that is set": (
+        lambda: setattr(SCENE.joints["pin"], "clearance", 1e-3),
+        "'clearance'",
+        "a ClearanceJoint",
+        "does not change",
+        "cj.put(",
+    ),
+    "a mechanism with its state": (
+        lambda: run(scene=cj.double_pendulum()),
+        "`scene`",
+        "'tuple'",
+        "a Scene",
+        "scene, state =",
+    ),
+    "scene and state swapped": (
+        lambda: run(STATE, SCENE),
+        "`scene`",
+        "'State'",
+        "a Scene",
+        "pass one",
+    ),
+    "a state of another scene": (
+        lambda: run(scene(bodies={"arm": BODY, "leg": BODY}, joints={})),
+        "`state`",
+        "['arm']",
+        "['arm', 'leg']",
+        "each body",
+    ),
+    "an end with its unit": (lambda: run(end_time="1 s"), "`end_time`", "'1 s'", "number", "in s"),
+    "times for an end": (
+        lambda: run(end_time=np.linspace(0, 1, 3)),
+        "`end_time`",
+        "[0.0, 0.5, 1.0]",
+        "a single number",
+        "one time",
+    ),
+    "an end before the start": (lambda: run(end_time=-1.0), "`end_time`", "-1.0", "after", "in s"),
+    "times to save that are no Saving": (
+        lambda: run(save=np.linspace(0, 0.1, 3)),
+        "`save`",
+        "'ndarray'",
+        "a Saving",
+        "cj.Saving(times)",
+    ),
+    "times that fall": (lambda: cj.Saving([0.2, 0.1]), "`times`", "[0.2, 0.1]", "rising", "sort"),
+    "a number of times": (lambda: cj.Saving(100), "`times`", "100.0", "rising", "linspace"),
+    "times beyond the end": (
+        lambda: run(save=cj.Saving([0.05, 0.2])),
+        "`times`",
+        "0.2",
+        "end_time = 0.1",
+        "leave out",
+    ),
+    "settings in a dictionary": (
+        lambda: run(settings={"rtol": 1e-6}),
+        "`settings`",
+        "'dict'",
+        "Settings or None",
+        "cj.Settings(rtol=",
+    ),
+    "a solver's class": (
+        lambda: cj.Settings(coordinates=cj.AbsoluteCoordinates),
+        "`coordinates`",
+        "AbsoluteCoordinates",
+        "an object such as JointCoordinates()",
+        "pass one",
+    ),
+    "no configure": (
+        without_configure,
+        "32-bit",
+        "micrometres",
+        "clearjoint.configure()",
+        "before",
+    ),
+    "a state beside its joint": (
+        lambda: run(HINGED, state(position=(0.6, 0, 0))),
+        "`state`",
+        "-0.09",
+        "'pin: translation x'",
+        "assemble(scene, state)",
+    ),
+    "a velocity beside its joint": (
+        lambda: run(HINGED, state(velocity=(1, 0, 0))),
+        "`state`",
+        "-1.0",
+        "consistent in its velocities",
+        "assemble(scene, state)",
+    ),
+    "a journal outside its bearing": (
+        lambda: run(state=state(position=(0.6, 0, 0))),
+        "`state`",
+        "0.0994",
+        "contact 'V' of joint 'pin'",
+        "assemble(scene, state)",
+    ),
+    "a journal to be seated by a text": (
+        lambda: cj.assemble(SCENE, STATE, seated="pin"),
+        "`seated`",
+        "'pin'",
+        "a list",
+        '["pin"]',
+    ),
+    "a journal to be seated that is none": (
+        lambda: cj.assemble(SCENE, STATE, seated=["Pin"]),
+        "`seated`",
+        "'Pin'",
+        "['pin']",
+        "did you mean 'pin'?",
+    ),
+    "a joint misspelt in a place": (
+        lambda: sweep(lambda scene: scene.joints["pn"].clearance),
+        "`place`",
+        "'pn'",
+        "leads to numbers",
+        "did you mean 'pin'?",
+    ),
+    "an attribute that is none": (
+        lambda: cj.put(SCENE, lambda scene: scene.joints["pin"].play, 1.0),
+        "`place`",
+        "'play'",
+        "leads to numbers",
+        "cj.parameters(scene)",
+    ),
+    "a place by its name": (
+        lambda: cj.Axis("joints.pin.clearance", [1.0]),
+        "`place`",
+        "'joints.pin.clearance'",
+        "a function",
+        "lambda scene",
+    ),
+    "an axis of one number": (lambda: cj.Axis(place, 1e-4), "`values`", "0.0001", "a row", "pass"),
+    "a body misspelt in a quantity": (
+        lambda: sweep(quantity=q.Position("arn", "y")),
+        "`body`",
+        "'arn'",
+        "['arm', 'ground']",
+        "did you mean 'arm'?",
+    ),
+    "a contact misspelt in a quantity": (
+        lambda: sweep(quantity=q.ContactForce("pin", "A")),
+        "`contact`",
+        "'A'",
+        "['V', 'W']",
+        "correct the name",
+    ),
+    "a component in capitals": (
+        lambda: q.Position("arm", "Y"),
+        "`component`",
+        "'Y'",
+        "'y'",
+        "name",
+    ),
+    "a quantity by its name": (
+        lambda: sweep(quantity="arm.y"),
+        "`quantity`",
+        "'arm.y'",
+        "function of an Instant",
+        "cj.quantities.Position",
+    ),
+    "a quantity of no body": (
+        lambda: sweep(quantity=q.Position),
+        "`quantity`",
+        "Position",
+        "function of an Instant",
+        "cj.quantities.Position",
+    ),
+    "a state for a solution": (
+        lambda: cj.observe(SCENE, STATE),
+        "`solution`",
+        "'State'",
+        "a Solution",
+        "simulate(scene",
+    ),
+    "arrays for measurements": (
+        lambda: cj.identify(SCENE, STATE, {"height": np.zeros(3)}, CLEARANCE),
+        "`measurements`",
+        "'dict'",
+        "Measurements",
+        "cj.Series(...)",
+    ),
+    "a place for a parameter": (
+        lambda: cj.identify(SCENE, STATE, DATA, {"clearance": place}),
+        "`parameters['clearance']`",
+        "'function'",
+        "a Parameter",
+        "cj.Parameter(",
+    ),
+    "a guess that no scene can have": (
+        lambda: cj.identify(SCENE, STATE, DATA, CLEARANCE, guess={"clearance": -1e-4}),
+        "Parameter 'clearance'",
+        "-0.0001",
+        "positive",
+        "in m",
+    ),
+    "a guess in a text": (
+        lambda: cj.identify(SCENE, STATE, DATA, CLEARANCE, guess={"clearance": "1e-4"}),
+        "`guess['clearance']`",
+        "'1e-4'",
+        "a number",
+        "a float",
+    ),
+    "a scale's class": (
+        lambda: cj.Parameter(place, cj.Log),
+        "`scale`",
+        "'Log'",
+        "Linear()",
+        "cj.Log()",
+    ),
+    "samples that are not sorted": (
+        lambda: cj.Series(HEIGHT, [0.2, 0.1], [0.0, 0.0], 1e-3),
+        "`times[1]`",
+        "0.1",
+        "later than",
+        "sort the samples",
+    ),
+    "a file and a scene swapped": (
+        lambda: cj.save("pin.toml", SCENE, STATE),
+        "`scene`",
+        "'str'",
+        "a Scene",
+        "pass one",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ERRORS)
+def test_an_error_says_what_to_do(case):
+    mistake, *words = ERRORS[case]
+    with (
+        warnings.catch_warnings(action="ignore"),
+        pytest.raises((ValueError, FrozenInstanceError)) as caught,
+    ):
+        mistake()
+    message = str(caught.value)
+    assert [word for word in words if word not in message] == [], message
+    assert re.search(r"[^.]\.$", message), message
+
+
+WARNINGS = {
+    "a drive without a joint": (
+        lambda: scene(joints={"motor": MOTOR}),
+        cj.LooseBodyWarning,
+        "'motor'",
+        "no joint holds it",
+        "RevoluteJoint",
+    ),
+    "a body without a joint": (
+        lambda: scene(bodies={"arm": BODY, "leg": BODY}),
+        cj.LooseBodyWarning,
+        "'leg'",
+        "flies free",
+        "name it in one",
+    ),
+    "millimetres": (
+        lambda: pin(bearing_radius=10.0, clearance=0.5),
+        cj.UnusualValueWarning,
+        "`bearing_radius`",
+        "10 m",
+        "1 mm is 1e-3 m",
+    ),
+    "gigapascals": (
+        lambda: cj.RavnStiffness(207, 0.3),
+        cj.UnusualValueWarning,
+        "`young_modulus`",
+        "207 Pa",
+        "1 GPa is 1e9 Pa",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WARNINGS)
+def test_a_warning_says_what_to_do(case):
+    mistake, category, *words = WARNINGS[case]
+    with pytest.warns(category) as caught:
+        mistake()
+    message = str(caught[0].message)
+    assert [word for word in words if word not in message] == [], message
+    assert caught[0].filename == __file__ and f"category=clearjoint.{category.__name__}" in message
+
+
+def test_what_is_held_is_not_warned_of():
+    """A drive beside its joint, or held through another body; a projectile; a body on a spring."""
+    crank = cj.RevoluteJoint("ground", "crank", ORIGIN, ORIGIN, AXIS, AXIS)
+    rod = cj.SphericalJoint("crank", "arm", ORIGIN, ORIGIN)
+    spring = cj.SpringDamper("ground", "leg", ORIGIN, ORIGIN, 1.0)
+    with warnings.catch_warnings(action="error"):
+        scene(joints={"pin": HINGE, "motor": MOTOR})
+        scene(bodies={"arm": BODY, "crank": BODY}, joints={"a": crank, "b": rod, "motor": MOTOR})
+        scene(joints={})
+        scene(bodies={"arm": BODY, "leg": BODY}, forces={"spring": spring})
+        for make in (cj.slider_crank, cj.four_bar, cj.gear_pair, cj.robot_arm, cj.rotor_in_bearing):
+            make()
