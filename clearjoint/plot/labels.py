@@ -11,10 +11,12 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from ..fields.checks import require
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
-PREFIXED = ("m", "s", "N", "J", "W", "Pa")
+PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz")
 """Units that take a prefix, also in front of a quotient: mm/s."""
 NEVER_LARGER = ("m", "s")
 """Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
+LAST_IN_MILLISECONDS = 2.0
+"""Times before this one, s, are shown in ms."""
 LOGARITHMIC = 12.0
 """Largest over smallest value from which on an axis is logarithmic."""
 MANY_DECADES = 500.0
@@ -72,6 +74,19 @@ def _at(place: ScaledValues) -> str:
     """A coordinate's name, value and unit."""
     name, _, unit = place.label.partition(", ")
     return f"{name} {float(place.values):.4g} {unit}".strip()
+
+
+def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """The factor from an SI unit to one whose prefix suits the values, and that unit."""
+    exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
+    return 10.0**-exponent, text
+
+
+def time_unit(times: np.ndarray) -> tuple[float, str]:
+    """The factor from s to the unit that suits an axis over times, and that unit: ms for what is
+    over in two seconds."""
+    last = np.abs(np.asarray(times, dtype=float)).max(initial=0.0)
+    return (1e3, "ms") if last < LAST_IN_MILLISECONDS else (1.0, "s")
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
