@@ -47,6 +47,7 @@ from .power_laws import convergence as convergence
 from .power_laws import power_law_exponent as power_law_exponent
 from .predictability import growth as growth
 from .predictability import integration_error as integration_error
+from .report_page import report as report
 from .sections import bifurcation as bifurcation
 from .spectra import amplitude_spectrum as amplitude_spectrum
 from .spectra import spectrum as spectrum

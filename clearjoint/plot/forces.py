@@ -8,7 +8,7 @@ from ..model.plays.journal_bases import BASES
 from ..simulation.observe import ContactObservation, Observation
 from . import observed
 from .labels import fitting_unit, time_unit
-from .style import TimeSpan, axes_or_new, dress, inside, lines, show
+from .style import TimeSpan, axes_or_new, dress, hide_legend, inside, lines, show
 
 
 def contact_and_reaction(
@@ -116,7 +116,7 @@ def force_and_penetration(
     contact_forces(observation, joint, window=window, axes=above).set_xlabel("")
     depths = {_called(name): _depth(one) for name, one in contacts.items()}
     _over_time(observation.times, depths, ("penetration", "m"), window, below)
-    below.get_legend().remove()
+    hide_legend(below)
     return axes
 
 

@@ -180,6 +180,6 @@ def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> 
     clearance_circle(axes, clearance, factor=factor)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(5))
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     right, up = OWN if section is None else section
     return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")

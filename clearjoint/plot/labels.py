@@ -11,9 +11,9 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from ..fields.checks import require
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
-PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz")
+PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad")
 """Units that take a prefix, also in front of a quotient: mm/s."""
-NEVER_LARGER = ("m", "s")
+NEVER_LARGER = ("m", "s", "rad")
 """Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
 LAST_IN_MILLISECONDS = 2.0
 """Times before this one, s, are shown in ms."""

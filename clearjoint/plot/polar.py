@@ -148,11 +148,18 @@ def _bars(
         axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
     axes.tick_params(axis="x", pad=5)
-    axes.set_rlabel_position(22.5)
+    axes.set_rlabel_position(_emptiest(middles, tops))
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
     axes.set_xlabel(f"{quantity[0]}, {unit}")
     axes.set_xticklabels(_named(axes, "x", "y"))
+
+
+def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
+    """The angle, in degrees, between two lines of the grid, about which bars are smallest."""
+    angles = 22.5 + 45.0 * np.arange(8)
+    apart = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
+    return float(angles[np.argmin(np.where(np.abs(apart) < 22.5, tops, 0.0).sum(axis=1))])
 
 
 def _named(axes: PolarAxes, right: str, up: str) -> list[str]:

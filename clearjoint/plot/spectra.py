@@ -16,8 +16,10 @@ from .maps import MISSING
 from .outcomes import ended_well, only_axis, require_names
 from .style import BLUE, axes_or_new, dress
 
-DECADES = 5.0
-"""Decades below the largest amplitude that are shown."""
+DECADES, DECADES_OF_COLOUR = 8.0, 5.0
+"""Decades below the largest amplitude that are shown, as a line and in colours."""
+FEWEST = 4
+"""Samples of a record that has a spectrum."""
 UNEVEN = 1e-6
 """Largest difference of sampling intervals, over their mean."""
 NO_UNIT = "1"
@@ -49,13 +51,12 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies, Hz, and amplitudes, without those of frequency zero."""
     remedy = "save more states"
-    require(len(times) >= 4, "record", len(times), "four samples or more", remedy)
+    require(len(times) >= FEWEST, "record", len(times), f"{FEWEST} samples or more", remedy)
     intervals = np.diff(times)
-    interval = float(intervals.mean())
-    even = interval > 0.0 and bool(np.ptp(intervals) <= UNEVEN * interval)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
     remedy = "save states at even times: Saving(np.linspace(0, end, count))"
-    require(even, "record", shown, "sampled at equal intervals of time", remedy)
+    require(is_even(intervals), "record", shown, "sampled at equal intervals of time", remedy)
+    interval = float(intervals.mean())
     frequency, power = signal.periodogram(
         values, 1.0 / interval, taper, detrend="constant", scaling="spectrum"
     )
@@ -63,6 +64,14 @@ def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.nda
     if len(values) % 2 == 0:
         sides[-1] = 1.0
     return frequency[1:], np.sqrt(sides * power)[1:]
+
+
+def is_even(intervals: np.ndarray) -> bool:
+    """Whether times at such intervals, (N - 1,) s, have a spectrum: enough of them, all alike."""
+    if len(intervals) + 1 < FEWEST:
+        return False
+    mean = float(intervals.mean())
+    return mean > 0.0 and bool(np.ptp(intervals) <= UNEVEN * mean)
 
 
 def spectrum(
@@ -163,7 +172,7 @@ def _map(frequency: np.ndarray, up: ScaledValues, colour: ScaledValues, axes: Ax
     faster, unit = fitting_unit(frequency, "Hz")
     order = np.argsort(up.values, kind="stable")
     largest = np.nanmax(colour.values)
-    faintest = max(np.nanmin(colour.values), largest * 10.0**-DECADES)
+    faintest = max(np.nanmin(colour.values), largest * 10.0**-DECADES_OF_COLOUR)
     shades = np.where(np.isnan(colour.values), np.nan, np.maximum(colour.values, faintest))
     places = np.broadcast_to(up.values[:, None], frequency.shape)
     mesh = axes.pcolormesh(

@@ -78,6 +78,13 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
     return axes
 
 
+def hide_legend(axes: Axes) -> None:
+    """Let a legend be, if there is one, but unseen."""
+    legend = axes.get_legend()
+    if legend is not None:
+        legend.set_visible(False)
+
+
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     """Let axes over time end at the window; all stays in view without one.
 
