@@ -13,8 +13,8 @@ from ..fields.checks import require
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad")
 """Units that take a prefix, also in front of a quotient: mm/s."""
-NEVER_LARGER = ("m", "s", "rad")
-"""Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
+LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 3}
+"""Of these, units that take no prefix above such a power of ten: kilometres help nobody."""
 LAST_IN_MILLISECONDS = 2.0
 """Times before this one, s, are shown in ms."""
 LOGARITHMIC = 12.0
@@ -96,7 +96,7 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     if first not in PREFIXED or largest == 0.0:
         return 0, text
-    highest = 0 if first in NEVER_LARGER else max(PREFIXES)
+    highest = LARGEST.get(first, max(PREFIXES))
     exponent = int(np.clip(3 * np.floor(np.log10(largest) / 3), min(PREFIXES), highest))
     return exponent, PREFIXES[exponent] + text
 

@@ -113,10 +113,10 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     faster, unit = fitting_unit(found["frequency"].values, "Hz")
     frequency = found["frequency"].values * faster
     axes.plot(frequency, y.values, color=BLUE, linewidth=0.9)
-    axes.set_yscale("log")
     axes.set_xlim(0.0, frequency[-1])
     largest = y.values.max(initial=0.0)
     if largest > 0.0:
+        axes.set_yscale("log")
         axes.set_ylim(max(0.5 * y.values.min(), largest * 10.0**-DECADES), 2.0 * largest)
     lines = f"window: {taper}; lines {float(found['frequency'][0]):.3g} Hz apart"
     axes.set_title(lines, fontsize="small", loc="right")
