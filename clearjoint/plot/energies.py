@@ -47,7 +47,7 @@ def energy_ledger(
         axes = np.asarray(plt.subplots(2, 1, layout="constrained", **looks)[1])
     above, below = axes
     times = np.asarray(observation.times)
-    faster, _ = time_unit(times)
+    faster, _ = time_unit(times, window)
     span = None if window is None else (faster * window[0], faster * window[1])
     during = show(above, times * faster, span)
     curves = {name: values[during] for name, values in _curves(observation).items()}
@@ -60,7 +60,7 @@ def energy_ledger(
         loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(curves), 3), frameon=False
     )
     dress(above, "", f"energy, {unit}")
-    _drift(observation, during, span, below)
+    _drift(observation, during, window, below)
     return axes
 
 
@@ -83,13 +83,15 @@ def _sum(observation: Observation, names: tuple[str, ...]) -> np.ndarray | None:
     return np.sum(there, axis=0) if there else None
 
 
-def _drift(observation: Observation, during: np.ndarray, span: TimeSpan | None, axes: Axes) -> None:
+def _drift(
+    observation: Observation, during: np.ndarray, window: TimeSpan | None, axes: Axes
+) -> None:
     times = np.asarray(observation.times)
-    faster, time = time_unit(times)
+    faster, time = time_unit(times, window)
     kept = any(name in observation.energies for name in (*DISSIPATED, SUPPLIED))
     drift = np.asarray(observation.ledger_residual())[during]
     factor, unit = fitting_unit(drift, "J")
-    show(axes, times * faster, span)
+    show(axes, times * faster, None if window is None else (faster * window[0], faster * window[1]))
     axes.plot(times[during] * faster, drift * factor, color=DARK, linewidth=1.0)
     axes.margins(x=0.0)
     turned = max(np.ptp(values) for values in _curves(observation).values())

@@ -35,7 +35,10 @@ def contact_and_reaction(
     force = observed.contact(observation, *contact).normal_force[inside_span]
     load = np.linalg.norm(observed.reaction(observation, *reaction).force[inside_span], axis=1)
     largest = np.array([force.max(), load.max()])
-    (factor, unit), (faster, time) = fitting_unit(largest, "N"), time_unit(observation.times)
+    (factor, unit), (faster, time) = (
+        fitting_unit(largest, "N"),
+        time_unit(observation.times, window),
+    )
     times = observation.times[inside_span] * faster
     peaks = [f"{peak * factor:.4g} {unit}" for peak in largest]
     curves = {
@@ -136,7 +139,7 @@ def _over_time(
     axes: Axes,
 ) -> Axes:
     """Curves of a quantity, by name and SI unit, that is never negative."""
-    faster, time = time_unit(times)
+    faster, time = time_unit(times, window)
     span = None if window is None else (faster * window[0], faster * window[1])
     inside_span = show(axes, times * faster, span)
     drawn = {name: np.asarray(values)[inside_span] for name, values in curves.items()}

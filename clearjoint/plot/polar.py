@@ -171,9 +171,6 @@ def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Factor to, and text of, the unit that suits values; volumes in mm³ or µm³."""
-    if unit == "N s":
-        factor, text = fitting_unit(values, "N")
-        return factor, f"{text} s"
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

@@ -90,7 +90,7 @@ def motion_timeline(
     axes = axes_or_new(axes, (6.4, 1.3 + 0.45 * len(names)))
     times = np.asarray(observation.times)
     first, last = (times[0], times[-1]) if window is None else window
-    factor, unit = time_unit(times)
+    factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases = contact_phases(observation, name)
         starts, lengths, kinds = _stretches(times, phases, (first, last))

@@ -1,5 +1,6 @@
 """Pictures of motions made by hand: what is drawn, against closed forms, with its units."""
 
+import equinox as eqx
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -54,7 +55,7 @@ FREE, IMPACT, FOLLOWING = plot.ContactPhase
 
 
 def rough() -> cj.Observation:
-    return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e3)
+    return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e4)
 
 
 def test_a_contact_is_an_impact_until_the_bodies_approach_anew():
@@ -88,12 +89,27 @@ def test_forces_stand_above_penetrations():
     above, below = plot.force_and_penetration(rough(), "pin")
     assert labels(above) == ("", "normal force, kN")
     assert labels(below) == ("time, ms", "penetration, µm")
-    np.testing.assert_allclose(above.get_lines()[0].get_ydata(), np.maximum(ROUGH, 0))
+    np.testing.assert_allclose(above.get_lines()[0].get_ydata(), 10.0 * np.maximum(ROUGH, 0))
     np.testing.assert_allclose(below.get_lines()[0].get_ydata(), np.maximum(ROUGH, 0))
     (line,) = plot.joint_forces(rough()).get_lines()
-    np.testing.assert_allclose(line.get_ydata(), np.maximum(ROUGH, 0))
+    np.testing.assert_allclose(line.get_ydata(), 10.0 * np.maximum(ROUGH, 0))
     styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
     assert len(set(styles)) == 2 and len({style for _, style in styles}) == 2
+
+
+def test_a_window_late_in_a_long_run_is_in_the_unit_that_suits_it():
+    long = rough()
+    long = eqx.tree_at(lambda seen: seen.times, long, 1e3 * long.times)
+    for draw in (plot.contact_forces, plot.force_and_penetration):
+        whole, part = draw(long, "pin"), draw(long, "pin", window=(0.1, 1.2))
+        assert np.ravel(whole)[-1].get_xlabel() == "time, s"
+        assert np.ravel(part)[-1].get_xlabel() == "time, ms"
+        assert np.ravel(part)[-1].get_xlim() == (100.0, 1200.0)
+    for axes in (
+        plot.motion_timeline(long, window=(0.1, 1.2)),
+        plot.energy_ledger(long, window=(0.1, 1.2))[1],
+    ):
+        assert (axes.get_xlabel(), axes.get_xlim()) == ("time, ms", (100.0, 1200.0))
 
 
 def test_the_loop_has_the_area_of_the_energy_lost():
@@ -123,9 +139,11 @@ def test_directions_of_contact_add_up_to_the_impulse():
     exact = np.diff(ends + np.sin(ends)) * 1e3 * 0.72 / (2.0 * np.pi)
     np.testing.assert_allclose(bars, exact, atol=0.2)
     axes = plot.contact_rose(seen, "pin", weight="force", sectors=12, section=plot.XY)
-    assert axes.get_xlabel() == "largest normal force, kN"
+    assert axes.get_xlabel() == "largest normal force, N"
     tallest = [bar.get_height() for bar in axes.containers[0]]
-    np.testing.assert_allclose(tallest[:3], [2.0, 1.0 + np.cos(np.pi / 6), 1.5], atol=5e-3)
+    np.testing.assert_allclose(
+        tallest[:3], [2000.0, 1000.0 + 1000.0 * np.cos(np.pi / 6), 1500.0], atol=5.0
+    )
     assert axes.get_xticklabels()[0].get_text() == "X, 0°"
     assert [to_rgba(bars[0].get_facecolor())[3] for bars in axes.containers] == [1.0, 0.0]
 
@@ -357,7 +375,8 @@ def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumblin
 
 @pytest.mark.slow
 def test_pictures_of_a_run_agree_with_its_ledger_and_its_states(tmp_path):
-    """All loops together enclose what normal damping dissipates; rates are those of the states."""
+    """All loops together enclose what normal damping dissipates, as far as steps resolve them;
+    rates are those of the states."""
     scene, state = dropped_rod()
     save = cj.Saving(np.linspace(0.0, 0.03, 601), steps=True, impacts=True)
     settings = cj.Settings(rtol=1e-9, ledger=True)
@@ -365,7 +384,7 @@ def test_pictures_of_a_run_agree_with_its_ledger_and_its_states(tmp_path):
     seen, impacts = cj.observe(scene, solution, solution.steps), solution.impacts
     lost = sum(plot.enclosed_energy(seen, impacts, k) for k in range(len(impacts)))
     assert len(impacts) > 2
-    assert lost == pytest.approx(seen.energies["normal damping"][-1], rel=2e-3)
+    assert lost == pytest.approx(seen.energies["normal damping"][-1], rel=1e-2)
     rate = plot.rate_series(scene, solution, cj.quantities.Position("rod", "y"))
     fall = plot.series(scene, solution, cj.quantities.Velocity("rod", "y"))
     np.testing.assert_allclose(rate, fall, atol=1e-12)
