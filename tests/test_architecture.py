@@ -37,7 +37,7 @@ THIRD_PARTY = {
     "matplotlib": {"plot"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification", "model", "scene_files"},
+    "scipy": {"identification", "model", "plot", "scene_files"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"information", "measurements"},
     "pint": {"measurements"},

@@ -3,9 +3,14 @@
 from collections.abc import Mapping
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
+from ..fields.checks import require
+from ..simulation.sections import Crossings, Section
+from .labels import ScaledValues, scaled
+from .outcomes import require_names
 from .style import axes_or_new, dress, lines
 
 Curve = tuple[np.ndarray, np.ndarray]
@@ -51,6 +56,71 @@ def poincare_map(
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
     axes = axes_or_new(axes, (4.8, 4.8))
-    shade = np.linspace(0.35, 1.0, len(x))
+    shade = np.linspace(1.0, 0.35, len(x))[::-1]
     axes.scatter(x, y, c=shade, cmap="Blues", vmin=0.0, vmax=1.0, s=14.0, linewidths=0.0, zorder=3)
     return dress(axes, *labels)
+
+
+def poincare_section(
+    crossings: Crossings,
+    section: Section,
+    channels: tuple[str, str] | None = None,
+    *,
+    axes: Axes | None = None,
+) -> Axes:
+    """Where a run crossed a Poincaré section: a few dots if it is periodic, a cloud if chaotic.
+
+    **Arguments:**
+
+    - `crossings`: `solution.sections[name]`. `section`: the `Section` that was asked for.
+    - `channels`: names of those to the right and upwards; the section's first two unless given.
+
+    **Returns:** the axes, in units that suit; later points are darker.
+
+    **Raises:** `ValueError` for channels that the section has not.
+
+        plot.poincare_section(solution.sections["top"], section, ("angle", "rate"))
+    """
+    known = list(section.channels)
+    chosen = tuple(known[:2]) if channels is None else tuple(channels)
+    fine = len(chosen) == 2 and set(chosen) <= set(known)
+    remedy = "record two channels, and name them"
+    require(fine, "channels", chosen, f"two of those of the section, {known}", remedy)
+    points = [_scaled(crossings.values[name], name, section.channels[name][1]) for name in chosen]
+    return _points(points, axes)
+
+
+def poincare_section_of_lane(
+    lane: xr.Dataset, section: str, channels: tuple[str, str], *, axes: Axes | None = None
+) -> Axes:
+    """Where one lane of a sweep crossed a Poincaré section.
+
+    **Arguments:** `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``;
+    `section`: name of the `Section`; `channels`: names of those to the right and upwards.
+
+    **Returns:** as of `plot.poincare_section`.
+
+    **Raises:** `ValueError` for names that the sweep has not.
+
+        plot.poincare_section_of_lane(dataset.isel(clearance=3), "top", ("x", "y"))
+    """
+    names = [f"{section}_{channel}" for channel in channels]
+    require_names(lane, (*names, f"{section}_count"))
+    count = lane[f"{section}_count"]
+    require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    there = slice(int(count))
+    units = [lane[name].attrs.get("units", "1") for name in names]
+    points = [
+        _scaled(lane[name].values[there], channel, unit)
+        for name, channel, unit in zip(names, channels, units, strict=True)
+    ]
+    return _points(points, axes)
+
+
+def _scaled(values: np.ndarray, name: str, unit: str) -> ScaledValues:
+    return scaled(xr.DataArray(np.asarray(values), name=name, attrs={"units": unit}))
+
+
+def _points(points: list[ScaledValues], axes: Axes | None) -> Axes:
+    x, y = points
+    return poincare_map(x.values, y.values, (x.label, y.label), axes=axes)

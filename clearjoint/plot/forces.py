@@ -1,13 +1,14 @@
-"""Forces of impacts: over time, and over penetration."""
+"""Forces of impacts over time, and with the penetrations below them."""
 
 import numpy as np
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from ..model.plays.journal_bases import BASES
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import Observation
+from ..simulation.observe import ContactObservation, Observation
 from . import observed
-from .style import TimeSpan, axes_or_new, dress, inside, lines, show
+from .labels import fitting_unit, time_unit
+from .style import TimeSpan, axes_or_new, dress, hide_legend, inside, lines, show
 
 
 def contact_and_reaction(
@@ -27,7 +28,7 @@ def contact_and_reaction(
     - `reaction`: names of the ideal joint and of the body on which its force acts.
     - `window`: instants between which to draw, s; the whole observation unless given.
 
-    **Returns:** the axes; time in ms, forces in N.
+    **Returns:** the axes; time in ms or s, forces in N or kN.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -37,18 +38,24 @@ def contact_and_reaction(
     """
     axes = axes_or_new(axes)
     inside_span = inside(observation.times, window)
-    times = observation.times[inside_span] * 1e3
     force = observed.contact(observation, *contact).normal_force[inside_span]
     load = np.linalg.norm(observed.reaction(observation, *reaction).force[inside_span], axis=1)
+    largest = np.array([force.max(), load.max()])
+    (factor, unit), (faster, time) = (
+        fitting_unit(largest, "N"),
+        time_unit(observation.times, window),
+    )
+    times = observation.times[inside_span] * faster
+    peaks = [f"{peak * factor:.4g} {unit}" for peak in largest]
     curves = {
-        f"contact force at base {contact[1]}: peak {force.max():.0f} N": force,
-        f"reaction at the {reaction[0]}: peak {load.max():.0f} N": load,
+        f"contact force at {_called(contact[1])}: peak {peaks[0]}": force,
+        f"reaction at the {reaction[0]}: peak {peaks[1]}": load,
     }
     for (label, values), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(times, values, color=colour, linestyle=style, linewidth=2, label=label)
-    axes.set_ylim(0.0, 1.3 * max(force.max(), load.max()))
+        axes.plot(times, values * factor, color=colour, linestyle=style, linewidth=2, label=label)
+    axes.set_ylim(0.0, 1.3 * factor * largest.max())
     axes.legend(loc="upper center", frameon=False)
-    return dress(axes, "time, ms", "force, N")
+    return dress(axes, f"time, {time}", f"force, {unit}")
 
 
 def contact_forces(
@@ -66,7 +73,7 @@ def contact_forces(
     - `joint`: name of the clearance joint.
     - `window`: instants between which to draw, s; the whole observation unless given.
 
-    **Returns:** the axes; time in ms, force in N or kN.
+    **Returns:** the axes; time in ms or s, force in N or kN.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -74,74 +81,97 @@ def contact_forces(
     >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
-    axes = axes_or_new(axes)
-    times = observation.times * 1e3
-    inside_span = show(axes, times, None if window is None else (1e3 * window[0], 1e3 * window[1]))
     contacts = observed.contacts(observation, joint)
-    forces = {name: np.asarray(one.normal_force)[inside_span] for name, one in contacts.items()}
-    peak = max(force.max(initial=0.0) for force in forces.values())
-    factor, unit = (1e-3, "kN") if peak >= 1e4 else (1.0, "N")
-    for (name, force), (colour, style) in zip(forces.items(), lines(), strict=False):
-        label = f"base {name}" if name in BASES else name
-        look = {"color": colour, "linestyle": style, "linewidth": 1.2}
-        axes.plot(times[inside_span], force * factor, label=label, **look)
-    axes.set_ylim(bottom=0.0)
-    columns = min(len(forces), 4)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
-    return dress(axes, "time, ms", f"normal force, {unit}")
+    forces = {_called(name): one.normal_force for name, one in contacts.items()}
+    return _over_time(observation.times, forces, ("normal force", "N"), window, axes_or_new(axes))
 
 
-def hysteresis(
-    observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
+def joint_forces(
+    observation: Observation, *, window: TimeSpan | None = None, axes: Axes | None = None
 ) -> Axes:
-    """Normal force over penetration in the first impacts of one contact (Fig. 13b).
+    """Largest normal force among the contacts of each joint, over time, for all joints with play.
 
-    The area inside a loop is the energy that the impact dissipates there; the legend gives it.
+    **Arguments:** `observation`, `window`: as of `contact_forces`.
 
-    **Arguments:**
+    **Returns:** the axes; time in ms or s, force in N or kN.
 
-    - `observation`: at instants that resolve the impacts.
-    - `impacts`: those of one contact, from `Impacts.of`.
-    - `count`: how many loops to draw.
-
-    **Returns:** the axes; penetration in micrometres, force in N.
+    **Raises:** `ValueError` for a scene without contacts.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
-    >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
+    >>> axes = plot.joint_forces(observed)
     """
-    axes = axes_or_new(axes)
-    for k, (colour, style) in zip(range(min(count, len(impacts))), lines(), strict=False):
-        depth, force = _loop(observation, impacts, k)
-        energy = enclosed_energy(observation, impacts, k)
-        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * 1e3:.3g} mJ"
-        axes.plot(depth * 1e6, force, color=colour, linestyle=style, linewidth=2, label=label)
-    axes.set_xlim(left=0.0)
+    observed.require_contacts(observation)
+    forces = {
+        name: np.max([np.asarray(one.normal_force) for one in family.values()], axis=0)
+        for name, family in observation.contacts.items()
+    }
+    return _over_time(observation.times, forces, ("normal force", "N"), window, axes_or_new(axes))
+
+
+def force_and_penetration(
+    observation: Observation,
+    joint: str,
+    *,
+    window: TimeSpan | None = None,
+    axes: np.ndarray | None = None,
+) -> np.ndarray:
+    """Normal forces of all contacts of a joint over time, and their penetrations below.
+
+    **Arguments:** `observation`, `joint`, `window`: as of `contact_forces`; `axes`: two, unless new
+    ones are to be made.
+
+    **Returns:** the axes, (2,); time in ms or s, force in N or kN, penetration in µm or so: zero in
+    flight.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> both = plot.force_and_penetration(observed, "shoulder")
+    """
+    contacts = observed.contacts(observation, joint)
+    if axes is None:
+        looks = {"sharex": True, "figsize": (6.4, 5.2), "layout": "constrained"}
+        axes = np.asarray(plt.subplots(2, 1, **looks)[1])
+    above, below = axes
+    contact_forces(observation, joint, window=window, axes=above).set_xlabel("")
+    depths = {_called(name): _depth(one) for name, one in contacts.items()}
+    _over_time(observation.times, depths, ("penetration", "m"), window, below)
+    hide_legend(below)
+    return axes
+
+
+def _called(contact: str) -> str:
+    return f"base {contact}" if contact in BASES else contact
+
+
+def _depth(contact: ContactObservation) -> np.ndarray:
+    return np.maximum(np.asarray(contact.penetration), 0.0)
+
+
+def _over_time(
+    times: np.ndarray,
+    curves: dict[str, np.ndarray],
+    quantity: tuple[str, str],
+    window: TimeSpan | None,
+    axes: Axes,
+) -> Axes:
+    """Curves of a quantity, by name and SI unit, that is never negative."""
+    faster, time = time_unit(times, window)
+    span = None if window is None else (faster * window[0], faster * window[1])
+    inside_span = show(axes, times * faster, span)
+    drawn = {name: np.asarray(values)[inside_span] for name, values in curves.items()}
+    factor, unit = fitting_unit(np.concatenate(list(drawn.values())), quantity[1])
+    for k, ((label, values), (colour, style)) in enumerate(
+        zip(drawn.items(), lines(), strict=False)
+    ):
+        look = {"color": colour, "linestyle": style, "linewidth": 1.8 if k == 0 else 1.0}
+        axes.plot(times[inside_span] * faster, values * factor, label=label, **look)
+    axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="upper left", frameon=False)
-    return dress(axes, "penetration, µm", "contact force, N")
-
-
-def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
-    """Area inside the hysteresis loop of one impact, J: what is dissipated at that contact.
-
-    >>> scene, state = cj.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
-    >>> impacts = solution.impacts.of("shoulder", "V")
-    >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
-    True
-    """
-    depth, force = _loop(observation, impacts, index)
-    return float(np.trapezoid(force, depth))
-
-
-def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
-    seen = observed.contact(observation, impacts.joint[index], impacts.contact[index])
-    inside_span = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
-    depth = np.maximum(seen.penetration[inside_span], 0.0)
-    return np.pad(depth, 1), np.pad(seen.normal_force[inside_span], 1)
+    columns = min(len(curves), 4)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
+    return dress(axes, f"time, {time}", f"{quantity[0]}, {unit}")

@@ -4,11 +4,14 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
+from ..fields.checks import require
 from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
-from .observed import contact
+from .labels import time_unit
+from .observed import contact, contacts
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines
 
 CrossSection = Mapping[str, ArrayLike]
@@ -20,14 +23,18 @@ XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 >>> plot.XY["X"]
 (1.0, 0.0, 0.0)
 """
+WIDTHS = {"V": 1.6, "W": 0.9}
+"""Of the lines of both bases, the second of which lies on the first in planar motion."""
 OWN = ("the bearing's x", "the bearing's y")
 """What points to the right and upwards in the bearing's own cross-section."""
+SMALLEST_IN_MILLIMETRES = 0.2e-3
+"""Clearances below this one, m, are drawn in micrometres."""
 
 
 def eccentricities(
     observation: Observation,
     joint: str,
-    clearance: float,
+    clearance: float | None = None,
     *,
     window: TimeSpan | None = None,
     axes: Axes | None = None,
@@ -37,10 +44,11 @@ def eccentricities(
     **Arguments:**
 
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m, drawn as the line above which a base touches the wall.
+    - `clearance`: radial, m, drawn as the line above which a base touches the wall; that of the
+      joint as observed unless given.
     - `window`: instants between which to draw, s; the whole observation unless given.
 
-    **Returns:** the axes; time in ms, eccentricity in mm.
+    **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -49,16 +57,19 @@ def eccentricities(
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes)
+    radius = _radius(observation, joint, clearance)
+    factor, unit = length_unit(radius)
     inside_span = inside(observation.times, window)
-    times = observation.times[inside_span] * 1e3
+    faster, time = time_unit(observation.times[inside_span])
+    times = observation.times[inside_span] * faster
     for base, (colour, style) in zip(BASES, lines(), strict=False):
-        values = np.asarray(contact(observation, joint, base).eccentricity)[inside_span] * 1e3
-        axes.plot(times, values, color=colour, linestyle=style, linewidth=1.5, label=f"base {base}")
-    axes.axhline(clearance * 1e3, color="black", linewidth=1.0, label="clearance")
+        size = np.asarray(contact(observation, joint, base).eccentricity)[inside_span] * factor
+        axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=f"base {base}")
+    axes.axhline(radius * factor, color="black", linewidth=1.0, label="clearance")
     axes.set_xlim(times[0], times[-1])
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
-    return dress(axes, "time, ms", "eccentricity, mm")
+    return dress(axes, f"time, {time}", f"eccentricity, {unit}")
 
 
 def eccentricity_vectors(
@@ -88,7 +99,7 @@ def eccentricity_vectors(
 def journal_orbit(
     observation: Observation,
     joint: str,
-    clearance: float,
+    clearance: float | None = None,
     *,
     section: CrossSection | None = None,
     window: TimeSpan | None = None,
@@ -99,11 +110,11 @@ def journal_orbit(
     **Arguments:**
 
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m.
+    - `clearance`: radial, m; that of the joint as observed unless given.
     - `section`: what points to the right and upwards; see `eccentricity_vectors`.
     - `window`: instants between which to draw, s; the whole observation unless given.
 
-    **Returns:** the axes, of equal scale, in mm.
+    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -112,18 +123,21 @@ def journal_orbit(
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
+    radius = _radius(observation, joint, clearance)
+    factor, _ = length_unit(radius)
     inside_span = inside(observation.times, window)
     for base, (colour, style) in zip(BASES, lines(), strict=False):
-        orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * 1e3
-        axes.plot(*orbit.T, color=colour, linestyle=style, linewidth=1.2, label=f"base {base}")
-    return _dress_orbit(axes, clearance, section)
+        orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * factor
+        look = {"color": colour, "linestyle": style, "linewidth": WIDTHS[base]}
+        axes.plot(*orbit.T, label=f"base {base}", **look)
+    return _dress_orbit(axes, radius, section)
 
 
 def orbit_in_contact(
     observation: Observation,
     joint: str,
     base: str,
-    clearance: float,
+    clearance: float | None = None,
     *,
     section: CrossSection | None = None,
     window: TimeSpan | None = None,
@@ -133,7 +147,7 @@ def orbit_in_contact(
 
     **Arguments:** as `journal_orbit`, and the name of the `base`.
 
-    **Returns:** the axes, of equal scale, in mm.
+    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -143,30 +157,60 @@ def orbit_in_contact(
     """
     axes = axes_or_new(axes, (4.8, 5.0))
     inside_span = inside(observation.times, window)
-    orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * 1e3
+    orbit = eccentricity_vectors(observation, joint, base, section)[inside_span]
+    radius = _radius(observation, joint, clearance)
+    orbit = orbit * length_unit(radius)[0]
     touching = contact(observation, joint, base).penetration[inside_span] > 0.0
     pressed = np.where(touching[:, None], orbit, np.nan)
     axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
     axes.plot(*pressed.T, color=DARK, linewidth=1.8, label="in contact")
-    return _dress_orbit(axes, clearance, section)
+    return _dress_orbit(axes, radius, section)
 
 
-def clearance_circle(axes: Axes, clearance: float) -> Axes:
+def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
     """Draw the circle on which a base touches the wall, for a radial clearance in m; the axes, now
-    of equal scale, are in mm.
+    of equal scale, are in mm, or in another unit by its `factor` from m.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
     """
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
-    circle = clearance * 1e3 * np.stack([np.cos(angle), np.sin(angle)])
+    circle = clearance * factor * np.stack([np.cos(angle), np.sin(angle)])
     axes.plot(*circle, color="black", linewidth=1.0, label="clearance")
     axes.set_aspect("equal")
     return axes
 
 
+def length_unit(clearance: float) -> tuple[float, str]:
+    """The factor from m to the unit that suits a clearance, in m, and that unit: mm or µm."""
+    return (1e3, "mm") if clearance >= SMALLEST_IN_MILLIMETRES else (1e6, "µm")
+
+
+def observed_clearance(observation: Observation, joint: str) -> float:
+    """Radial clearance of a joint, m: by how much the eccentricity is larger than the penetration.
+
+    **Raises:** `ValueError` for a joint without a journal.
+    """
+    seen = contacts(observation, joint)
+    bases = [one for one in seen.values() if one.eccentricity is not None]
+    journals = [
+        name
+        for name, family in observation.contacts.items()
+        if any(one.eccentricity is not None for one in family.values())
+    ]
+    require(len(bases) > 0, "joint", joint, f"one with a journal, of {journals}", "name one")
+    return float(np.median(np.asarray(bases[0].eccentricity) - bases[0].penetration))
+
+
+def _radius(observation: Observation, joint: str, clearance: float | None) -> float:
+    return observed_clearance(observation, joint) if clearance is None else clearance
+
+
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
-    clearance_circle(axes, clearance)
+    factor, unit = length_unit(clearance)
+    clearance_circle(axes, clearance, factor=factor)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     right, up = OWN if section is None else section
-    return dress(axes, f"eccentricity along {right}, mm", f"eccentricity along {up}, mm")
+    return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")

@@ -9,12 +9,17 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..fields.checks import require
+from .style import TimeSpan
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
-PREFIXED = ("m", "s", "N", "J", "W", "Pa")
+PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also in front of a quotient: mm/s."""
-NEVER_LARGER = ("m", "s")
-"""Of these, units that take no prefix above one: kilometres and kiloseconds help nobody."""
+LARGEST = {"m": 0, "s": 0, "rad": 0}
+"""Of these, units that take no prefix above such a power of ten: kilometres help nobody."""
+LAST_IN_MILLISECONDS = 2.0
+"""Times before this one, s, are shown in ms."""
+SMALLEST_IN_KILONEWTONS = 1e4
+"""Forces from this one on, N, are shown in kN by pictures of single runs."""
 LOGARITHMIC = 12.0
 """Largest over smallest value from which on an axis is logarithmic."""
 MANY_DECADES = 500.0
@@ -74,6 +79,24 @@ def _at(place: ScaledValues) -> str:
     return f"{name} {float(place.values):.4g} {unit}".strip()
 
 
+def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """The factor from an SI unit to one whose prefix suits the values, and that unit: forces are in
+    N below 10 kN, else in kN."""
+    if unit == "N":
+        largest = np.abs(values).max(initial=0.0)
+        return (1e-3, "kN") if largest >= SMALLEST_IN_KILONEWTONS else (1.0, "N")
+    exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
+    return 10.0**-exponent, text
+
+
+def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
+    """The factor from s to the unit that suits an axis over times, or over a window of them, and
+    that unit: ms for what is over in two seconds."""
+    shown = times if window is None else window
+    last = np.abs(np.asarray(shown, dtype=float)).max(initial=0.0)
+    return (1e3, "ms") if last < LAST_IN_MILLISECONDS else (1.0, "s")
+
+
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """The power of ten of the prefix that suits values in a unit, and the unit with the prefix."""
     text = unit.replace("^2", "²").replace("^3", "³")
@@ -81,7 +104,7 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     if first not in PREFIXED or largest == 0.0:
         return 0, text
-    highest = 0 if first in NEVER_LARGER else max(PREFIXES)
+    highest = LARGEST.get(first, max(PREFIXES))
     exponent = int(np.clip(3 * np.floor(np.log10(largest) / 3), min(PREFIXES), highest))
     return exponent, PREFIXES[exponent] + text
 

@@ -18,6 +18,12 @@ def contacts(observation: Observation, joint: str) -> dict[str, ContactObservati
     return observation.contacts[joint]
 
 
+def require_contacts(observation: Observation) -> None:
+    """Check that a scene has contacts."""
+    names, remedy = list(observation.contacts), "give a joint some clearance"
+    require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
+
+
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
     """Observations of one contact of a joint.
 

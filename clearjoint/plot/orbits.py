@@ -3,7 +3,7 @@
 import xarray as xr
 from matplotlib.axes import Axes
 
-from .journal import clearance_circle
+from .journal import clearance_circle, length_unit
 from .outcomes import require_names
 from .style import BLUE, TimeSpan, axes_or_new, dress, inside
 
@@ -27,7 +27,8 @@ def orbit(
     - `clearance`: radial, m.
     - `window`: instants between which to draw, s; all that was saved unless given.
 
-    **Returns:** the axes, of equal scale, in mm. A dot marks the beginning.
+    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance. A dot marks
+    the beginning.
 
     >>> scene, state = cj.double_pendulum()
     >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
@@ -42,8 +43,9 @@ def orbit(
     require_names(lane, (*names, f"{saved}_time"))
     axes = axes_or_new(axes, (4.8, 5.0))
     during = inside(lane[f"{saved}_time"].values, window)
-    right, up = (lane[name].values[during] * 1e3 for name in names)
+    factor, unit = length_unit(clearance)
+    right, up = (lane[name].values[during] * factor for name in names)
     axes.plot(right, up, color=BLUE, linewidth=0.8)
     axes.plot(right[:1], up[:1], "o", color="black", markersize=4)
-    clearance_circle(axes, clearance)
-    return dress(axes, *(f"{channel}, mm" for channel in channels))
+    clearance_circle(axes, clearance, factor=factor)
+    return dress(axes, *(f"{channel}, {unit}" for channel in channels))

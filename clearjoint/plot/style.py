@@ -5,10 +5,23 @@ from collections.abc import Iterator
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.projections.polar import PolarAxes
+
+from ..fields.checks import require
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+SKY, ORANGE = "#56B4E9", "#E69F00"
 DARK, LIGHT, GREY = "#16324F", "#BBDDF2", "#8C8C8C"
-LINES = ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-."), (PURPLE, ":"))
+Dashes = str | tuple[int, tuple[int, ...]]
+"""A line style of matplotlib."""
+LINES: tuple[tuple[str, Dashes], ...] = (
+    (BLUE, "-"),
+    (VERMILLION, "--"),
+    (GREEN, "-."),
+    (PURPLE, ":"),
+    (SKY, (0, (8, 2))),
+    (ORANGE, (0, (6, 1, 1, 1, 1, 1))),
+)
 """Colours (after M. Okabe and K. Ito, told apart by colour-blind people) with line styles."""
 SIZE = (6.4, 4.0)
 """Width and height of a new figure, inches."""
@@ -16,7 +29,7 @@ TimeSpan = tuple[float, float]
 """First and last instant to show, s."""
 
 
-def lines() -> Iterator[tuple[str, str]]:
+def lines() -> Iterator[tuple[str, Dashes]]:
     """Colours and line styles for one curve after the other, without end."""
     while True:
         yield from LINES
@@ -36,6 +49,25 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
     return plt.subplots(figsize=size, layout="constrained")[1]
 
 
+def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> PolarAxes:
+    """The given axes, or those of a new figure, polar ones: angles in a bearing's cross-section,
+    from its x to the right to its y upwards.
+
+    **Raises:** `ValueError` for axes that are not polar.
+    """
+    if axes is None:
+        made = plt.figure(figsize=size, layout="constrained").add_subplot(projection="polar")
+        axes = made
+    remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
+    kind = type(axes).__name__
+    require(isinstance(axes, PolarAxes), "axes", kind, "polar axes", remedy)
+    assert isinstance(axes, PolarAxes)
+    axes.grid(True, color="0.85", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_xticks(np.arange(0.0, 2.0 * np.pi, 0.25 * np.pi))
+    return axes
+
+
 def dress(axes: Axes, x: str, y: str) -> Axes:
     """Label the axes, draw a faint grid behind the curves, and drop the frame's idle sides."""
     axes.set_xlabel(x)
@@ -44,6 +76,13 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     return axes
+
+
+def hide_legend(axes: Axes) -> None:
+    """Let a legend be, if there is one, but unseen."""
+    legend = axes.get_legend()
+    if legend is not None:
+        legend.set_visible(False)
 
 
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:

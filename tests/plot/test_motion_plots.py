@@ -1,64 +1,15 @@
 """Figures of motion, contact forces and orbits, from states made by hand."""
 
-from types import SimpleNamespace
-
 import equinox as eqx
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-import clearjoint as cj
 from clearjoint import plot
-from clearjoint.dynamics.formulation import Formulation
+from tests.support.tumbling_bearing import AXIS, CLEARANCE, COUNT, TIMES
 
-COUNT, CLEARANCE = 60, 0.5e-3
-TIMES = np.linspace(0.0, 0.06, COUNT)
 WINDOW = (0.01, 0.03)
 AROUND = slice(9, 31)
 """Instants in the window, and one on each side."""
-POINT, AXIS = np.array([0.2, -0.1, 0.3]), np.array([1.0, 2.0, 2.0]) / 3.0
-
-
-@pytest.fixture(autouse=True)
-def no_figure_stays():
-    yield
-    plt.close("all")
-
-
-@pytest.fixture(scope="module")
-def turning():
-    """A bearing that tumbles, and a journal that runs round in it, a micrometre into the wall for
-    half of the time; with the bearing's rotations, from body to global axes."""
-    first = np.cross(AXIS, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(AXIS, (0.0, 0.0, 1.0)))
-    second = np.cross(AXIS, first)
-    round_it = 2.0 * np.pi * np.arange(COUNT) / COUNT
-    size = CLEARANCE + 1e-6 * np.sign(np.sin(round_it))
-    place = np.cos(round_it)[:, None] * first + np.sin(round_it)[:, None] * second
-    tumbling = Rotation.from_rotvec(np.outer(5.0 * TIMES, (3.0, -1.0, 2.0)))
-    euler = np.roll(tumbling.as_quat(), 1, axis=1)
-    still = np.zeros((COUNT, 3))
-    bearing = cj.BodyState(np.outer(TIMES, (1.0, 2.0, 3.0)), euler, still, still)
-    centre = bearing.position + tumbling.apply(POINT + size[:, None] * place)
-    states = cj.State({"bearing": bearing, "journal": cj.BodyState(centre, euler, still, still)})
-    joint = cj.ClearanceJoint(
-        "bearing",
-        "journal",
-        bearing_point=POINT,
-        bearing_axis=AXIS,
-        journal_axis=AXIS,
-        bearing_radius=10e-3,
-        clearance=CLEARANCE,
-        journal_length=20e-3,
-        law=cj.Hertz(cj.RavnStiffness(207e9, 0.3)),
-    )
-    body = cj.Body(1.0, (1.0, 1.0, 1.0))
-    scene = cj.Scene({"bearing": body, "journal": body}, {"pin": joint})
-    trajectory = cj.Trajectory(TIMES, states)
-    run = SimpleNamespace(
-        formulation=Formulation(cj.AbsoluteCoordinates()), saved=None, redundant_constraints=()
-    )
-    return cj.observe(scene, run, trajectory), trajectory, tumbling.as_matrix()
 
 
 def test_the_orbit_of_a_bearing_that_moves_is_seen_from_the_bearing(turning):

@@ -1,6 +1,5 @@
 """Figures of sweeps: names, units, scales, and lanes that failed, from a data set made by hand."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,12 +10,6 @@ from clearjoint import plot
 CODES = {"flag_values": [-1, 0, 1], "flag_meanings": "pending successful max_steps_reached"}
 CLEARANCES = np.geomspace(5e-5, 1e-3, 9)
 RESTITUTIONS = np.linspace(0.2, 1.0, 5)
-
-
-@pytest.fixture(autouse=True)
-def no_figure_stays():
-    yield
-    plt.close("all")
 
 
 def dataset() -> xr.Dataset:

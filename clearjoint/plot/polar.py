@@ -1,0 +1,184 @@
+"""Around the bearing: directions of contact, and wear."""
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
+
+from ..fields.checks import require, require_count
+from ..model.plays.journal_bases import BASES
+from ..simulation.observe import Observation
+from .journal import CrossSection, eccentricity_vectors, observed_clearance
+from .labels import fitting_unit
+from .observed import contact
+from .outcomes import require_names
+from .style import BLUE, DARK, LIGHT, VERMILLION, polar_or_new
+
+Weight = Literal["impulse", "force"]
+LOOKS = (
+    {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
+    {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
+)
+"""Of base V and base W: apart by grey value and hatching."""
+
+
+def contact_rose(
+    observation: Observation,
+    joint: str,
+    *,
+    weight: Weight = "impulse",
+    sectors: int = 36,
+    section: CrossSection | None = None,
+    axes: Axes | None = None,
+) -> PolarAxes:
+    """Where around its bearing a journal presses, and how much, in polar bars.
+
+    **Arguments:**
+
+    - `observation`: along every accepted step, or at instants that resolve the impacts.
+    - `joint`: name of the clearance joint.
+    - `weight`: "impulse", the time integral of the normal force in each sector, base W upon base
+      V; or "force", the largest normal force there of each base.
+    - `sectors`: their number; the first one begins at what points to the right.
+    - `section`: what points to the right and upwards; see `eccentricity_vectors`.
+    - `axes`: polar ones.
+
+    **Returns:** the axes; impulses in N s, mN s or so, forces in N or kN.
+
+    **Raises:** `ValueError` for a joint without a journal, another weight, and axes that are not
+    polar.
+
+        plot.contact_rose(cj.observe(scene, solution, solution.steps), "pin", weight="force")
+    """
+    observed_clearance(observation, joint)
+    fine, remedy = weight in ("impulse", "force"), "name one of them"
+    require(fine, "weight", weight, "'impulse' or 'force'", remedy)
+    require_count("sectors", sectors, "give a number of sectors")
+    weights = {
+        f"base {base}": _weights(observation, joint, base, weight, sectors, section)
+        for base in BASES
+    }
+    axes = polar_or_new(axes)
+    if weight == "force":
+        _bars(weights, ("largest normal force", "N"), False, axes)
+    else:
+        _bars(weights, ("impulse", "N s"), True, axes)
+    if section is not None:
+        right, up = section
+        axes.set_xticklabels(_named(axes, right, up))
+    return axes
+
+
+def _weights(
+    observation: Observation,
+    joint: str,
+    base: str,
+    weight: Weight,
+    sectors: int,
+    section: CrossSection | None,
+) -> np.ndarray:
+    """Impulse, N s, or largest force, N, in each sector."""
+    x, y = eccentricity_vectors(observation, joint, base, section).T
+    turn = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
+    sector = np.minimum((turn * sectors).astype(int), sectors - 1)
+    force, found = np.asarray(contact(observation, joint, base).normal_force), np.zeros(sectors)
+    if weight == "force":
+        np.maximum.at(found, sector, force)
+    else:
+        halves = 0.5 * np.diff(observation.times)
+        np.add.at(found, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
+    return found
+
+
+def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
+    """Volumes worn off a bearing's wall around it, base W upon base V, in polar bars.
+
+    **Arguments:**
+
+    - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `output`: name of its `ArchardWear`.
+    - `axes`: polar ones.
+
+    **Returns:** the axes; angle from the x of the bearing's frame, volumes in mm³ or µm³.
+
+    **Raises:** `ValueError` for names that the sweep has not, several lanes, and axes that are not
+    polar.
+
+        plot.wear(dataset.isel(clearance=3), "wear")
+    """
+    require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
+    volumes = {f"base {base}": _sectors(lane, f"{output}_{base}") for base in BASES}
+    axes = polar_or_new(axes)
+    _bars(volumes, ("worn volume", "m^3"), True, axes)
+    return axes
+
+
+def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
+    """The volumes of a base's sectors, m^3, in their order."""
+    names, k = [], 1
+    while f"{name} {k}" in lane:
+        names.append(f"{name} {k}")
+        k += 1
+    remedy = "select one: dataset.isel(...)"
+    shapes = {lane[one].shape for one in names}
+    require(shapes == {()}, "lane", lane[names[0]].dims, "a single lane", remedy)
+    return np.array([float(lane[one]) for one in names])
+
+
+def _bars(
+    weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
+) -> None:
+    """Bars for each sector and base, and their scale; on each other or before each other."""
+    sectors = len(next(iter(weights.values())))
+    middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
+    tops = (
+        np.sum(list(weights.values()), axis=0) if stacked else np.max([*weights.values()], axis=0)
+    )
+    factor, unit = _fitting(tops, quantity[1])
+    bottom = np.zeros(sectors)
+    for (label, sizes), look in zip(weights.items(), LOOKS, strict=True):
+        drawn = sizes * factor
+        axes.bar(middles, drawn, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
+        bottom = bottom + drawn if stacked else bottom
+    top = 1.08 * factor * tops.max(initial=0.0)
+    if top > 0.0:
+        axes.set_ylim(0.0, top)
+        axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
+    axes.tick_params(axis="x", pad=5)
+    axes.set_rlabel_position(_emptiest(middles, tops))
+    axes.tick_params(axis="y", labelsize="small", colors=DARK)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    axes.set_xlabel(f"{quantity[0]}, {unit}")
+    axes.set_xticklabels(_named(axes, "x", "y"))
+
+
+def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
+    """The angle, in degrees, between two lines of the grid, about which bars are smallest."""
+    angles = 22.5 + 45.0 * np.arange(8)
+    apart = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
+    return float(angles[np.argmin(np.where(np.abs(apart) < 22.5, tops, 0.0).sum(axis=1))])
+
+
+def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
+    """Labels of the angles: the directions' names at a right angle, degrees elsewhere."""
+    names = {0: right, 90: up}
+    degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
+    return [f"{names[angle]}, {angle}°" if angle in names else f"{angle}°" for angle in degrees]
+
+
+def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """Factor to, and text of, the unit that suits values; volumes in mm³ or µm³."""
+    if unit != "m^3":
+        return fitting_unit(values, unit)
+    largest = values.max(initial=0.0)
+    if largest >= 1e-12:
+        return 1e9, "mm³"
+    power = max(3 * int(np.floor(np.log10(max(largest, 1e-18) * 1e18) / 3)), 0)
+    return 10.0 ** (18 - power), "µm³" if power == 0 else f"10{_raised(power)} µm³"
+
+
+def _raised(number: int) -> str:
+    return str(number).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))

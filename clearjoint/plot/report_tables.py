@@ -1,0 +1,141 @@
+"""What a report tells in words and numbers: the scene, the run, and the largest impacts."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.scene import Scene
+from ..results import RESULTS
+from ..simulation.impact_table import Impacts
+from ..simulation.settings import Settings
+from ..simulation.solution import Solution
+from .labels import fitting_unit
+
+Cells = Sequence[str]
+PLAYS = ("clearance", "play", "backlash")
+"""Fields that hold what a joint's play is."""
+SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
+"""Of the numbers of a law that are told."""
+JOINT_COLUMNS = ("joint", "kind", "bodies", "play", "normal law", "friction")
+IMPACT_COLUMNS = (
+    "joint",
+    "contact",
+    "onset, ms",
+    "duration, µs",
+    "entry speed, m/s",
+    "exit speed, m/s",
+    "peak force, N",
+    "penetration, µm",
+)
+
+
+def joint_rows(scene: Scene, most: int) -> list[Cells]:
+    """A row of `JOINT_COLUMNS` for each joint, those with play first, `most` of them."""
+    joints = sorted(
+        scene.joints.items(), key=lambda item: not isinstance(item[1], AbstractContactJoint)
+    )
+    rows: list[Cells] = [_joint_row(name, joint) for name, joint in joints]
+    return rows if len(rows) <= most else [*rows[: most - 1], (f"{len(rows) - most + 1} more",)]
+
+
+def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> Cells:
+    head = name, type(joint).__name__, " – ".join(joint.body_names())
+    if not isinstance(joint, AbstractContactJoint):
+        return head
+    laws = dict.fromkeys(_law(law) for law in joint.laws().values())
+    friction = getattr(joint, "friction", None)
+    frictions = [friction] if friction is not None else joint.bristle_laws().values()
+    texts = dict.fromkeys(_law(law) for law in frictions)
+    return (*head, _play(joint), " / ".join(laws), " / ".join(texts) or "none")
+
+
+def _law(law: object) -> str:
+    """Kind of a law, and its restitution or coefficients of friction."""
+    found = {symbol: getattr(law, field, None) for field, symbol in SYMBOLS.items()}
+    numbers = [
+        f"{symbol} {float(np.asarray(value)):.3g}"
+        for symbol, value in found.items()
+        if value is not None and np.shape(value) == ()
+    ]
+    return ", ".join([type(law).__name__, *numbers])
+
+
+def _play(joint: AbstractContactJoint) -> str:
+    units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
+    texts = []
+    for name in PLAYS:
+        value = getattr(joint, name, None)
+        if units.get(name) and value is not None and np.shape(value) == ():
+            factor, unit = fitting_unit(np.asarray(value), str(units[name]))
+            texts.append(f"{float(np.asarray(value)) * factor:.4g} {unit}")
+    return ", ".join(texts) or "yes"
+
+
+def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
+    """How the run went, and with which settings, a line for each."""
+    bodies, gravity = len(scene.bodies), scene.gravity
+    masses = sum(float(np.asarray(body.mass)) for body in scene.bodies.values())
+    field = "no gravity"
+    if gravity is not None:
+        field = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(gravity))}) m/s²"
+    form = solution.formulation
+    steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
+    ways = [
+        type(form.coordinates).__name__,
+        type(form.stabilisation).__name__,
+        "with energy ledger" if form.ledger else "without energy ledger",
+    ]
+    told = [] if settings is None else [_tolerances(settings)]
+    redundant = ", ".join(solution.redundant_constraints)
+    return [
+        f"Scene: {bodies} bodies of {masses:.4g} kg, {len(scene.joints)} joints, "
+        f"{len(scene.forces)} forces, {field}",
+        f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
+        f"Steps: {steps}; {_impacts(solution.impacts)}",
+        f"Equations: {', '.join([*told, *ways])}",
+        *([f"Redundant constraints: {redundant}"] if redundant else []),
+    ]
+
+
+def _tolerances(settings: Settings) -> str:
+    solver = type(settings.solver).__name__
+    if settings.controller is not None:
+        return f"{solver}, {type(settings.controller).__name__}"
+    atol = "" if settings.atol is None else f", atol {settings.atol:.0e}"
+    return f"{solver}, rtol {settings.rtol:.0e}{atol}"
+
+
+def _impacts(impacts: Impacts | None) -> str:
+    if impacts is None:
+        return "impacts not tabled"
+    if len(impacts) == 0:
+        return "no finished impact"
+    factor, unit = fitting_unit(impacts.peak_force, "N")
+    largest = f"{factor * impacts.peak_force.max():.4g} {unit}"
+    return f"{len(impacts)} finished impacts, the largest of {largest}"
+
+
+def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
+    """A row of `IMPACT_COLUMNS` for each of the impacts of largest peak force, by that."""
+    order = np.argsort(-impacts.peak_force, kind="stable")[:most]
+    columns = {
+        "onset": (1e3, ".4f"),
+        "duration": (1e6, ".1f"),
+        "entry_speed": (1.0, ".4g"),
+        "exit_speed": (1.0, ".4g"),
+        "peak_force": (1.0, ".1f"),
+        "largest_penetration": (1e6, ".4g"),
+    }
+    return [
+        [
+            str(impacts.joint[k]),
+            str(impacts.contact[k]),
+            *(
+                f"{factor * getattr(impacts, n)[k]:{digits}}"
+                for n, (factor, digits) in columns.items()
+            ),
+        ]
+        for k in order
+    ]

@@ -1,0 +1,397 @@
+"""Pictures of motions made by hand: what is drawn, against closed forms, with its units."""
+
+import equinox as eqx
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.colors import to_rgba
+
+import clearjoint as cj
+from clearjoint import plot
+from tests.support.dropped_rod import dropped_rod
+from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
+
+CODES = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
+
+
+def labels(axes) -> tuple[str, str]:
+    return axes.get_xlabel(), axes.get_ylabel()
+
+
+def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
+    """An observation of one base at even times, pressed at an angle; the other one flies."""
+    count = len(penetration)
+    times = np.linspace(0.0, 1e-3 * (count - 1), count)
+    angle = np.broadcast_to(angle, (count,))
+    across = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+
+    def base(depth, force, rate):
+        depth = np.asarray(depth, float)
+        size = (CLEARANCE + depth)[:, None]
+        still = np.zeros((count, 3))
+        parts = depth, rate, CLEARANCE + depth, size * across, force, None, across, still, still
+        return ContactObservation(*parts)
+
+    flying = base(np.full(count, -1e-4), np.zeros(count), np.zeros(count))
+    return cj.Observation(
+        times=times,
+        contacts={"pin": {"V": base(penetration, np.asarray(force), rate), "W": flying}},
+        modes={},
+        reactions={},
+        accelerations={},
+        drift={},
+        drift_rate={},
+        energies={"kinetic": np.zeros(count), "mechanical": np.zeros(count)},
+        reactions_unique=True,
+    )
+
+
+ContactObservation = cj.Observation.__annotations__["contacts"].__args__[1].__args__[1]
+ROUGH = np.array([-1, 1, 3, 2, -1, -1, 2, 4, 3, 2, 3, 2, -1, 1])
+"""µm: flight, a hump, flight, a hump from whose foot a second one rises, flight, a begin."""
+RISING = np.array([1, 1, 1, -1, -1, 1, 1, 1, -1, -1, 1, -1, -1, 1])
+FREE, IMPACT, FOLLOWING = plot.ContactPhase
+
+
+def rough() -> cj.Observation:
+    return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e4)
+
+
+def test_a_contact_is_an_impact_until_the_bodies_approach_anew():
+    expected = [FREE, *[IMPACT] * 3, *[FREE] * 2, *[IMPACT] * 4, *[FOLLOWING] * 2, FREE, IMPACT]
+    assert plot.contact_phases(rough(), "pin").tolist() == expected
+    lying = seen_contact(np.full(3, 1e-6), np.zeros(3), np.ones(3))
+    assert plot.contact_phases(lying, "pin").tolist() == [FOLLOWING] * 3
+
+
+def test_the_timeline_has_bars_and_shares_of_the_time():
+    axes = plot.motion_timeline(rough())
+    assert axes.get_xlabel() == "time, ms"
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["pin"]
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["free flight", "impact", "following"]
+    spans = {
+        bars.get_label(): [tuple(path.get_extents().intervalx) for path in bars.get_paths()]
+        for bars in axes.collections
+    }
+    assert spans["impact"] == [(1.0, 4.0), (6.0, 10.0)]
+    assert spans["following"] == [(10.0, 12.0)]
+    assert "31 / 54 / 15 %" in [text.get_text() for text in axes.texts]
+    shown = plot.motion_timeline(rough(), window=(0.002, 0.005))
+    assert shown.get_xlim() == (2.0, 5.0)
+    assert "33 / 67 / 0 %" in [text.get_text() for text in shown.texts]
+    heights = [np.ptp(bars.get_paths()[0].get_extents().intervaly) for bars in axes.collections]
+    assert len(set(heights)) == 3
+
+
+def test_forces_stand_above_penetrations():
+    above, below = plot.force_and_penetration(rough(), "pin")
+    assert labels(above) == ("", "normal force, kN")
+    assert labels(below) == ("time, ms", "penetration, µm")
+    np.testing.assert_allclose(above.get_lines()[0].get_ydata(), 10.0 * np.maximum(ROUGH, 0))
+    np.testing.assert_allclose(below.get_lines()[0].get_ydata(), np.maximum(ROUGH, 0))
+    (line,) = plot.joint_forces(rough()).get_lines()
+    np.testing.assert_allclose(line.get_ydata(), 10.0 * np.maximum(ROUGH, 0))
+    styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
+    assert len(set(styles)) == 2 and len({style for _, style in styles}) == 2
+
+
+def test_a_window_late_in_a_long_run_is_in_the_unit_that_suits_it():
+    long = rough()
+    long = eqx.tree_at(lambda seen: seen.times, long, 1e3 * long.times)
+    for draw in (plot.contact_forces, plot.force_and_penetration):
+        whole, part = draw(long, "pin"), draw(long, "pin", window=(0.1, 1.2))
+        assert np.ravel(whole)[-1].get_xlabel() == "time, s"
+        assert np.ravel(part)[-1].get_xlabel() == "time, ms"
+        assert np.ravel(part)[-1].get_xlim() == (100.0, 1200.0)
+    for axes in (
+        plot.motion_timeline(long, window=(0.1, 1.2)),
+        plot.energy_ledger(long, window=(0.1, 1.2))[1],
+    ):
+        assert (axes.get_xlabel(), axes.get_xlim()) == ("time, ms", (100.0, 1200.0))
+
+
+def test_the_loop_has_the_area_of_the_energy_lost():
+    turn = np.linspace(-np.pi, np.pi, 2001)
+    depth, force = 5e-6 * (1.0 + np.cos(turn)), 400.0 * (1.0 + np.cos(turn) - 0.2 * np.sin(turn))
+    seen = seen_contact(depth, np.zeros(2001), force)
+    rows = [("pin", "V", 0.0, 2.0, 2.0, 0.1, 0.1, 800.0, 1.0, 1e-5)]
+    impacts = cj.Impacts.of_rows(rows)
+    axes = plot.hysteresis(seen, impacts)
+    assert labels(axes) == ("penetration, µm", "contact force, N")
+    area = np.pi * 5e-6 * 400.0 * 0.2
+    assert plot.enclosed_energy(seen, impacts, 0) == pytest.approx(area, rel=1e-5)
+    assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
+    with pytest.raises(ValueError, match="`impacts` must be one impact at least"):
+        plot.hysteresis(seen, impacts.of("pin", "W"))
+
+
+def test_directions_of_contact_add_up_to_the_impulse():
+    angle = 2.0 * np.pi * (np.arange(721) + 0.5) / 720
+    force = 1e3 * (1.0 + np.cos(angle))
+    seen = seen_contact(np.full(721, 1e-6), np.zeros(721), force, angle)
+    axes = plot.contact_rose(seen, "pin", sectors=12)
+    bars = np.array([bar.get_height() for bar in axes.containers[0]])
+    assert axes.get_xlabel() == "impulse, N s"
+    assert bars.sum() == pytest.approx(np.trapezoid(force, seen.times))
+    ends = 2.0 * np.pi * np.arange(13) / 12
+    exact = np.diff(ends + np.sin(ends)) * 1e3 * 0.72 / (2.0 * np.pi)
+    np.testing.assert_allclose(bars, exact, atol=0.2)
+    axes = plot.contact_rose(seen, "pin", weight="force", sectors=12, section=plot.XY)
+    assert axes.get_xlabel() == "largest normal force, N"
+    tallest = [bar.get_height() for bar in axes.containers[0]]
+    np.testing.assert_allclose(
+        tallest[:3], [2000.0, 1000.0 + 1000.0 * np.cos(np.pi / 6), 1500.0], atol=5.0
+    )
+    assert axes.get_xticklabels()[0].get_text() == "X, 0°"
+    assert [to_rgba(bars[0].get_facecolor())[3] for bars in axes.containers] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: plot.contact_rose(s, "pinn"), r"`joint` must be .*\['pin'\], but is 'pinn'"),
+        (lambda s: plot.contact_rose(s, "pin", weight="mass"), "`weight` must be 'impulse' or"),
+        (lambda s: plot.contact_rose(s, "pin", sectors=0), "`sectors` must be a whole number"),
+        (lambda s: plot.contact_rose(s, "pin", axes=plt.subplots()[1]), "`axes` must be polar"),
+        (lambda s: plot.contact_phases(s, "pinn"), "`joint` must be one of those"),
+        (lambda s: plot.force_and_penetration(s, "pinn"), "`joint` must be one of those"),
+    ],
+)
+def test_wrong_arguments_are_told(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(rough())
+
+
+def test_a_scene_without_contacts_has_no_timeline():
+    seen = cj.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
+    for draw in (plot.motion_timeline, plot.joint_forces):
+        with pytest.raises(ValueError, match="`observation` must be of a scene with contacts"):
+            draw(seen)
+
+
+def energies(**more) -> cj.Observation:
+    stored = {"kinetic": 3.0 * TIMES, "gravity": 5.0 - 9.0 * TIMES, "contacts": 0.5 * TIMES}
+    whole = stored | {"springs": 0.5 * TIMES, "mechanical": 5.0 - 5.0 * TIMES} | more
+    return cj.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
+
+
+def test_the_ledger_shows_where_energy_goes_and_its_drift():
+    ledger = {"normal damping": 2.0 * TIMES, "friction": 4.0 * TIMES, "supplied": 1.1 * TIMES}
+    above, below = plot.energy_ledger(energies(**ledger))
+    drawn = {line.get_label(): line.get_ydata()[-1] for line in above.get_lines()}
+    expected = {
+        "kinetic": 180.0,
+        "potential, 0 at the start": -540.0,
+        "elastic": 60.0,
+        "dissipated": 360.0,
+        "work of drivers and loads": 66.0,
+    }
+    assert drawn == pytest.approx(expected)
+    assert labels(above) == ("", "energy, mJ") and labels(below) == ("time, ms", "drift, mJ")
+    assert below.get_lines()[0].get_ydata()[-1] == pytest.approx(60.0 * (-5.0 + 6.0 - 1.1))
+    assert below.get_title(loc="right") == "at most 0.01 of the largest change above"
+    assert len({line.get_linestyle() for line in above.get_lines()}) >= 4
+
+
+def test_without_a_ledger_the_change_of_the_mechanical_energy_is_shown():
+    _, below = plot.energy_ledger(energies())
+    assert below.get_ylabel() == "mechanical energy,\nsince the start, mJ"
+    assert below.get_lines()[0].get_ydata()[-1] == pytest.approx(-300.0)
+
+
+def record(amplitude, cycles, count=400, end=0.2) -> xr.DataArray:
+    """A harmonic of so many cycles in the record, about a mean of 3."""
+    times = end * np.arange(count) / count
+    values = 3.0 + amplitude * np.cos(2.0 * np.pi * cycles * times / end + 0.3)
+    return xr.DataArray(values, {"time": times}, ("time",), "velocity", {"units": "m/s"})
+
+
+@pytest.mark.parametrize(
+    ("taper", "cycles", "error"),
+    [("boxcar", 20, 1e-12), ("hann", 20, 1e-12), ("flattop", 20.4, 2e-3)],
+)
+def test_a_harmonic_has_its_amplitude_in_the_spectrum(taper, cycles, error):
+    found = plot.amplitude_spectrum(record(0.7, cycles), taper)
+    assert found["frequency"][0] == pytest.approx(5.0) and len(found) == 200
+    assert float(found.max()) == pytest.approx(0.7, rel=error)
+    assert float(found["frequency"][np.argmax(found.values)]) == pytest.approx(5.0 * round(cycles))
+    assert found.attrs["units"] == "m/s"
+    half = plot.amplitude_spectrum(record(0.7, 200).copy(data=3.0 + 0.7 * (-1.0) ** np.arange(400)))
+    assert float(half[-1]) == pytest.approx(0.7)
+
+
+def test_a_spectrum_has_units_on_its_axes():
+    axes = plot.spectrum_of(record(7e-3, 20, end=0.002))
+    assert labels(axes) == ("frequency, kHz", "amplitude of velocity, mm/s")
+    x, y = axes.get_lines()[0].get_data()
+    assert (x[np.argmax(y)], y.max()) == (pytest.approx(10.0), pytest.approx(7.0))
+    assert axes.get_yscale() == "log" and axes.get_xlim() == (0.0, pytest.approx(100.0))
+    assert axes.get_title(loc="right") == "window: hann; lines 500 Hz apart"
+
+
+def test_unequal_intervals_have_no_spectrum():
+    uneven = record(1.0, 5).assign_coords(time=np.geomspace(1e-3, 1.0, 400))
+    with pytest.raises(ValueError, match="equal intervals of time, but is 'intervals from.*linsp"):
+        plot.spectrum_of(uneven)
+    with pytest.raises(ValueError, match="`record` must be 4 samples or more"):
+        plot.amplitude_spectrum(record(1.0, 1, count=3))
+
+
+def swept() -> xr.Dataset:
+    """Harmonics of ten times the lane's number of cycles, and crossings; lane 2 failed."""
+    lanes = 10 * np.arange(1, 6)
+    times = record(1.0, 1)["time"].values
+    rows = np.stack([record(1e-6 * k, cycles).values for k, cycles in enumerate(lanes, 1)])
+    lane, number = ("clearance",), ("clearance", "probe_number")
+    hits = np.full((5, 4), np.nan)
+    hits[:, :3] = 1e-3 * np.arange(1, 4)
+    volumes = {
+        f"wear_{base} {k}": (lane, np.full(5, 1e-15 * k * (2 if base == "W" else 1)))
+        for base in "VW"
+        for k in range(1, 7)
+    }
+    return xr.Dataset(
+        {
+            "result": (lane, np.array([0, 0, 1, 0, 0], "int8"), CODES),
+            "probe_time": (number, np.broadcast_to(times, rows.shape), {"units": "s"}),
+            "probe_x": (number, rows, {"units": "m"}),
+            "top_count": (lane, np.full(5, 3)),
+            "top_x": (("clearance", "top_number"), hits, {"units": "m"}),
+            "top_y": (("clearance", "top_number"), 2e3 * hits, {"units": "m/s"}),
+            **volumes,
+        },
+        {"clearance": ("clearance", 1e-4 * np.arange(1.0, 6.0), {"units": "m"})},
+    )
+
+
+def test_a_waterfall_has_a_row_of_amplitudes_for_each_lane():
+    axes = plot.waterfall(swept(), "probe", "x", taper="boxcar")
+    assert labels(axes) == ("frequency, kHz", "clearance, µm")
+    (mesh,) = axes.collections
+    shades = mesh.get_array().reshape(5, 200)
+    for lane in (0, 1, 3, 4):
+        cycles = 10 * (lane + 1)
+        assert np.argmax(shades[lane]) == cycles - 1
+        assert shades[lane, cycles - 1] == pytest.approx(lane + 1.0)
+    assert np.ma.getmaskarray(np.ma.masked_invalid(shades))[2].all()
+    assert axes.figure.axes[-1].get_ylabel() == "amplitude of x, µm"
+    with pytest.raises(ValueError, match="`dataset` must be names out of"):
+        plot.waterfall(swept(), "probe", "z")
+
+
+def test_wear_stands_in_its_sectors():
+    lane = swept().isel(clearance=0)
+    axes = plot.wear(lane, "wear")
+    assert axes.get_xlabel() == "worn volume, 10³ µm³"
+    first, second = ([bar.get_height() for bar in bars] for bars in axes.containers)
+    np.testing.assert_allclose(first, np.arange(1, 7))
+    np.testing.assert_allclose(second, 2 * np.arange(1, 7))
+    np.testing.assert_allclose([bar.get_y() for bar in axes.containers[1]], first)
+    middles = [bar.get_x() + 0.5 * bar.get_width() for bar in axes.containers[0]]
+    np.testing.assert_allclose(middles, 2.0 * np.pi * (np.arange(6) + 0.5) / 6)
+    with pytest.raises(ValueError, match="`lane` must be a single lane"):
+        plot.wear(swept(), "wear")
+
+
+def test_a_section_is_drawn_of_a_run_and_of_a_lane():
+    section = cj.Section(
+        lambda now: now.time, {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m/s")}, 9
+    )
+    crossings = cj.Crossings(TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)})
+    for axes in (
+        plot.poincare_section(crossings, section),
+        plot.poincare_section_of_lane(swept().isel(clearance=0), "top", ("x", "y")),
+    ):
+        assert labels(axes) == ("x, mm", "y, m/s")
+        points = axes.collections[0].get_offsets()
+        np.testing.assert_allclose(points, [(1, 2), (2, 4), (3, 6)])
+    with pytest.raises(ValueError, match=r"`channels` must be two of .*\['x', 'y'\]"):
+        plot.poincare_section(crossings, section, ("x", "z"))
+
+
+def test_an_orbit_takes_its_circle_from_what_was_observed(turning):
+    seen, _, _ = turning
+    axes = plot.journal_orbit(seen, "pin")
+    circle = axes.get_lines()[-1].get_data()
+    np.testing.assert_allclose(np.hypot(*circle), 0.5, rtol=1e-9)
+    assert axes.get_aspect() == 1.0
+    small = plot.journal_orbit(seen, "pin", 1e-4)
+    assert labels(small)[0] == "eccentricity along the bearing's x, µm"
+    np.testing.assert_allclose(np.hypot(*small.get_lines()[-1].get_data()), 100.0)
+
+
+def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
+    times = np.linspace(0.0, 0.4, 9)
+    still, upright = np.zeros((9, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (9, 1))
+    position, velocity = still.copy(), still.copy()
+    position[:, 1], velocity[:, 1] = 3.0 * times - 5.0 * times**2, 3.0 - 10.0 * times
+    states = cj.State({"ball": cj.BodyState(position, upright, velocity, still)})
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, gravity=(0.0, -10.0, 0.0))
+    solution = solution_of(cj.Trajectory(times, states))
+    axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "y"))
+    assert labels(axes) == ("position of ball y, mm", "rate of position of ball y, m/s")
+    x, y = axes.get_lines()[0].get_data()
+    np.testing.assert_allclose(x, 1e3 * position[:, 1], atol=1e-9)
+    np.testing.assert_allclose(y, velocity[:, 1], atol=1e-12)
+    with pytest.raises(ValueError, match="`unit` must be an SI unit for this quantity"):
+        plot.series(scene, solution, lambda now: now.time)
+    with pytest.raises(ValueError, match="quantity: .*`body` must be one of"):
+        plot.series(scene, solution, cj.quantities.Position("bell", "y"))
+
+
+def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumbling, tmp_path):
+    scene, solution, _ = tumbling
+    rows = [
+        ("pin", "V", 0.01 * k, 0.01 * k + 1e-3, 1e-3, 0.1, 0.09, 10.0 * k, 0.0, 1e-6)
+        for k in range(1, 11)
+    ]
+    solution = solution_of(solution.saved, cj.Impacts.of_rows(rows))
+    settings = cj.Settings(rtol=1e-7)
+    page = plot.report(scene, solution, tmp_path / "page.png", title="Round", settings=settings)
+    assert (tmp_path / "page.png").stat().st_size > 50_000
+    texts = [text.get_text() for text in page.findobj(plt.Text)]
+    for text in (
+        "Round",
+        "500 µm",
+        "Hertz",
+        "bearing – journal",
+        "Steps: 60 steps accepted of 70 tried; 10 finished impacts, the largest of 100 N",
+        "Equations: Tsit5, rtol 1e-07, AbsoluteCoordinates, Baumgarte, without energy ledger",
+        "pin: orbit",
+        "normal force, N",
+        "following",
+        "amplitude of velocity of journal x, m/s",
+        "100.0",
+    ):
+        assert text in texts, text
+    assert "20.0" not in texts  # of ten impacts the eight largest
+    orbit = next(axes for axes in page.findobj(plt.Axes) if axes.get_title() == "pin: orbit")
+    assert orbit.get_aspect() == 1.0
+    with pytest.raises(ValueError, match=r"`file` must be with the ending .png or .pdf"):
+        plot.report(scene, solution, tmp_path / "page.doc")
+
+
+@pytest.mark.slow
+def test_pictures_of_a_run_agree_with_its_ledger_and_its_states(tmp_path):
+    """All loops together enclose what normal damping dissipates, as far as steps resolve them;
+    rates are those of the states."""
+    scene, state = dropped_rod()
+    save = cj.Saving(np.linspace(0.0, 0.03, 601), steps=True, impacts=True)
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    solution = cj.simulate(scene, state, 0.03, settings, save, progress=False)
+    seen, impacts = cj.observe(scene, solution, solution.steps), solution.impacts
+    lost = sum(plot.enclosed_energy(seen, impacts, k) for k in range(len(impacts)))
+    assert len(impacts) > 2
+    assert lost == pytest.approx(seen.energies["normal damping"][-1], rel=1e-2)
+    rate = plot.rate_series(scene, solution, cj.quantities.Position("rod", "y"))
+    fall = plot.series(scene, solution, cj.quantities.Velocity("rod", "y"))
+    np.testing.assert_allclose(rate, fall, atol=1e-12)
+    assert (rate.attrs["units"], rate.name) == ("m/s", "rate of position of rod y")
+    depth = plot.rate_series(scene, solution, cj.quantities.Penetration("pin", "V"))
+    saved = cj.observe(scene, solution).contacts["pin"]["V"].penetration_rate
+    np.testing.assert_allclose(depth, saved, atol=1e-9)
+    force = cj.quantities.ContactForce("pin")
+    plot.report(scene, solution, tmp_path / "page.pdf", settings=settings, quantity=force)
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
