@@ -29,6 +29,7 @@ FLOORS = (
     ("identification", "scene_files", "testing"),
     ("plot",),
     ("command_line",),
+    ("command_line",),
 )
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy"}

@@ -157,7 +157,7 @@ def observe(
         State(states.bodies, states.memory, bristles=states.bristles),
     )
     form, unique = structured(scene), not solution.redundant_constraints
-    observation = _in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
+    observation = in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
         held = observation.energies.get("bristles", 0.0)
@@ -165,7 +165,7 @@ def observe(
     return replace(observation, energies={**observation.energies, **integrals})
 
 
-def _in_chunks(
+def in_chunks(
     look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
 ) -> Parts:
     """What is observed of each row (numpy): of a fixed number at a time, so that their number

@@ -19,6 +19,7 @@ from .aliases import Numbers
 from .dense_output import require_dense
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
+from .interruptions import RunInterrupted
 from .law_ranges import beyond_law_ranges
 from .method import Scheme
 from .run_checks import check_precision, check_start, is_traced
@@ -75,6 +76,9 @@ def simulate(
 
     **Returns:** a `Solution`.
 
+    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` that
+    holds what was computed, if a user stops it.
+
     **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
     bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
     is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
@@ -114,6 +118,8 @@ def simulate(
         settings=setting_notes(settings),
     )
     _warn(scene, solution)
+    if host.interrupted:
+        raise RunInterrupted(solution)
     if throw:
         raise_failure(solution)
     return solution
