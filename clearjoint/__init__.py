@@ -216,6 +216,7 @@ from .simulation.batch.reductions import Peak as Peak
 from .simulation.batch.reductions import Statistics as Statistics
 from .simulation.batch.wear import ArchardWear as ArchardWear
 from .simulation.impact_table import Impacts as Impacts
+from .simulation.interruptions import RunInterrupted as RunInterrupted
 from .simulation.law_ranges import beyond_law_ranges as beyond_law_ranges
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
 from .simulation.nonsmooth.solution import ContactTotals as ContactTotals

@@ -1,6 +1,6 @@
-"""``python -m clearjoint`` prints the runtime settings as shell variables (see `runtime`)."""
+"""``python -m clearjoint`` is the program `clearjoint`; alone it prints the runtime settings as
+shell variables (see `runtime`)."""
 
-from .runtime import settings
+from .command_line.program import module_main
 
-for variable, setting in settings().items():
-    print(f'export {variable}="{setting}"')
+module_main()

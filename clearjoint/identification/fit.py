@@ -4,10 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
+from ..datasets.labelled import Labelled, labelled_dataset, texts
+from ..datasets.tabular import AbstractTabular
 from ..information import fisher_information as information
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -22,12 +25,15 @@ from .residuals import RunMisfit
 from .screening.screening import Screened
 from .searches import Search
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 AT_BOUND = 1e-3
 """Distance from a bound, over that between the bounds, below which an estimate is at the bound."""
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(AbstractTabular):
     """Estimates, how sure they are, and what they leave unexplained.
 
     - `scene`, `state`: with the estimates in their places.
@@ -35,6 +41,8 @@ class Fit:
     - `measurements`: those that were fitted.
     - `searches`: one from each start; `best` is the one with the smallest chi squared.
     - `screened`: the starts that each pass of a `Screening` left.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -62,6 +70,33 @@ class Fit:
     searches: tuple[Search, ...]
     best: Search
     screened: tuple[Screened, ...] = ()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "parameter": `estimate`, `standard_error` and the bounds of the
+        95 % `interval` in the `unit` of each, and the `correlation` along "with"; chi squared and
+        the ending are attributes. See `AbstractTabular`."""
+        names = [*self.parameters]
+        along, errors = ("parameter",), self.standard_errors
+        variables = {
+            "estimate": Labelled(along, [self.estimates[name] for name in names]),
+            "standard_error": Labelled(along, [errors[name] for name in names]),
+            "interval": Labelled((*along, "bound"), [self.intervals[name] for name in names]),
+            "correlation": Labelled((*along, "with"), self.correlation),
+        }
+        labels = {
+            "parameter": Labelled(along, texts(names)),
+            "unit": Labelled(along, texts([self.units[name] for name in names])),
+            "bound": Labelled(("bound",), texts(["low", "high"])),
+            "with": Labelled(("with",), texts(names)),
+        }
+        notes = {
+            "ending": self.ending.value,
+            "chi_squared": self.chi_squared,
+            "degrees_of_freedom": self.freedom,
+            "p_value": self.p_value,
+            "warnings": " ".join(self.warnings) or "none",
+        }
+        return labelled_dataset("fit", variables, labels, tuple(notes.items()))
 
     @property
     def ending(self) -> Ending:

@@ -1,12 +1,15 @@
 """Figures of a fit."""
 
+from collections.abc import Collection, Mapping
+from typing import Protocol
+
 import numpy as np
 import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
-from ..identification.fit import Fit
+from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
 
@@ -14,7 +17,36 @@ ROW = 1.9
 """Height of a series with its residuals, inches."""
 
 
-def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
+class FittedModel(Protocol):
+    """What is drawn of a fit, such as `clearjoint.Fit`."""
+
+    @property
+    def measurements(self) -> Measurements:
+        """What was fitted."""
+        ...
+
+    @property
+    def parameters(self) -> Collection[str]:
+        """The parameters' names, in the order of `correlation`."""
+        ...
+
+    @property
+    def predictions(self) -> Mapping[str, np.ndarray]:
+        """The fitted run at the times of each series, (N,), SI."""
+        ...
+
+    @property
+    def residuals(self) -> Mapping[str, np.ndarray]:
+        """(Prediction - value) / noise of each series, (N,)."""
+        ...
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (p, p) of the estimates."""
+        ...
+
+
+def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """Each series with its fit, and the residuals in units of the noise below.
 
     **Arguments:** `series`: names of those to draw; all unless given.
@@ -64,7 +96,7 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
+def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
     times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -80,7 +112,7 @@ def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     dress(below, times.label, "residual / noise")
 
 
-def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
+def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     """Correlations of the estimates, as numbers on colours.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)

@@ -123,14 +123,15 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     require_classes(classes)
     path = Path(path)
     text = path.read_text(encoding="utf-8-sig")
-    return _read(parsed(text, suffix_of(path), str(path)), classes, FilePlace(str(path)))
+    document = parsed(text, suffix_of(path), str(path))
+    return scene_of_document(document, classes, FilePlace(str(path)))
 
 
 def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath) -> None:
     """Check that a text gives what was saved."""
     place = FilePlace(str(path))
     with quiet():
-        read = _read(parsed(text, suffix_of(Path(path)), str(path)), classes, place)
+        read = scene_of_document(parsed(text, suffix_of(Path(path)), str(path)), classes, place)
     for one, other, at in zip(saved, read, (place, place.at(STATE)), strict=True):
         found = first_difference(one, other, at)
         if found is not None:
@@ -141,8 +142,10 @@ def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path
             )
 
 
-def _read(document: Document, classes: Classes, place: FilePlace) -> tuple[Scene, State]:
-    """The scene and its whole state, of a file's tables."""
+def scene_of_document(
+    document: Document, classes: Classes, place: FilePlace
+) -> tuple[Scene, State]:
+    """The scene and its whole state, of a file's tables; `place`: of the tables, for messages."""
     _require_known_version(document.get(VERSION, FORMAT), place.at(VERSION))
     reader = Reader(classes)
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}

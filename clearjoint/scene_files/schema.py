@@ -6,6 +6,7 @@ from typing import TypeAlias
 from ..model.bodies import State
 from ..model.scene import Scene
 from .expectations import Argument, Expectation, arguments, ways_to_make
+from .formats import SCHEMA
 from .kinds import Classes, is_abstract, known_kinds, name_of, require_classes
 from .reading import EULER_PARAMETERS, KIND, ROTATION
 
@@ -32,14 +33,16 @@ def scene_schema(classes: Classes = ()) -> Schema:
     """
     require_classes(classes)
     catalogue = Catalogue(classes)
-    properties: Schema = {
-        "$schema": {"type": "string"},
+    return catalogue.document("scene", scene_properties(catalogue), ["bodies"])
+
+
+def scene_properties(catalogue: "Catalogue") -> Schema:
+    """What may stand at the top of a scene file."""
+    return {
         "format": {"type": "integer", "minimum": 1, "description": "version of the file's form"},
         **catalogue.properties(Scene),
         "state": _table(catalogue.properties(State), []),
     }
-    whole = _table(properties, ["bodies"])
-    return {"$schema": DIALECT, "title": "scene", **whole, "$defs": catalogue.definitions}
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,11 @@ class Catalogue:
     definitions: Schema = field(
         default_factory=lambda: {ROWS: {"anyOf": [NUMBER, _list_of(_reference(ROWS))]}}
     )
+
+    def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
+        """The schema of a whole file with these keys."""
+        whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
+        return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, kind: type, way: str = "") -> Schema:
         """Of each argument of a class, or of another way to make it, what may stand there."""

@@ -16,6 +16,7 @@ from ..results import RESULTS
 from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
+from .interruptions import interruptions_deferred
 from .method import Scheme
 from .progress_bars import telling_of_compiling
 from .run_ends import final_result, final_state, named
@@ -88,7 +89,12 @@ class OnePiece(AbstractRun):
 
 
 class HostLoop(AbstractRun):
-    """Segment after segment, with what was saved and recorded taken in between."""
+    """Segment after segment, with what was saved and recorded taken in between.
+
+    `interrupted`: whether a user stopped the run, which then ended behind a segment.
+    """
+
+    interrupted = False
 
     def solution(
         self,
@@ -99,7 +105,7 @@ class HostLoop(AbstractRun):
         record_steps: bool,
         progress: bool,
     ) -> Solution:
-        """Run to the end, a failure or the step limit."""
+        """Run to the end, a failure, the step limit or an interruption."""
         waiting = _Waiting(save_at, float(self._end))
         rows: list[TimedState] = []
         notice, start = SlowRunNotice(), float(now.step.t)
@@ -111,7 +117,7 @@ class HostLoop(AbstractRun):
             leave=False,
             disable=not progress,
         )
-        with telling_of_compiling(bar):
+        with telling_of_compiling(bar), interruptions_deferred() as stopped:
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
@@ -128,6 +134,9 @@ class HostLoop(AbstractRun):
                 bar.update(float(now.step.t) - start - bar.n)
                 notice.check()
                 if self._ended(now, waiting, max_steps):
+                    break
+                if stopped():
+                    self.interrupted = True
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()

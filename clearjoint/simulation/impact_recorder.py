@@ -27,22 +27,11 @@ from .contact_step import (
     end_in_step,
     peak_in_step,
 )
-from .impact_table import Impacts
+from .impact_table import IMPACT_UNITS, Impacts
 from .step_state import Step, choose
 from .tables import Table
 from .windows import Window
 
-IMPACT_UNITS = {
-    "onset": "s",
-    "separation": "s",
-    "duration": "s",
-    "entry_speed": "m/s",
-    "exit_speed": "m/s",
-    "peak_force": "N",
-    "peak_time": "s",
-    "largest_penetration": "m",
-}
-"""Of what is reported of an impact."""
 INSTANTS = ("onset", "separation", "peak_time")
 """Which of these go by the clock."""
 

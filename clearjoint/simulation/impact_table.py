@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -10,6 +11,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..compilation import Compiled
+from ..datasets.labelled import Labelled, labelled_dataset, texts
+from ..datasets.tabular import AbstractTabular
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
 from ..math.groups import by_group, by_name
@@ -25,11 +28,27 @@ from .contact_step import (
     peak_in_step,
 )
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 PIECE = 4096
+NAMED = "joint", "contact"
+"""The columns that are names."""
+IMPACT_UNITS = {
+    "onset": "s",
+    "separation": "s",
+    "duration": "s",
+    "entry_speed": "m/s",
+    "exit_speed": "m/s",
+    "peak_force": "N",
+    "peak_time": "s",
+    "largest_penetration": "m",
+}
+"""Of what is reported of an impact."""
 
 
 @dataclass(frozen=True)
-class Impacts:
+class Impacts(AbstractTabular):
     """Finished contacts in the order of their onsets; each field is an array over the contacts.
 
     - `joint`, `contact`: names.
@@ -60,6 +79,16 @@ class Impacts:
 
     def __len__(self) -> int:
         return len(self.onset)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "impact", with units; see `AbstractTabular`."""
+        names = {name: Labelled(("impact",), texts(getattr(self, name))) for name in NAMED}
+        numbers = {
+            name: Labelled(("impact",), getattr(self, name), unit, name.replace("_", " "))
+            for name, unit in IMPACT_UNITS.items()
+        }
+        order = Labelled(("impact",), np.arange(len(self), dtype=np.int32))
+        return labelled_dataset("impacts", {**names, **numbers}, {"impact": order})
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":

@@ -1,9 +1,8 @@
 """What an engineer looks at: contacts, modes, reactions, accelerations, drift and energies."""
 
-import enum
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import equinox as eqx
 import jax
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import Compiled
+from ..datasets.tabular import AbstractTabular
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.bristles import initial_bristles
 from ..dynamics.energy import bristle_energy, mechanical_energy
@@ -24,25 +24,17 @@ from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .aliases import Integers, Numbers, Vectors
+from .motion_modes import MotionMode
 from .nonsmooth.solution import NonsmoothSolution
+from .observation_tables import Observed, observation_dataset
 from .solution import Solution, Trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Parts = TypeVar("Parts")
 CHUNK = 512
 """Instants that are observed at once."""
-
-
-class MotionMode(enum.IntEnum):
-    """The paper's four modes of a journal in its bearing (Fig. 2).
-
-    >>> cj.MotionMode(2).name
-    'LINE_CONTACT'
-    """
-
-    FREE_FLIGHT = 0
-    ONE_BASE = 1
-    LINE_CONTACT = 2
-    OPPOSITE_SIDES = 3
 
 
 class ContactObservation(eqx.Module):
@@ -88,7 +80,7 @@ class AccelerationSeries(eqx.Module):
     angular: Vectors
 
 
-class Observation(eqx.Module):
+class Observation(eqx.Module, AbstractTabular):
     """Everything observed along a trajectory.
 
     - `times`: (N,) s.
@@ -102,6 +94,8 @@ class Observation(eqx.Module):
       the scene has them, their sum "mechanical", and of the ledger, if it was kept, the integrals
       "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". What
       bristles hold, and so would give back, is no part of "friction".
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give all of it with units.
 
     >>> scene, state = cj.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -119,6 +113,16 @@ class Observation(eqx.Module):
     drift_rate: dict[str, Numbers]
     energies: dict[str, Numbers]
     reactions_unique: bool = eqx.field(static=True)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "time", with units: `penetration`, `normal_force` and so on
+        along "contact", such as "pin V"; `mode`, codes of `MotionMode`, and `drift` along joints;
+        `reaction_force` and `reaction_moment` along "reaction", such as "hinge on arm";
+        `acceleration` and `angular_acceleration` along "body"; `energy` along "energy_term". What a
+        contact lacks is NaN. See `AbstractTabular`.
+        """
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        return observation_dataset(Observed(**parts))
 
     def ledger_residual(self) -> Numbers:
         """What the energy ledger does not account for since the first instant, (N,) J."""

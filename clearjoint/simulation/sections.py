@@ -6,13 +6,16 @@ them by `Crossing`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..datasets.labelled import Labelled, labelled_dataset
+from ..datasets.tabular import AbstractTabular
 from ..dynamics.system import System
 from ..fields.checks import require_count
 from ..fields.conversion import on_device
@@ -28,6 +31,9 @@ from .channels import Channels, check_channels, check_quantities
 from .dense_output import Bracket, Snapshot, on_constraints
 from .step_state import Method, Step
 from .tables import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 TIME = "time"
 """Name of the column of times, which no channel has."""
@@ -122,9 +128,9 @@ def after_sections(
     return {name: record.after(stride) for name, record in records.items()}
 
 
-class Crossings(AbstractReadable):
+class Crossings(AbstractReadable, AbstractTabular):
     """Where a run crossed a section: `times` (N,) s, and `values[name]` (N,), those of its channels
-    there, in their units.
+    there, in the `units` of the section, by name.
 
     >>> crossings = cj.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period
@@ -133,9 +139,30 @@ class Crossings(AbstractReadable):
 
     times: Numbers
     values: dict[str, Numbers]
+    units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "time", the times of the crossings, with units; see
+        `AbstractTabular`."""
+        values = {
+            name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
+        }
+        times = Labelled((TIME,), self.times, "s", "time of the crossing")
+        return labelled_dataset("crossings of a section", values, {TIME: times})
 
     def __len__(self) -> int:
         return self.times.shape[0]
+
+
+def with_units(
+    crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
+) -> dict[str, Crossings]:
+    """The crossings with the units of the sections' channels."""
+    units = {
+        name: {key: unit for key, (_, unit) in section.channels.items()}
+        for name, section in sections.items()
+    }
+    return {name: replace(found, units=units[name]) for name, found in crossings.items()}
 
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:

@@ -8,13 +8,17 @@ measured by `studies.benchmark`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
+from ..datasets.labelled import Labelled, labelled_dataset, texts
+from ..datasets.provenance import Notes, setting_notes
+from ..datasets.tabular import AbstractTabular
 from ..fields.checks import require, require_names
 from ..fields.conversion import on_device
 from ..math.vectors import pack
@@ -33,14 +37,17 @@ from .impact_table import Impacts
 from .progress_bars import compiling_bar
 from .sampling import Sampled, padded, recorded_run
 from .saving import Saving, saving_or_nothing
-from .sections import Crossings, crossings_of
+from .sections import Crossings, crossings_of, with_units
 from .settings import Settings, settings_or
 from .solution import Trajectory, raise_failure
 from .spans import check_span, checked_times
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 @dataclass(frozen=True)
-class Sensitivities:
+class Sensitivities(AbstractTabular):
     """Quantities along a motion and their derivatives.
 
     - `times`: (N,) s, those asked for that were reached.
@@ -52,6 +59,10 @@ class Sensitivities:
     - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
       ``None`` unless asked for.
     - `sections[name]`: the `Crossings` of each section asked for.
+    - `units[name]`: of the quantities that have one; `scales`: the labels of the parameters'
+      coordinates, such as "log clearance"; `settings`: for a reader, as of `Solution`.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give values and derivatives.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -74,6 +85,34 @@ class Sensitivities:
     saved: Trajectory | None = None
     impacts: Impacts | None = None
     sections: Mapping[str, Crossings] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: tuple[str, ...] = ()
+    settings: Notes = ()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "time" and "parameter": each quantity by its name, and its
+        derivatives as "<name>_derivative", in the quantity's unit by unit of the coordinate, which
+        "coordinate" names; see `AbstractTabular`."""
+        variables = {}
+        for name, row in self.values.items():
+            unit, text = self.units.get(name), f"derivative of {name} by a parameter's coordinate"
+            slopes = self.derivatives[name]
+            variables[name] = Labelled(("time",), row, unit)
+            variables[f"{name}_derivative"] = Labelled(("time", "parameter"), slopes, unit, text)
+        labels = {
+            "time": Labelled(("time",), self.times, "s", "time"),
+            "parameter": Labelled(("parameter",), texts(self.parameters)),
+        }
+        if self.scales:
+            labels["coordinate"] = Labelled(("parameter",), texts(self.scales))
+        notes = {
+            "result": RESULTS[self.result],
+            "time_reached": self.time,
+            "attempts": self.attempts,
+            "accepted": self.accepted,
+            **dict(self.settings),
+        }
+        return labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
 
 
 def sensitivities(
@@ -152,7 +191,13 @@ def sensitivities(
     keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):
         sampled = recorded_run(arguments, *keeps)
-    result = _found(sampled, tuple(parameters), looked_at, asked, saved, start_time)
+    result = replace(
+        _found(sampled, tuple(parameters), looked_at, asked, saved, start_time),
+        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
+        scales=tuple(p.scale.called(name) for name, p in parameters.items()),
+        settings=setting_notes(settings),
+    )
+    result = replace(result, sections=with_units(result.sections, save.sections))
     if throw:
         raise_failure(result)
     return result

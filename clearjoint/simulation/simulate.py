@@ -1,8 +1,11 @@
 """Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
 
+from dataclasses import replace
+
 import diffrax
 
 from ..compilation import Compiled
+from ..datasets.provenance import setting_notes
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.cautions import LawRangeWarning, caution
 from ..fields.checks import require
@@ -16,10 +19,12 @@ from .aliases import Numbers
 from .dense_output import require_dense
 from .host_run import HostLoop, OnePiece
 from .impact_table import ImpactCollector
+from .interruptions import RunInterrupted
 from .law_ranges import beyond_law_ranges
 from .method import Scheme
 from .run_checks import check_precision, check_start, is_traced
 from .saving import Saving, saving_or_nothing
+from .sections import with_units
 from .segments import begin
 from .settings import Settings, settings_or
 from .solution import Solution, raise_failure
@@ -71,6 +76,9 @@ def simulate(
 
     **Returns:** a `Solution`.
 
+    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` that
+    holds what was computed, if a user stops it.
+
     **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
     bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
     is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
@@ -111,7 +119,14 @@ def simulate(
     host = HostLoop(form, scheme, on_device(end_time), redundant)
     collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
     solution = host.solution(now, times, settings.max_steps, collector, save.steps, progress)
+    solution = replace(
+        solution,
+        sections=with_units(solution.sections, save.sections),
+        settings=setting_notes(settings),
+    )
     _warn(scene, solution)
+    if host.interrupted:
+        raise RunInterrupted(solution)
     if throw:
         raise_failure(solution)
     return solution

@@ -1,11 +1,15 @@
 """What a run returns."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import equinox as eqx
 
+from ..datasets.labelled import Labelled, labelled_dataset
+from ..datasets.provenance import Notes
+from ..datasets.tabular import AbstractTabular
 from ..dynamics.formulation import Formulation
+from ..fields.checks import require
 from ..fields.readable import AbstractReadable
 from ..math.vectors import Scalar
 from ..model.bodies import State
@@ -13,9 +17,15 @@ from ..results import RESULTS
 from .aliases import Numbers
 from .impact_table import Impacts
 from .sections import Crossings
+from .state_tables import state_arrays, state_labels
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
 
-class Trajectory(AbstractReadable):
+class Trajectory(AbstractReadable, AbstractTabular):
     """States over time: `times` (N,) s, and `states` with the times in front of each array.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
@@ -29,8 +39,16 @@ class Trajectory(AbstractReadable):
     def __len__(self) -> int:
         return self.times.shape[0]
 
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "time", "body" and "component", with units: `position`,
+        `orientation`, `velocity` and `spin`, and as far as the states have them the contacts'
+        `entry_speed`, `bristle_deflection` and the energy `ledger`; see `AbstractTabular`."""
+        rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
+        labels = {"time": times, **state_labels(self.states)}
+        return labelled_dataset("motion", state_arrays(self.states, rows), labels)
 
-class Solution(AbstractReadable):
+
+class Solution(AbstractReadable, AbstractTabular):
     """The outcome of `clearjoint.simulation.simulate`.
 
     - `saved`: the states at the requested times that were reached (all of them if successful), or
@@ -45,6 +63,9 @@ class Solution(AbstractReadable):
     - `formulation`: how the equations were set up.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
       reactions are those of least norm and not unique.
+    - `settings`: those of the run as pairs of name and text or number, for a reader.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -67,6 +88,7 @@ class Solution(AbstractReadable):
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
     sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
+    settings: Notes = eqx.field(default=(), static=True)
 
     @property
     def times(self) -> Numbers:
@@ -77,6 +99,42 @@ class Solution(AbstractReadable):
     def states(self) -> State:
         """The states at the requested times that were reached, with N in front."""
         return self._requested().states
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` of the saved states, as `Trajectory.to_xarray` has them, and of the
+        state reached, `final_position` and so on; how the run ended and its settings are
+        attributes.
+
+        ```python
+        import clearjoint as cj
+        import numpy as np
+
+        save = cj.Saving(np.linspace(0.0, 0.01, 11))
+        solution = cj.simulate(*cj.double_pendulum(), 0.01, save=save)
+        solution.to_netcdf("motion.nc")
+        print(solution.to_dataframe()["arm 1.position.x [m]"])
+        ```
+
+        **Raises:** `ValueError` for a run that saved no states.
+        """
+        require(self.saved is not None, "solution", "without saved states", "with some", SAVE_TIMES)
+        assert self.saved is not None
+        found = self.saved.to_xarray()
+        final = state_arrays(self.final, (), "final_")
+        reached = labelled_dataset("state reached", final, state_labels(self.final))
+        return found.merge(reached).assign_attrs(self._notes())
+
+    def _notes(self) -> dict[str, str | int | float]:
+        """How the run ended, and its settings."""
+        return {
+            "title": "motion of a mechanism",
+            "result": RESULTS[self.result],
+            "time_reached": float(self.time),
+            "attempts": int(self.attempts),
+            "accepted": int(self.accepted),
+            "redundant_constraints": ", ".join(self.redundant_constraints) or "none",
+            **dict(self.settings),
+        }
 
     def _requested(self) -> Trajectory:
         if self.saved is None:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 from numpy.typing import ArrayLike
 
+from ..datasets.provenance import describe
 from ..dynamics.assembly import check_names
 from ..fields.cautions import quiet
 from ..fields.checks import as_number, recheck_changes, require, require_finite
@@ -24,7 +25,6 @@ from ..parametrisation.variations import (
     SceneNumber,
     StateNumber,
 )
-from .store.notes import describe
 
 
 @dataclass(frozen=True, eq=False, init=False)

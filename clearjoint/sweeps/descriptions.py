@@ -4,12 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import jax
 
+from ..datasets.provenance import described, versions
 from ..model.scene import Scene
 from ..runtime import Device, busy_devices, program_kind
 from ..simulation.settings import Settings
 from .axes import Axis, Lanes
 from .outputs import Output
-from .store.notes import described, number_notes, structure_note, versions
+from .store.notes import number_notes, structure_note
 
 
 def decisive(

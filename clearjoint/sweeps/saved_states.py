@@ -12,8 +12,8 @@ from ..math.vectors import pack
 from ..model.scene import Scene
 from ..quantities.instant import Instant
 from ..simulation.saving import Saving
+from ..simulation.state_tables import STATE_PARTS
 from .outputs import AbstractSaved, Output
-from .work import STATE_PARTS
 
 SAVED = "saved"
 """Name of the output that holds states: "saved_position" is the position of all bodies."""

@@ -7,16 +7,14 @@ import numpy as np
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..results import result_numbers
-from ..simulation.batch.lane import contact_label
 from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.impact_recorder import IMPACT_UNITS
+from ..simulation.impact_table import IMPACT_UNITS
 from ..simulation.sections import Section
+from ..simulation.state_tables import LABELS, STATE_PARTS, contact_label
 from .layout import RESULT, Coordinate, Variable
 from .outputs import AbstractSaved, ImpactTable, Output
 from .saved_states import StatesOfLanes
-from .work import CONTACT, STATE_PARTS, variable_name
-
-LABELS = {"component": ["x", "y", "z"], "parameter": ["e0", "e1", "e2", "e3"]}
+from .work import CONTACT, variable_name
 
 
 def variables_of(

@@ -9,19 +9,13 @@ from ..results import RESULTS, result_number
 from ..runtime import Device, busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
 from ..simulation.batch.scheduler import Batch, Ended
+from ..simulation.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 ON_CPU = Extent(pool=256, places=64)
 ON_ACCELERATOR = Extent(pool=8192, places=8192)
 CONTACT = "contact"
 """Of a table of impacts: what its dimension of contacts is called behind its name."""
-STATE_PARTS = {
-    "position": ("component", "m"),
-    "orientation": ("parameter", "1"),
-    "velocity": ("component", "m/s"),
-    "spin": ("component", "rad/s"),
-}
-"""Dimension and unit of what a body's state consists of."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy import stats
 
 import clearjoint as cj
@@ -194,3 +195,19 @@ def test_figures_of_a_fit():
     assert {text.get_text() for text in axes.texts} == {"1.00", f"{fit.correlation[0, 1]:.2f}"}
     with pytest.raises(ValueError, match="`series` must be names of series, but is .*from laser"):
         plot.fitted(fit, ["radar"])
+
+
+def test_a_fit_is_a_table_by_parameter(tmp_path):
+    fit = line()
+    frame = fit.to_dataframe()
+    assert frame.index.tolist() == list(fit.parameters)
+    assert frame["estimate"].to_dict() == fit.estimates
+    assert frame["standard_error"].to_dict() == fit.standard_errors
+    assert frame["unit"].to_dict() == fit.units
+    first, second = fit.parameters
+    assert frame[f"correlation.{second}"][first] == fit.correlation[0, 1]
+    assert frame["interval.high"][second] == fit.intervals[second][1]
+    fit.to_netcdf(tmp_path / "fit.nc")
+    with xr.open_dataset(tmp_path / "fit.nc", engine="scipy") as read:
+        assert read.attrs["ending"] == "converged"
+        np.testing.assert_array_equal(read["estimate"], frame["estimate"])

@@ -152,9 +152,7 @@ def test_adaptive_steps_survive_overshoot(pendulum):
     "method",
     [
         pytest.param(cj.Settings(solver=diffrax.Dopri5()), marks=pytest.mark.slow),
-        pytest.param(
-            cj.Settings(solver=diffrax.Kvaerno3(), atol=1e-9), marks=pytest.mark.slow
-        ),
+        pytest.param(cj.Settings(solver=diffrax.Kvaerno3(), atol=1e-9), marks=pytest.mark.slow),
         cj.Settings(
             solver=diffrax.Midpoint(), controller=diffrax.ConstantStepSize(), first_step=1e-5
         ),

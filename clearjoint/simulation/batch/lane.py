@@ -30,6 +30,7 @@ from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..method import Scheme
 from ..run_ends import begin_run, final_result, final_state
 from ..sections import Crossing
+from ..state_tables import contact_label
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
 from .recording import SLOTS, CrossingRecord, CrossingRecorder, Ring
@@ -102,11 +103,6 @@ class Lane(eqx.Module):
 def impact_log(name: str, joint: str, contact: str) -> str:
     """Name of the log of a contact's impacts, which no output has."""
     return f"{name}/{contact_label(joint, contact)}"
-
-
-def contact_label(joint: str, contact: str) -> str:
-    """Name of a joint's contact in tables: both names, with a space between."""
-    return f"{joint} {contact}"
 
 
 class Outcome(eqx.Module):

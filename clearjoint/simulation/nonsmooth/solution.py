@@ -1,13 +1,33 @@
 """What a run with rigid contacts returns."""
 
-import equinox as eqx
+from typing import TYPE_CHECKING
 
+import equinox as eqx
+import numpy as np
+
+from ...datasets.tabular import AbstractTabular
 from ...dynamics.formulation import Formulation
+from ...fields.checks import require
 from ...fields.readable import AbstractReadable
 from ...model.bodies import State
 from ...results import RESULTS
 from ..aliases import Integers, Numbers
 from ..solution import Trajectory
+from ..state_tables import contact_label
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+RIGID = "rigid_contact"
+TOTAL_UNITS = {
+    "impacts": "1",
+    "impulse": "N s",
+    "dissipated": "J",
+    "hardest": "N s",
+    "fastest": "m/s",
+    "penetration": "m",
+}
+"""Of what `ContactTotals` have."""
 
 
 class ContactTotals(AbstractReadable):
@@ -34,7 +54,7 @@ class ContactTotals(AbstractReadable):
     penetration: Numbers
 
 
-class NonsmoothSolution(AbstractReadable):
+class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """The outcome of `clearjoint.simulate_nonsmooth`.
 
     - `time`, `final`, `result`: as of `Solution`.
@@ -46,6 +66,8 @@ class NonsmoothSolution(AbstractReadable):
     - `residual`: largest violation of the contacts' laws in any step, over its largest velocity.
     - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes
       such a solution too, for all but forces.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states and the history.
 
     >>> scene, state = cj.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -64,3 +86,36 @@ class NonsmoothSolution(AbstractReadable):
     residual: Numbers
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` of the saved states that were reached, as of
+        `Trajectory.to_xarray`, and of the contacts' totals up to then, along "rigid_contact".
+
+        **Raises:** `ValueError` for a run that saved no states.
+        """
+        times = "pass times to simulate_nonsmooth()"
+        require(self.saved is not None, "solution", "without saved states", "with some", times)
+        assert self.saved is not None and self.history is not None
+        found = self.saved.to_xarray()
+        contacts = {
+            contact_label(joint, contact): totals
+            for joint, family in self.history.items()
+            for contact, totals in family.items()
+        }
+        dims = "time", RIGID
+        totals = {
+            name: (dims, np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1))
+            for name in TOTAL_UNITS
+            if contacts
+        }
+        for name, (_, values) in totals.items():
+            found[name] = (dims, values, {"units": TOTAL_UNITS[name]})
+        found = found.assign_coords({RIGID: list(contacts)}) if contacts else found
+        notes = {
+            "title": "motion of a mechanism with rigid contacts",
+            "result": RESULTS[self.result],
+            "time_reached": float(self.time),
+            "steps": int(self.steps),
+        }
+        reached = len(found["time"]) if self.saved_count is None else int(self.saved_count)
+        return found.isel(time=slice(reached)).assign_attrs(notes)

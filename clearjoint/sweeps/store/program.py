@@ -18,7 +18,7 @@ from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
 from ...simulation.dense_output import Snapshot
-from ...simulation.impact_recorder import IMPACT_UNITS
+from ...simulation.impact_table import IMPACT_UNITS
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
 

@@ -1,0 +1,1 @@
+"""The program `clearjoint`: checks, runs, sweeps and fits of scene and study files."""

@@ -1,0 +1,138 @@
+"""Figures of results, each written as a PNG file."""
+
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+
+from .. import plot
+from ..identification.fit import Fit
+from ..model.plays.journal_bases import HasJournal
+from ..model.scene import Scene
+from ..plot.labels import scaled
+from ..simulation.observe import Observation
+from ..simulation.solution import Solution
+from .endings import say
+from .folders import Folder
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DOTS = 150
+"""Dots an inch."""
+MOST_LINES = 6
+"""Values of a second axis for which a curve each is drawn; beyond, a map is."""
+
+
+def draw_run(
+    folder: Folder, scene: Scene, solution: Solution, observed: Observation | None
+) -> None:
+    """Orbit, eccentricity and forces of each joint with play, energies, outputs and sections."""
+    _without_window()
+    for name, joint in scene.contact_joints().items() if observed is not None else ():
+        assert observed is not None
+        if isinstance(joint, HasJournal):
+            clearance = float(np.asarray(joint.clearance))
+            _write(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
+        _write(folder, f"{name} forces", plot.contact_forces(observed, name))
+    if observed is not None:
+        _write(folder, "energies", _over_time(observed.to_xarray(), "energy", "energy_term"))
+    outputs = folder.table("outputs")
+    for name in () if outputs is None else outputs.data_vars:
+        _write(folder, f"output {name}", _over_time(outputs, str(name)))
+    for name, crossings in solution.sections.items():
+        _draw_section(folder, name, crossings.to_xarray())
+    _report_page(folder, scene, solution)
+
+
+def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
+    """Each output over the first axis, a curve for each value of a second one, or a map."""
+    _without_window()
+    axes = [str(dim) for dim in dataset["result"].dims]
+    if axes == ["lane"]:
+        coordinates = dataset["result"].coords
+        axes = [str(name) for name in coordinates if coordinates[name].dims == ("lane",)][:1]
+    for name, variable in dataset.data_vars.items():
+        along_lanes = variable.dims == dataset["result"].dims
+        reported = name not in ("result", "attempts", "accepted", "time_reached")
+        if along_lanes and reported and variable.dtype.kind == "f":
+            _draw_output(folder, dataset, str(name), axes)
+    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
+        channels = [v for v in dataset if f"{name}_number" in dataset[v].dims]
+        for channel in (str(v).removeprefix(f"{name}_") for v in channels):
+            if len(axes) == 1 and channel != "time" and dataset[f"{name}_{channel}"].ndim == 2:
+                _write(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
+
+
+def draw_fit(folder: Folder, found: Fit) -> None:
+    """The series with their fits, and the correlations of the estimates."""
+    _without_window()
+    _save(folder, "fitted", plot.fitted(found)[0, 0].figure)
+    if len(found.parameters) > 1:
+        _write(folder, "correlations", plot.correlations(found))
+
+
+def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
+    finite = np.isfinite(dataset[name].values)
+    if not finite.any():
+        return
+    if len(axes) == 1 or dataset["result"].dims == ("lane",):
+        _write(folder, name, plot.against(dataset, name, axes[0]))
+    elif len(axes) == 2 and dataset.sizes[axes[1]] <= MOST_LINES:
+        drawn = None
+        for value in dataset[axes[1]].values:
+            drawn = plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
+        assert drawn is not None
+        _write(folder, name, drawn)
+    elif len(axes) == 2:
+        _write(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
+    else:
+        say(f"no figure of {name}: the sweep has {len(axes)} axes, more than two")
+
+
+def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
+    """The crossings as a Poincaré map of the first two channels, or of one over time."""
+    channels = [scaled(crossings[channel]) for channel in crossings.data_vars]
+    if len(channels) == 1:
+        channels.insert(0, scaled(crossings["time"]))
+    if crossings.sizes["time"]:
+        x, y = channels[:2]
+        _write(folder, f"section {name}", plot.poincare_map(x.values, y.values, (x.label, y.label)))
+
+
+def _over_time(table: "xr.Dataset", name: str, along: str | None = None) -> "Axes":
+    """A variable over time, a line for each label of another dimension."""
+    axes = plot.style.axes_or_new(None)
+    times, values = scaled(table["time"]), scaled(table[name])
+    labels = [None] if along is None else table[along].values.tolist()
+    rows = values.values.reshape(len(times.values), -1).T
+    for row, label, (colour, style) in zip(rows, labels, plot.style.lines(), strict=False):
+        axes.plot(times.values, row, color=colour, linestyle=style, linewidth=1.4, label=label)
+    if along is not None:
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    return plot.style.dress(axes, times.label, values.label)
+
+
+def _report_page(folder: Folder, scene: Scene, solution: Solution) -> None:
+    """The page of all pictures, where `plot.report` is there to make it."""
+    report = getattr(plot, "report", None)
+    if report is not None:
+        report(scene, solution, folder / "report.pdf")
+
+
+def _without_window() -> None:
+    matplotlib.use("agg")
+
+
+def _write(folder: Folder, name: str, axes: "Axes") -> None:
+    _save(folder, name, axes.figure)  # pyright: ignore
+
+
+def _save(folder: Folder, name: str, figure: "Figure") -> None:
+    from matplotlib import pyplot
+
+    file = name.replace(" ", "_").replace("/", "_")
+    figure.savefig(folder.figures / f"{file}.png", dpi=DOTS)
+    pyplot.close(figure)

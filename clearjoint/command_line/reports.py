@@ -1,0 +1,91 @@
+"""`clearjoint report`: figures and the page of a folder of results."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ..datasets.frames import to_frame
+from ..identification.fit import Fit
+from ..simulation.observe import observe
+from ..sweeps.store.store import open_sweep
+from . import figures, pages
+from .folders import MOTION, PAGE, STORE, Folder, scene_and_solution
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+ROWS = 20
+"""Rows of a table that the page shows."""
+TABLE = "sweep.csv"
+VIEW = "view.html"
+
+
+def write_report(folder: Folder) -> None:
+    """Draw the figures of a folder anew and write its page."""
+    kind = folder.summary()["kind"]
+    if kind == "run":
+        write_run_report(folder)
+    elif kind == "sweep":
+        write_sweep_report(folder, open_sweep(folder / STORE).load())
+    else:
+        write_page(folder)
+
+
+def write_run_report(folder: Folder) -> None:
+    """Figures, page, and the 3D view where there is one, of a run."""
+    parts = []
+    if folder.table(MOTION) is not None:
+        scene, solution = scene_and_solution(folder)
+        figures.draw_run(folder, scene, solution, observe(scene, solution))
+        _write_view(folder, scene, solution)
+        if solution.impacts is not None and len(solution.impacts):
+            hardest = solution.impacts.to_dataframe().sort_values("peak_force [N]", ascending=False)
+            parts.append(pages.table("Hardest impacts", hardest, ROWS))
+    write_page(folder, *parts)
+
+
+def write_sweep_report(folder: Folder, dataset: "xr.Dataset") -> None:
+    """Figures, the table of all lanes as CSV, and the page of a sweep."""
+    frame = lane_table(dataset)
+    frame.to_csv(folder / TABLE, index=False)
+    figures.draw_sweep(folder, dataset)
+    write_page(folder, pages.table("Lanes", frame, ROWS))
+
+
+def write_fit_report(folder: Folder, found: Fit) -> None:
+    """Figures, report text and page of a fit."""
+    figures.draw_fit(folder, found)
+    write_page(folder)
+
+
+def write_page(folder: Folder, *parts: str) -> None:
+    """Write the page of a folder: summary, texts, figures, parts of its own, and the files."""
+    summary: Mapping[str, object] = folder.summary()
+    texts = [pages.text("Report", path.read_text("utf-8")) for path in folder.path.glob("*.txt")]
+    pictures = [pages.picture(path) for path in folder.pictures()]
+    beside = sorted(path.name for path in folder.path.iterdir() if path.is_file())
+    files = pages.links("Files", [name for name in beside if name != PAGE])
+    told = {key: value for key, value in summary.items() if key != "title"}
+    content = [pages.facts(told), *texts, *pictures, *parts, files]
+    (folder / PAGE).write_text(pages.page(str(summary["title"]), content), encoding="utf-8")
+
+
+def lane_table(dataset: "xr.Dataset") -> "pd.DataFrame":
+    """A row for each lane of a sweep: its values of the axes and all single numbers of it."""
+    dims = dataset["result"].dims
+    names = [name for name in dataset.data_vars if dataset[name].dims == dims]
+    whole = dataset[names]
+    if dims != ("lane",):
+        whole = whole.stack(lane=dims, create_index=False)
+        labels = {dim: ("lane", whole[dim].values, dataset[dim].attrs) for dim in dims}
+        whole = whole.drop_vars(dims).assign_coords(labels)
+    return to_frame(whole, "lane")
+
+
+def _write_view(folder: Folder, scene: object, solution: object) -> None:
+    """The page with the moving mechanism, where `clearjoint.view` is there to make it."""
+    import clearjoint
+
+    view = getattr(clearjoint, "view", None)
+    if callable(view):
+        view(scene, solution).save(folder / VIEW)

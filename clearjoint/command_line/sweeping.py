@@ -1,0 +1,147 @@
+"""`clearjoint sweep`: a scene for many values, in a store that goes on where it was stopped."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results import result_numbers
+from ..scene_files.complaints import FilePlace
+from ..simulation.saving import Saving
+from ..sweeps.axes import Axis
+from ..sweeps.outputs import Output, check_outputs
+from ..sweeps.store.store import open_sweep
+from ..sweeps.sweep import sweep as run_sweep
+from .endings import FAILED, INTERRUPTED, WELL, say
+from .folders import STORE, Folder
+from .reports import write_sweep_report
+from .study import Study
+from .study_parts import AxisPart, SweepPart
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Reading = Callable[[object, FilePlace], float]
+"""What reads a number at a place."""
+PIECES = 16
+"""Chunks of a store, unless told how long they are: what is lost at most when it is stopped."""
+LONGEST = 256
+
+
+@dataclass(frozen=True)
+class SweepArguments:
+    """What a study's sweep takes: `axes`, `outputs`, and lanes in a chunk."""
+
+    axes: dict[str, Axis]
+    outputs: Mapping[str, Output]
+    save: Saving
+    chunk: int
+
+
+def sweep(study: Study, out: Path, progress: bool) -> int:
+    """Run a study's sweep into the store in a folder; the exit code."""
+    part = study.parts.sweep
+    if part is None:
+        study.place.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
+    arguments, begun = sweep_arguments(study, part), time.perf_counter()
+    end, settings = study.end(part.end), study.settings(part, "sweep")
+    folder = Folder.made(out)
+    folder.write_scene(study.scene, study.state)
+    code = WELL
+    try:
+        dataset = run_sweep(
+            study.scene,
+            study.state,
+            end,
+            arguments.axes,
+            arguments.outputs,
+            settings,
+            arguments.save,
+            zipped=part.zipped,
+            path=folder / STORE,
+            chunk=arguments.chunk,
+            start_time=study.parts.run.start,
+            progress=progress,
+        )
+    except KeyboardInterrupt:
+        if not (folder / STORE).exists():
+            raise
+        dataset, code = open_sweep(folder / STORE), INTERRUPTED
+    summary = _summary(study, dataset, code, time.perf_counter() - begun)
+    folder.write_summary(summary)
+    write_sweep_report(folder, dataset.load())
+    return _told(folder, summary, code)
+
+
+def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
+    """Axes, outputs and chunk of a study's sweep.
+
+    **Raises:** `ValueError` for places and outputs that the scene does not have.
+    """
+    place = study.place.at("sweep")
+    axes = {name: _axis(study, axis, place.at("axes").at(name)) for name, axis in part.axes.items()}
+    if not axes:
+        place.at("axes").refuse({}, "one axis at least", "add [sweep.axes.<name>]")
+    settings = study.settings(part, "sweep")
+    try:
+        check_outputs(part.outputs, study.scene, settings.ledger)
+    except ValueError as error:
+        raise ValueError(f"{place.at('outputs')}: {error}") from error
+    sizes = [axis.values.size for axis in axes.values()]
+    lanes = sizes[0] if part.zipped else int(np.prod(sizes))
+    chunk = part.chunk or min(max(-(-lanes // PIECES), 1), LONGEST)
+    return SweepArguments(axes, part.outputs, Saving(sections=study.sections()), chunk)
+
+
+def _axis(study: Study, part: AxisPart, where: FilePlace) -> Axis:
+    found = study.find(part.place, where.at("place"))
+    make = Axis.initial if found.in_state else Axis
+    return make(found.place, _values(part, found.number, where))
+
+
+def _values(part: AxisPart, number: Reading, where: FilePlace) -> np.ndarray:
+    if part.values is not None:
+        values = [number(value, where.at("values").at(k)) for k, value in enumerate(part.values)]
+        return np.array(values)
+    start, stop = number(part.start, where.at("start")), number(part.stop, where.at("stop"))
+    if part.spacing == "linear":
+        return np.linspace(start, stop, part.count)
+    if min(start, stop) <= 0.0:
+        where.at("spacing").refuse((start, stop), "positive ends", 'or write spacing = "linear"')
+    return np.geomspace(start, stop, part.count)
+
+
+def _summary(
+    study: Study, dataset: "xr.Dataset", code: int, seconds: float
+) -> dict[str, str | int | float]:
+    codes = dataset["result"].values
+    numbers = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
+    failed = {f"lanes {name}": n for name, n in numbers.items() if n and name != "successful"}
+    axes = [str(name) for name in dataset["result"].coords]
+    values = {f"axis {name}": int(dataset[name].size) for name in axes if name in dataset.coords}
+    return {
+        "kind": "sweep",
+        "title": study.title,
+        "file": str(study.path),
+        "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
+        "lanes": int(codes.size),
+        "lanes successful": numbers["successful"],
+        "lanes pending": int((codes < 0).sum()),
+        **failed,
+        **values,
+        "seconds": round(seconds, 2),
+    }
+
+
+def _told(folder: Folder, summary: Mapping[str, str | int | float], code: int) -> int:
+    """The exit code: a sweep has failed if none of its lanes ran to its end."""
+    if code == INTERRUPTED:
+        say(f"interrupted; {summary['lanes pending']} lanes are pending: the same command goes on")
+        return code
+    if not summary["lanes successful"]:
+        say(f"error: no lane ran to its end; their result codes are in {folder.path}")
+        return FAILED
+    return WELL
