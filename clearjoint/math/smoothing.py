@@ -43,7 +43,9 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:
-    """max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w.
+    r"""max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w.
+
+    $$\frac{(x + w)^2}{4 w}, \quad -w < x < w$$
 
     >>> print(f"{extend.ramp(0.0, 1e-6):.2e}, {extend.ramp(2e-6, 1e-6):.2e}")  # w/4, x
     2.50e-07, 2.00e-06

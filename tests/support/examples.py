@@ -14,12 +14,27 @@ from clearjoint.reference.public_names import PublicName, public_names
 
 COMPILES = re.compile(
     r"\b(simulate\w*|sweep|sensitivities|identif\w+|minimise|horizon|compiled_sensitivities"
-    r"|free_impact|smoothing_bias|carried_journal|check_\w+|load_urdf|animate_journal|settle|largest|view|report|movie)\("
+    r"|assemble|constraint_report|RunProgram\.of|free_impact|smoothing_bias|carried_journal|check_\w+|animate_journal|settle|largest|view|report|movie)\("
 )
 """What takes seconds: an example that calls one of these is slow."""
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 TABLE = re.compile(r"```toml\n(.*?)```", re.DOTALL)
 """A scene file, which an example reads."""
+
+
+ROBOT = """<robot name="arm">
+  <link name="base"/>
+  <link name="lever">
+    <inertial>
+      <origin xyz="0.25 0 0"/> <mass value="1"/> <inertia ixx="1e-3" iyy="0.02" izz="0.02"/>
+    </inertial>
+  </link>
+  <joint name="elbow" type="continuous">
+    <parent link="base"/><child link="lever"/><axis xyz="0 0 1"/>
+  </joint>
+</robot>
+"""
+"""What the example of `load_urdf` reads."""
 
 
 def distinct_names() -> dict[str, PublicName]:
@@ -56,6 +71,7 @@ def run_example(public: PublicName) -> str:
     }
     for table in TABLE.findall(public.docstring):
         Path("pendulum.toml").write_text(table, encoding="utf-8")
+    Path("arm.urdf").write_text(ROBOT, encoding="utf-8")
     for block in BLOCK.findall(public.docstring):
         exec(block, {"__name__": "a_user"})
     session = BLOCK.sub("", public.docstring)

@@ -40,8 +40,10 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
 
 
 class ElastoGap(AbstractBoundedDampingLaw):
-    """F = K delta^n + D rate with the damping force no larger than the elastic one (Modelica's
+    r"""F = K delta^n + D rate with the damping force no larger than the elastic one (Modelica's
     Translational.Components.ElastoGap): it neither jumps nor pulls. `damping` D in N s/m.
+
+    $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
     >>> law = cj.ElastoGap(stiffness=1e6, damping=5e3)
     >>> print(law.force(cj.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
@@ -62,7 +64,9 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
 
 class ImpactFunction(AbstractBoundedDampingLaw):
-    """F = max(0, K delta^n + D(delta) rate), the IMPACT function of Adams and SolidWorks Motion.
+    r"""F = max(0, K delta^n + D(delta) rate), the IMPACT function of Adams and SolidWorks Motion.
+
+    $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
     D rises from zero to `damping` (N s/m) over the `full_damping_depth` d (m), as the cubic
     s^2 (3 - 2 s) of s = delta/d.
@@ -86,7 +90,9 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
 
 class FloresKelvinVoigt(AbstractBoundedDampingLaw):
-    """F = K delta^n on the way in and c K delta^n on the way out, Flores' variant of Kelvin-Voigt.
+    r"""F = K delta^n on the way in and c K delta^n on the way out, Flores' variant of Kelvin-Voigt.
+
+    $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
     It delivers sqrt(c). Where the rate turns, the force goes from one to the other as a hyperbolic
     tangent of the rate over the `transition_speed` (m/s), since no step lands there; impacts that

@@ -87,7 +87,9 @@ class AbstractBristleFriction(AbstractConverting):
 
 
 class Dahl(AbstractBristleFriction):
-    """dz/dt = v - sigma0 |v| z/mu, friction sigma0 z (P. R. Dahl 1968, of exponent one).
+    r"""dz/dt = v - sigma0 |v| z/mu, friction sigma0 z (P. R. Dahl 1968, of exponent one).
+
+    $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
 
     **Arguments:** `coefficient` mu; `stiffness` sigma0, 1/m, of the bristles over the normal force.
 
@@ -155,8 +157,11 @@ class AbstractDampedBristles(AbstractBristleFriction):
 
 
 class LuGre(AbstractDampedBristles):
-    """dz/dt = v - sigma0 |v| z/g(v), friction sigma0 z + sigma1 dz/dt + sigma2 v, with
+    r"""dz/dt = v - sigma0 |v| z/g(v), friction sigma0 z + sigma1 dz/dt + sigma2 v, with
     g = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2) (C. Canudas de Wit and others 1995).
+
+    $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z, \quad g = \mu_C + (\mu_S - \mu_C) e^{-(v /
+    v_S)^2}, \quad \frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v$$
 
     **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
     `stribeck_speed` v_S, m/s; all over the normal force: `stiffness` sigma0, 1/m, `damping` sigma1,
@@ -182,7 +187,9 @@ class LuGre(AbstractDampedBristles):
 
 
 class ElastoPlastic(AbstractDampedBristles):
-    """LuGre's law whose bristles are elastic up to a deflection z_ba (P. Dupont and others 2002).
+    r"""LuGre's law whose bristles are elastic up to a deflection z_ba (P. Dupont and others 2002).
+
+    $$\dot z = v - \alpha(z) \frac{\sigma_0 |v|}{g(v)} z$$
 
     dz/dt = v - alpha sigma0 |v| z/g(v): alpha is 0 up to |z| = z_ba and where bristles relax, 1
     from g(v)/sigma0 on, and half a sine in between. Below z_ba nothing drifts, however the load

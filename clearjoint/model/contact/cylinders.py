@@ -134,7 +134,9 @@ def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class LiuCylinder(AbstractCylinder):
-    """F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu, K. Zhang, R. Yang 2007).
+    r"""F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu, K. Zhang, R. Yang 2007).
+
+    $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
     For large conformity too: dR is the clearance, 1/E* the sum of (1 - nu^2)/E.
 
@@ -152,8 +154,10 @@ class LiuCylinder(AbstractCylinder):
 
 
 class PereiraCylinder(AbstractCylinder):
-    """F = (0.965 dR + 0.0965) L E*/dR delta^n in mm, N and MPa (C. Pereira et al. 2011, 2014), for
+    r"""F = (0.965 dR + 0.0965) L E*/dR delta^n in mm, N and MPa (C. Pereira et al. 2011, 2014), for
     a journal inside of a bearing.
+
+    $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n$$
 
     n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 up to a clearance dR of 0.34954 mm and
     0.0151 dR + 1.151 from there. It holds for clearances from 0.005 to 10 mm. Its damping is that
@@ -186,8 +190,11 @@ _MOST_CONTACT = 0.8
 
 
 class PerssonCylinder(AbstractCylinder):
-    """The load of a half-angle of contact by A. Persson 1964, exact for conformal contact of one
+    r"""The load of a half-angle of contact by A. Persson 1964, exact for conformal contact of one
     material; the half-angle of a penetration by the overlap of the undeformed circles.
+
+    $$\frac{E' \Delta R}{P} = \frac{2 - \ln(b^2 + 1) - 2 b^4}{\pi b^2 (b^2 + 1)}, \quad b =
+    \tan\frac{\varepsilon}{2}$$
 
     E' dR/P = (2 - ln(b^2 + 1) - 2 b^4)/(pi b^2 (b^2 + 1)) with P = F/L, b = tan(half-angle/2) and
     E' = E/(1 - nu^2). Persson says nothing of the penetration. With the overlap, cos(half-angle) =

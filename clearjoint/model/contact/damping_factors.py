@@ -15,8 +15,10 @@ from .restitution import exact_damping_factor
 
 
 class HuntCrossley(AbstractDampedLaw):
-    """chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999 have
+    r"""chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999 have
     the same).
+
+    $$\chi = \frac{3 (1 - c)}{2}$$
 
     >>> law = cj.HuntCrossley(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -29,7 +31,9 @@ class HuntCrossley(AbstractDampedLaw):
 
 
 class HerbertMcWhannell(AbstractDampedLaw):
-    """chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977).
+    r"""chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977).
+
+    $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
 
     >>> law = cj.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -42,8 +46,10 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
 
 class LeeWang(AbstractDampedLaw):
-    """chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983): near c = 1 it loses half of what it should,
+    r"""chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983): near c = 1 it loses half of what it should,
     and at c = 0 it still delivers 0.66.
+
+    $$\chi = \frac{3 (1 - c)}{4}$$
 
     >>> law = cj.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -56,7 +62,9 @@ class LeeWang(AbstractDampedLaw):
 
 
 class LankaraniNikravesh(AbstractDampedLaw):
-    """chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990).
+    r"""chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990).
+
+    $$\chi = \frac{3 (1 - c^2)}{4}$$
 
     >>> law = cj.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -69,7 +77,9 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
 
 class ZhiyingQishao(AbstractDampedLaw):
-    """chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006).
+    r"""chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006).
+
+    $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
     >>> law = cj.ZhiyingQishao(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -82,8 +92,10 @@ class ZhiyingQishao(AbstractDampedLaw):
 
 
 class CarvalhoMartins(AbstractDampedLaw):
-    """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019): to four digits
+    r"""chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019): to four digits
     exact from c = 0.5 on.
+
+    $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
     >>> law = cj.CarvalhoMartins(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -112,7 +124,9 @@ class AbstractReboundingLaw(AbstractDampedLaw):
 
 
 class Flores2011(AbstractReboundingLaw):
-    """chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011).
+    r"""chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011).
+
+    $$\chi = \frac{8 (1 - c)}{5 c}$$
 
     K. Ye et al. 2009 have the same for an exponent of 1.5.
 
@@ -127,7 +141,9 @@ class Flores2011(AbstractReboundingLaw):
 
 
 class Gonthier(AbstractReboundingLaw):
-    """chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`).
+    r"""chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`).
+
+    $$\chi = \frac{1 - c^2}{c}$$
 
     >>> law = cj.Gonthier(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -140,8 +156,10 @@ class Gonthier(AbstractReboundingLaw):
 
 
 class GharibHurmuzlu(AbstractReboundingLaw):
-    """chi = 1/c (M. Gharib, Y. Hurmuzlu 2012), for nearly plastic impacts: it never delivers more
+    r"""chi = 1/c (M. Gharib, Y. Hurmuzlu 2012), for nearly plastic impacts: it never delivers more
     than 0.594.
+
+    $$\chi = \frac{1}{c}$$
 
     >>> law = cj.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -154,7 +172,9 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
 
 class HuGuo(AbstractReboundingLaw):
-    """chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015).
+    r"""chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015).
+
+    $$\chi = \frac{3 (1 - c)}{2 c}$$
 
     >>> law = cj.HuGuo(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -167,7 +187,9 @@ class HuGuo(AbstractReboundingLaw):
 
 
 class SafaeifarFarshidianfar(AbstractReboundingLaw):
-    """chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020).
+    r"""chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020).
+
+    $$\chi = \frac{5 (1 - c)}{4 c}$$
 
     >>> law = cj.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -180,7 +202,9 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
 
 class YePounding(AbstractReboundingLaw):
-    """chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound.
+    r"""chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound.
+
+    $$\chi = \frac{3 (1 - c)}{2 c}$$
 
     >>> law = cj.YePounding(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -195,7 +219,9 @@ class YePounding(AbstractReboundingLaw):
 
 
 class PantWijeyewickrema(AbstractReboundingLaw):
-    """chi = 3 (1 - c^2)/(2 c^2) with a linear spring (D. R. Pant, A. C. Wijeyewickrema 2012).
+    r"""chi = 3 (1 - c^2)/(2 c^2) with a linear spring (D. R. Pant, A. C. Wijeyewickrema 2012).
+
+    $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
 
     Unusable as a law of restitution: for 0.5 it delivers 0.22, for 0.9 it delivers 0.81. It is here
     to reproduce papers, and warns.
@@ -226,7 +252,9 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
 
 class ExactRestitution(AbstractReboundingLaw):
-    """The chi for which a free impact delivers the requested restitution c, for every stiffness.
+    r"""The chi for which a free impact delivers the requested restitution c, for every stiffness.
+
+    $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
 
     It solves chi (1 + c) = ln[(1 + chi)/(1 - chi c)], the relation of Y. Gonthier et al. 2004 and
     J. Zhang, I. Sharf 2009.

@@ -90,7 +90,9 @@ def damping_ratio(restitution: Scalar) -> Scalar:
 
 
 def clamped_restitution(ratio: Scalar) -> Scalar:
-    """Rebound over entry speed of a damped oscillator that is let go where its force vanishes.
+    r"""Rebound over entry speed of a damped oscillator that is let go where its force vanishes.
+
+    $$e = \exp\left(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\right)$$
 
     exp(-2 z acos z/sqrt(1 - z^2)) with the damping ratio z < 1 (T. Schwager, T. Poeschel 2007).
 
@@ -137,7 +139,9 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
 
 
 class KelvinVoigt(AbstractTunedDashpotLaw):
-    """Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
+    r"""Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
+
+    $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
     S. A. Anagnostopoulos 1988 has the same for buildings that pound. z is the `damping_ratio` of
     the requested restitution, which an impact delivers that ends where the surfaces part and pulls
@@ -163,7 +167,9 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
 
 
 class Tsuji(AbstractTunedDashpotLaw):
-    """F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
+    r"""F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
+
+    $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
     z is the `damping_ratio` (J. Antypov, J. A. Elliott 2011): it would deliver the requested
     restitution if it pulled before the end; clamped, it delivers what `KelvinVoigt` does.
@@ -186,8 +192,11 @@ class Tsuji(AbstractTunedDashpotLaw):
 
 
 class Jankowski(AbstractTunedDashpotLaw):
-    """F = K delta^1.5 + 2 z sqrt(K m) delta^(1/4) rate on the approach, K delta^1.5 on the rebound
+    r"""F = K delta^1.5 + 2 z sqrt(K m) delta^(1/4) rate on the approach, K delta^1.5 on the rebound
     (R. Jankowski 2005). It never pulls, and delivers nearly what is requested.
+
+    $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
+    \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
     z = (9 sqrt(5)/2) (1 - c^2)/(c (c (9 pi - 16) + 16)).
 
@@ -224,8 +233,10 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    """F = K delta^1.5 + D delta^(1/2) rate (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
+    r"""F = K delta^1.5 + D delta^(1/2) rate (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
     1996): spheres of a viscous material.
+
+    $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
     The restitution falls with the speed, as that of metals does. D in N s/m^1.5. The slope of the
     damping grows without bound towards touch, where the force is zero.
@@ -240,7 +251,9 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
 
 class BordbarHyppanen(AbstractGivenDashpotLaw):
-    """F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65.
+    r"""F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65.
+
+    $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
     >>> law = cj.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 1e5 (1e-4)^0.65
@@ -252,7 +265,9 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    """F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m.
+    r"""F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m.
+
+    $$F = K \delta^{3/2} + D \dot\delta$$
 
     >>> law = cj.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

@@ -55,7 +55,9 @@ class AbstractFriction(AbstractConverting):
 
 
 class RegularisedCoulomb(AbstractFriction):
-    """mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load.
+    r"""mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load.
+
+    $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
     >>> friction = cj.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
@@ -73,7 +75,9 @@ class RegularisedCoulomb(AbstractFriction):
 
 
 class LinearCoulomb(AbstractFriction):
-    """mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load.
+    r"""mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load.
+
+    $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
     >>> friction = cj.LinearCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5e-3):.4f}")
@@ -91,7 +95,9 @@ class LinearCoulomb(AbstractFriction):
 
 
 class Threlfall(AbstractFriction):
-    """mu (1 - exp(-3 v/v_r)) up to the speed v_r (m/s), constant beyond (A. G. Threlfall 1978).
+    r"""mu (1 - exp(-3 v/v_r)) up to the speed v_r (m/s), constant beyond (A. G. Threlfall 1978).
+
+    $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_r, 1)}\right)$$
 
     The constant is 1 - exp(-3) = 0.9502 mu: the law never reaches mu. With 0.95 mu, as the formula
     is often printed, it would jump at v_r. Creeps under load.
@@ -113,7 +119,9 @@ class Threlfall(AbstractFriction):
 
 
 class Ambrosio(AbstractFriction):
-    """mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
+    r"""mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
+
+    $$\mu(v) = \mu\, \frac{v - v_0}{v_1 - v_0}, \quad v_0 \le v \le v_1$$
 
     **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
 

@@ -115,7 +115,9 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
 
 class Hertz(AbstractHertzianLaw):
-    """Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory.
+    r"""Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory.
+
+    $$F = K \delta^n$$
 
     >>> law = cj.Hertz(stiffness=1e9)
     >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
@@ -133,7 +135,9 @@ class Hertz(AbstractHertzianLaw):
 
 
 class MemorylessHuntCrossley(AbstractHertzianLaw):
-    """F = K delta^n (1 + a rate) with a given damping a (K. H. Hunt, F. R. E. Crossley 1975).
+    r"""F = K delta^n (1 + a rate) with a given damping a (K. H. Hunt, F. R. E. Crossley 1975).
+
+    $$F = K \delta^n (1 + a \dot\delta), \quad a = \frac{3 (1 - c)}{2 v}$$
 
     Keeps no memory: a = 3 (1 - c)/(2 v) is what `HuntCrossley` has at one entry speed v, the
     `design_speed`, m/s. There the `restitution` c is requested, and the one that

@@ -67,7 +67,9 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
 
 class JohnsonCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR.
+    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR.
+
+    $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
     >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=20e-3)
     >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -85,7 +87,9 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
 
 class EsduCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR.
+    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR.
+
+    $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
     >>> cylinder = cj.EsduCylinder(207e9, 0.3, length=20e-3)
     >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -103,8 +107,11 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
 
 class RadzimovskyCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] with b = 1.60 sqrt(P R/E*) and the
+    r"""delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] with b = 1.60 sqrt(P R/E*) and the
     relative radius R = R_i R_j/dR (E. I. Radzimovsky 1953), as it is printed.
+
+    $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
+    R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
     Roark's 1.60 goes with diameters: with 2.26 in its place the penetration is smaller by
     P/(pi E*) ln 2.
@@ -125,7 +132,9 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
+    r"""delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
+
+    $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
     >>> cylinder = cj.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
     >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -143,7 +152,10 @@ class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
 
 
 class GoldsmithCylinder(AbstractLogarithmicCylinder):
-    """delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
+    r"""delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
+
+    $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
+    R_j}{\Delta R}$$
 
     The exponent of L is printed as 1, which no units make sense of. With 3 the law is that of
     Dubowsky and Freudenstein.

@@ -20,7 +20,9 @@ _MOST_STEPS = 32
 
 
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
-    """Rebound speed over entry speed of a free impact.
+    r"""Rebound speed over entry speed of a free impact.
+
+    $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
 
     **Arguments:** `damping_factor`: chi of F = K delta^n (1 + chi rate/entry speed), not negative;
     a number or an array of any shape.

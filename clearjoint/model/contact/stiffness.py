@@ -100,7 +100,9 @@ class GivenStiffness(AbstractStiffness):
 
 
 class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
-    """Internal contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
+    r"""Internal contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
+
+    $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
     K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E. It follows the radii, so
     that a swept clearance changes it.

@@ -39,7 +39,9 @@ class AbstractFallingFriction(AbstractFriction):
 
 
 class Stribeck(AbstractFallingFriction):
-    """(mu_C + (mu_S - mu_C) exp(-(v/v_S)^delta)) tanh(v/v_d) (B. Armstrong-Helouvry 1991).
+    r"""(mu_C + (mu_S - mu_C) exp(-(v/v_S)^delta)) tanh(v/v_d) (B. Armstrong-Helouvry 1991).
+
+    $$\mu(v) = \left(\mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^\delta}\right) \tanh\frac{v}{v_d}$$
 
     The term k v that is often added is no multiple of the normal force: give it as a damper.
 
@@ -80,8 +82,10 @@ class Stribeck(AbstractFallingFriction):
 
 
 class BengisuAkay(AbstractFallingFriction):
-    """A parabola up to mu_S at the speed v0, then an exponential down to mu_C (M. T. Bengisu,
+    r"""A parabola up to mu_S at the speed v0, then an exponential down to mu_C (M. T. Bengisu,
     A. Akay 1994).
+
+    $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
 
     mu_S (1 - (1 - v/v0)^2) below v0, mu_C + (mu_S - mu_C) exp(-xi (v - v0)) beyond: continuous,
     with a kink at v0.
@@ -108,8 +112,11 @@ class BengisuAkay(AbstractFallingFriction):
 
 
 class BrownMcPhee(AbstractFallingFriction):
-    """mu_C tanh(4 v/v_t) + (mu_S - mu_C) (v/v_t)/((v/2v_t)^2 + 3/4)^2 (P. Brown, J. McPhee
+    r"""mu_C tanh(4 v/v_t) + (mu_S - mu_C) (v/v_t)/((v/2v_t)^2 + 3/4)^2 (P. Brown, J. McPhee
     2016): smooth everywhere. The second part peaks at mu_S - mu_C where v = v_t.
+
+    $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
+    v_t)^2 + \frac{3}{4}\right)^2}$$
 
     **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
     `transition_speed` v_t, m/s.

@@ -13,7 +13,9 @@ from .laws import AbstractFilm, FilmGap
 
 
 class CaponeFilm(AbstractFilm):
-    """A short bearing's film with rotation and squeeze together, where its pressure is positive.
+    r"""A short bearing's film with rotation and squeeze together, where its pressure is positive.
+
+    $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
     With the offset x, the rate u = |u| e, rho = 1 - x.x, d = x.e, q = n.(x cross e) about the axis
     n, G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2), the force

@@ -29,7 +29,9 @@ def _require_lead(argument: str, value: ArrayLike) -> None:
 
 
 class ScrewJoint(AbstractAxisJoint):
-    """A body that advances along an axis of another as it turns about it; five rows.
+    r"""A body that advances along an axis of another as it turns about it; five rows.
+
+    $$a = \frac{g}{1 + \frac{J}{m} \left(\frac{2 \pi}{l}\right)^2}$$
 
     A nut of mass m and moment of inertia J on a screw that stands upright comes down at
     g/(1 + J (2 pi/lead)^2/m). The advance counts modulo the lead, so that the number of turns is

@@ -13,8 +13,10 @@ from .universal_motion import UniversalMotion
 
 
 class UniversalJoint(AbstractPairJoint):
-    """A Hooke's or Cardan joint: points coincide, and an axis of each body, an arm of a cross
+    r"""A Hooke's or Cardan joint: points coincide, and an axis of each body, an arm of a cross
     without mass, keeps at a right angle to that of the other; four rows.
+
+    $$\frac{\omega_2}{\omega_1} = \frac{\cos \beta}{1 - \sin^2 \beta \cos^2 \theta}$$
 
     Between two shafts whose axes have the angle b, the speed of the second over that of the first
     is cos b / (1 - sin^2 b cos^2 th), where th is the first shaft's angle from where its arm lies

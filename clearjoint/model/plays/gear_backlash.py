@@ -52,7 +52,10 @@ def _require_teeth(argument: str, value: ArrayLike) -> None:
 
 
 class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
-    """Two spur gears in mesh, with backlash between their involute teeth.
+    r"""Two spur gears in mesh, with backlash between their involute teeth.
+
+    $$\delta = \pm s - (r_1 + r_2) (\mathrm{inv}\, \alpha' - \mathrm{inv}\, \alpha) - \frac{j}{2}
+    \cos \alpha$$
 
     Each flank touches along its line of action, a common tangent of the base circles of radii
     r = m z cos(alpha)/2. With theta the gears' angles from the line of centres, of length a,

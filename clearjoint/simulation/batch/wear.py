@@ -22,8 +22,10 @@ sector."""
 
 
 class ArchardWear(AbstractReduction):
-    """Volumes that a journal wears off its bearing's wall, m^3: "" of both bases together, "V" and
+    r"""Volumes that a journal wears off its bearing's wall, m^3: "" of both bases together, "V" and
     "W" of each, and "V 1", "V 2", ... of each sector.
+
+    $$\frac{dV}{dt} = \frac{k F_N |v_t|}{H}$$
 
     dV = k F_N |v_t|/H dt, by Simpson's rule in each step. Sectors are of equal angles about the
     bearing's axis and fixed to the bearing; the first one begins at the x of the bearing's frame,
