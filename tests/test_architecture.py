@@ -27,17 +27,18 @@ FLOORS = (
     ("simulation",),
     ("information", "measurements", "sweeps"),
     ("identification", "scene_files", "testing"),
-    ("plot",),
+    ("plot", "views"),
 )
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
     "diffrax": {"simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
-    "matplotlib": {"plot"},
+    "k3d": {"views"},
+    "matplotlib": {"plot", "views"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification", "model", "scene_files"},
+    "scipy": {"identification", "model", "scene_files", "views"},
     "xarray": {"measurements", "sweeps", "plot"},
     "pandas": {"information", "measurements"},
     "pint": {"measurements"},

@@ -10,6 +10,7 @@ from ...math.vectors import Scalar, Vector
 from ..bodies import Wrench
 from ..joints.base import AbstractForce, Attachment, Motions
 from ..joints.pairs import AbstractPairAtPoints
+from ..pen import AbstractPen, Marker
 
 SI = "give it in SI units"
 
@@ -57,6 +58,10 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         del t
         return -self.damping * self._stretch(motions)[1] ** 2
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A spring."""
+        pen.spring(*self.ends())
+
 
 class AppliedLoad(AbstractForce):
     """A constant force and torque on a body, given in global axes.
@@ -83,3 +88,7 @@ class AppliedLoad(AbstractForce):
         del t
         motion = motions[self.body]
         return {self.body: motion.wrench(self.force, self.point) + motion.torque(self.torque)}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """An arrow."""
+        pen.load(Marker(self.body, self.point), self.force)
