@@ -8,6 +8,9 @@ elements of one's own draw themselves in the same words.
 import abc
 from typing import NamedTuple
 
+import numpy as np
+
+from ..fields.checks import require
 from ..fields.types import Single, Triple
 
 
@@ -18,6 +21,16 @@ class Marker(NamedTuple):
     body: str
     point: Triple
     axis: Triple | None = None
+
+    def along(self) -> np.ndarray:
+        """The direction as a unit vector, (3,).
+
+        **Raises:** `ValueError` for a marker without an axis.
+        """
+        remedy = "draw with Marker(body, point, axis)"
+        require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
+        numbers = np.asarray(self.axis, dtype=float)
+        return numbers / np.linalg.norm(numbers)
 
 
 class AbstractPen(abc.ABC):

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
@@ -20,6 +21,8 @@ LIGHT = np.array([0.35, 0.55, 0.75])
 """Direction of the light: to the right, upwards, towards the viewer."""
 SHADE = 0.45
 """Brightness of what the light does not reach."""
+BESIDE = 0.28
+"""Share of the width that the legend takes."""
 DOTS = 100
 FRAMES_PER_SECOND = 25
 
@@ -36,17 +39,17 @@ class Film:
         camera: Camera,
         legend: Legend,
         times: np.ndarray | None,
-        size: tuple[float, float] = (8.0, 6.0),
+        size: tuple[float, float] = (8.0, 4.8),
     ):
         self._parts, self._times = parts, times
         self._view, self._target = camera.axes(), camera.target
         self.figure = Figure(figsize=size, dpi=DOTS)
-        self._axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self._axes = self.figure.add_axes((BESIDE, 0.0, 1.0 - BESIDE, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
         self._axes.set(xlim=(-wide, wide), ylim=(-high, high), aspect="equal")
-        self._axes.set_adjustable("datalim")
-        self._triangles = self._axes.add_collection(PolyCollection([], linewidths=0.3))
+        self._triangles = PolyCollection([], linewidths=0.3)
+        self._axes.add_collection(self._triangles)
         self._clock = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         self._describe(legend)
         self.show(0)
@@ -69,9 +72,10 @@ class Film:
             corners.append(triangles[facing])
         everything, painted = np.concatenate(corners), np.concatenate(colours)
         order = np.argsort(everything[:, :, 2].mean(axis=1))
-        self._triangles.set_verts(everything[order, :, :2])
-        self._triangles.set_facecolor(painted[order])
-        self._triangles.set_edgecolor(painted[order] * (1.0, 1.0, 1.0, 0.6))
+        self._triangles.set_verts([*everything[order, :, :2]])
+        self._triangles.set_facecolor([*painted[order]])
+        seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
+        self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
         if self._times is not None:
             self._clock.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
 
@@ -102,13 +106,17 @@ class Film:
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=name) for c, name in legend.entries
         ]
-        drawn = self._axes.legend(
-            handles=patches, title=legend.title, loc="upper left", fontsize=8, frameon=True
+        self.figure.legend(
+            handles=patches,
+            title=legend.title,
+            title_fontproperties={"weight": "bold"},
+            loc="upper left",
+            fontsize=9,
+            frameon=False,
+            alignment="left",
         )
-        drawn.set_zorder(10)
-        self.figure.text(
-            0.02, 0.02, "\n".join(legend.notes), ha="left", va="bottom", fontsize=8, color="#444444"
-        )
+        notes = "\n".join(fill(note, 30) for note in legend.notes)
+        self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
 
 
 def _time(time: float, whole: float) -> str:

@@ -52,8 +52,8 @@ def drawn_journal(
 
     **Arguments:** `radius` of the journal as drawn, m; `length` of the real one, m.
     """
-    axis = poses.direction(bearing.body, bearing.axis)
-    own = poses.direction(journal.body, journal.axis)
+    axis = poses.direction(bearing.body, bearing.along())
+    own = poses.direction(journal.body, journal.along())
     centre = poses.point(bearing.body, bearing.point)
     reach = poses.point(journal.body, journal.point) - centre
     sense = np.where(np.sum(own * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -73,7 +73,7 @@ def drawn_journal(
 
 def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
     """A direction across the journal's axis that turns with it, global."""
-    axis = np.asarray(journal.axis, dtype=float)
+    axis = journal.along()
     return poses.direction(journal.body, np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
 
 

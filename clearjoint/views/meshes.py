@@ -92,14 +92,15 @@ def arrow() -> Mesh:
     return _of(_creation().revolve(profile, sections=ROUND // 2))
 
 
-def coil(radius: float, wire: float, turns: int = 6) -> Mesh:
-    """A helical spring along z from 0 to 1, straight at its ends."""
-    steps = 12 * turns
-    inside = np.linspace(0.0, 1.0, steps + 1)
+def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
+    """A helical spring along z as it looks at a length, m, shrunk to reach from 0 to 1; straight at
+    its ends."""
+    inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
-    helix = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.12 + 0.76 * inside], 1)
-    path = np.vstack([(0, 0, 0), (0, 0, 0.12), helix, (0, 0, 0.88), (0, 0, 1)])
-    corners = 2.0 * np.pi * np.arange(5) / 5
+    helix = [radius * np.cos(angle), radius * np.sin(angle), length * (0.12 + 0.76 * inside)]
+    ends = np.outer((0.0, 0.12, 0.88, 1.0), (0.0, 0.0, length))
+    path = np.vstack([ends[:2], np.stack(helix, 1), ends[2:]])
+    corners = 2.0 * np.pi * np.arange(6) / 6
     rings = []
     for here, before, behind in zip(
         path, np.vstack([path[:1], path[:-1]]), np.vstack([path[1:], path[-1:]]), strict=True
@@ -107,7 +108,7 @@ def coil(radius: float, wire: float, turns: int = 6) -> Mesh:
         frame = frame_about(behind - before)
         ring = np.outer(np.cos(corners), frame[:, 0]) + np.outer(np.sin(corners), frame[:, 1])
         rings.append(here + wire * ring)
-    return Mesh(np.vstack(rings), _skin(len(rings), len(corners)))
+    return Mesh(np.vstack(rings) / (1.0, 1.0, length), _skin(len(rings), len(corners)))
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
@@ -149,9 +150,9 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
         value = needed("trimesh").load(value, force="mesh")
     if isinstance(value, HasTriangles):
         value = np.asarray(value.vertices), np.asarray(value.faces)
-    pair = isinstance(value, tuple) and len(value) == 2
-    require(pair, argument, type(value).__name__, "a mesh", remedy)
-    vertices, faces = (np.asarray(part) for part in value)
+    pair = value if isinstance(value, tuple) else ()
+    require(len(pair) == 2, argument, type(value).__name__, "a mesh", remedy)
+    vertices, faces = (np.asarray(part) for part in pair)
     for name, part in (("vertices", vertices), ("faces", faces)):
         fine = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
         require(fine, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)

@@ -91,7 +91,9 @@ if (said.times && said.times.length > 1) {
   };
   button.onclick = () => play(!playing);
   slider.oninput = () => { play(false); at = times[+slider.value]; show(+slider.value); };
-  show(0);
+  const asked = /^#t=(.+)$/.exec(decodeURIComponent(location.hash));
+  if (asked && isFinite(+asked[1])) at = +asked[1];
+  show(frameAt(at));
 }
 const fit = () => {
   const beside = window.innerWidth > 640 ? box.offsetWidth + 16 : 0;

@@ -8,7 +8,17 @@ from jaxtyping import Float, Int
 
 from .meshes import Mesh, joined
 
-BODIES = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#F0E442", "#16324F")
+BODIES = (
+    "#0072B2",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#F0E442",
+    "#16324F",
+    "#999933",
+    "#44AA99",
+    "#882255",
+)
 """Of bodies, in turn (after M. Okabe and K. Ito, told apart by colour-blind people)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
 FORCE, LOAD = "#D55E00", "#7A1F8C"

@@ -1,5 +1,7 @@
 """Where bodies are of which nobody has said it yet: as the joints put them, one after the other."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -8,6 +10,10 @@ from ..model.bodies import GROUND, State, body_state
 from ..model.pen import Marker
 from ..model.scene import Scene
 from .survey import survey
+
+CLOSED = 1e-6
+"""Distance of two points of a joint, over that from their bodies' centres, up to which they are in
+one place; and the sine of the angle between axes."""
 
 
 def placed(scene: Scene) -> tuple[State, bool]:
@@ -32,6 +38,8 @@ def placed(scene: Scene) -> tuple[State, bool]:
             for name in scene.bodies
         }
     )
+    if all(_fits(poses, *pair) for pair in joined):
+        return guess, True
     try:
         return assemble(scene, guess), True
     except ValueError:
@@ -62,3 +70,18 @@ def _shortest(axis: np.ndarray, wanted: np.ndarray) -> Rotation:
     if sine == 0.0:
         return Rotation.identity()
     return Rotation.from_rotvec(across / sine * np.arctan2(sine, abs(cosine)) * np.sign(cosine))
+
+
+def _fits(poses: Mapping[str, tuple[np.ndarray, Rotation]], first: Marker, second: Marker) -> bool:
+    """Whether two points are in one place, and their axes in one line."""
+    places, axes = [], []
+    for marker in (first, second):
+        position, turn = poses[marker.body]
+        places.append(position + turn.apply(marker.point))
+        axes.append(None if marker.axis is None else turn.apply(marker.axis))
+    sizes = [np.linalg.norm(marker.point) for marker in (first, second)]
+    fits = bool(np.linalg.norm(places[0] - places[1]) <= CLOSED * max(1e-3, *sizes))
+    if axes[0] is None or axes[1] is None:
+        return fits
+    lengths = np.linalg.norm(axes[0]) * np.linalg.norm(axes[1])
+    return fits and bool(np.linalg.norm(np.cross(axes[0], axes[1])) <= CLOSED * lengths)

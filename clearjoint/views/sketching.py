@@ -82,7 +82,7 @@ class SketchingPen(AbstractPen):
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
         """A thin rail as long as the way on it, and a block or a sleeve."""
-        bar, axis = self._sizes.bar, _unit(rail.axis)
+        bar, axis = self._sizes.bar, rail.along()
         low, high = self._way(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
         line = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
@@ -106,12 +106,14 @@ class SketchingPen(AbstractPen):
 
     def rod(self, first: Marker, second: Marker) -> None:
         """A thin cylinder."""
-        rod = meshes.cylinder(1.0, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
-        self._span(first, second, rod, 0.5 * self._sizes.bar)
+        rod = meshes.cylinder(0.5 * self._sizes.bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
+        self._span(rod, *self._ends(first, second))
 
     def spring(self, first: Marker, second: Marker) -> None:
         """A coil."""
-        self._span(first, second, meshes.coil(1.0, 0.2), 1.2 * self._sizes.bar)
+        bar, ends = self._sizes.bar, self._ends(first, second)
+        length = max(float(np.linalg.norm(ends[1] - ends[0], axis=1).mean()), bar)
+        self._span(meshes.coil(1.2 * bar, 0.25 * bar, length), *ends)
 
     def load(self, place: Marker, force: Triple) -> None:
         """An arrow, as long as the forces' scale makes it."""
@@ -179,7 +181,7 @@ class SketchingPen(AbstractPen):
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
         """A box."""
-        across, upwards = _unit(centre.axis), _unit(normal)
+        across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._sizes.bar))
         self._fixed.add(
@@ -197,7 +199,7 @@ class SketchingPen(AbstractPen):
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         """A wheel with teeth."""
-        frame = _toothed_frame(centre.axis, float(phase))
+        frame = _toothed_frame(centre.along(), float(phase))
         count = round(abs(float(teeth)))
         wheel = meshes.gear(float(radius), count, 2.4 * self._sizes.bar)
         self._fixed.add(
@@ -248,8 +250,10 @@ class SketchingPen(AbstractPen):
             self._fixed.add(GROUND, stand, GROUND_COLOUR)
 
     def _solid_shape(self, solid: Solid) -> Mesh:
-        sides = np.maximum(solid.sides, 2.0 * self._sizes.bar)
-        return meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
+        first, second, third = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
+        if solid.round:
+            return meshes.cylinder(0.5 * first, third)
+        return meshes.box((first, second, third))
 
     def _distinct(self, name: str) -> np.ndarray:
         """Corners of a body, (M, 3) m, of which none are nearly the same."""
@@ -264,15 +268,19 @@ class SketchingPen(AbstractPen):
 
     def _fix(self, place: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
         """Fix a solid about z to a place, along its axis if it has one."""
-        turn = None if place.axis is None else frame_about(place.axis)
+        turn = None if place.axis is None else frame_about(place.along())
         moved = mesh.moved(pose_at(place.point, turn))
         self._fixed.add(place.body, moved, colour, opacity)
 
-    def _span(self, first: Marker, second: Marker, mesh: Mesh, width: float) -> None:
-        """Stretch a solid along z between two points."""
-        ends = [self._poses.point(place.body, place.point) for place in (first, second)]
-        self._moving.append(DrawnPart(self.element, mesh, between(*ends, width), METAL))
+    def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
+        """Global places, (N, 3) m, of what reaches from one to the other."""
         self._hold(first, second)
+        start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
+        return start, end
+
+    def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
+        """Stretch a solid along z between two points."""
+        self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *places: Marker, around: float = 0.0) -> None:
         """Have bodies reach to places, or to within a distance of them, m."""
@@ -288,14 +296,14 @@ class SketchingPen(AbstractPen):
         point = np.asarray(place.point, dtype=float)
         inwards = -self._sizes.up if place.body == GROUND else -point
         if place.axis is not None:
-            axis = _unit(place.axis)
+            axis = place.along()
             inwards = inwards - axis * (inwards @ axis)
         size = np.linalg.norm(inwards)
         return inwards * (distance / size) if size > distance else np.zeros(3)
 
     def _behind(self, place: Marker) -> np.ndarray:
         """The direction of a place's axis away from the viewer at first, in body axes."""
-        axis = _unit(place.axis)
+        axis = place.along()
         seen = self._poses.direction(place.body, axis)[0] @ self._sizes.front
         return -axis if seen >= 0.0 else axis
 
@@ -360,9 +368,8 @@ def _unit(vector: ArrayLike) -> np.ndarray:
     return numbers / np.linalg.norm(numbers)
 
 
-def _toothed_frame(axis: Triple | None, phase: float) -> np.ndarray:
+def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
     """Axes whose first one is turned by the phase from the first of an axis' transverse axes."""
-    along = _unit(axis)
     numbers = transverse_axes(Vector(*(float(part) for part in along)))[0]
     first = np.array([float(part) for part in (numbers.x, numbers.y, numbers.z)])
     second = np.cross(along, first)

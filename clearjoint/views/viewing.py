@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
+import jax
 import numpy as np
 
 from ..fields.checks import require, require_count, require_positive
@@ -29,7 +30,7 @@ Viewable = State | Solution | NonsmoothSolution | Trajectory
 ODD_SIZE = 50.0
 """Size of a given mesh over that of the mechanism, or the inverse, beyond which a unit is wrong."""
 PICTURES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
-FILMED = 120
+FILMED = 100
 """Frames of an animation."""
 
 
@@ -136,7 +137,8 @@ def view(
     open cylinders, and the journals in them are as far off their middle as they are, times
     `clearance_scale`; after a run their colour is the `MotionMode`, and arrows are the forces on
     the second body of each contact, with their tips where it is touched. The page has a slider for
-    the time, play and pause, and the speed, and says all scales. Flanks of `Backlash`, whose couple
+    the time (opened as `view.html#t=0.25`, it starts at 0.25 s), play and pause, and the speed, and
+    says all scales. Flanks of `Backlash`, whose couple
     has no place, are not drawn.
 
     ```python
@@ -180,8 +182,8 @@ def view(
     parts, modes = pen.parts(), []
     if seen is not None:
         parts, modes = coloured_by_mode(parts, seen)
-    where = camera(parts, sizes, poses.count)
     parts += pushes.parts
+    where = camera(parts, sizes, poses.count)
     notes = [*note, *_notes(bool(noted.bores), sizes, pushes)]
     legend = Legend(title, tuple(_entries(scene, pen, modes, pushes)), tuple(notes))
     scales = sizes.clearance_scale, sizes.bearing_scale, pushes.scale
@@ -232,19 +234,14 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     remedy = "pass a State, what simulate() returns, or a Trajectory"
     require(kinds, "motion", type(motion).__name__, "a state or a solution", remedy)
     kept = motion.saved if motion.saved is not None else getattr(motion, "steps", None)
-    require(
-        kept is not None and len(kept) > 0,
-        "motion",
-        "a solution without saved states",
-        "one with states to show",
-        "pass save=Saving(times) or Saving(steps=True) to simulate()",
-    )
+    told, expected = "a solution without saved states", "one with states to show"
+    remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
+    require(kept is not None and len(kept) > 0, "motion", told, expected, remedy)
+    assert kept is not None
     return kept
 
 
 def _part_of(observation: Observation, chosen: np.ndarray) -> Observation:
-    import jax
-
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], observation)
 
 
