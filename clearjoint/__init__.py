@@ -181,6 +181,8 @@ from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.orientations import rotation as rotation
+from .model.pen import AbstractPen as AbstractPen
+from .model.pen import Marker as Marker
 from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.plays.axial import EndPlay as EndPlay
 from .model.plays.axial import FixedAxially as FixedAxially
@@ -247,3 +249,5 @@ from .sweeps.outputs import ImpactTable as ImpactTable
 from .sweeps.outputs import Saved as Saved
 from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
+from .views.viewing import View as View
+from .views.viewing import view as view

@@ -27,7 +27,7 @@ FLOORS = (
     ("simulation",),
     ("information", "measurements", "sweeps"),
     ("identification", "scene_files", "testing"),
-    ("plot", "reference"),
+    ("plot", "reference", "views"),
     ("command_line",),
 )
 """A room may import from those on floors below."""
@@ -35,11 +35,12 @@ BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
     "diffrax": {"simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
-    "matplotlib": {"command_line", "plot"},
+    "k3d": {"views"},
+    "matplotlib": {"command_line", "plot", "views"},
     "click": {"command_line"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification", "model", "plot", "scene_files"},
+    "scipy": {"identification", "model", "plot", "scene_files", "views"},
     "xarray": {
         "command_line",
         "datasets",

@@ -20,6 +20,7 @@ from ...math.vectors import Matrix, Scalar, Vector
 from ..bodies import Wrench
 from ..joints.base import AbstractForce, Motions
 from ..joints.pairs import AbstractPairAtPoints
+from ..pen import AbstractPen
 
 PARALLEL = (1.0, 0.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
@@ -143,6 +144,10 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
         return -(power + _weighted(self.rotational_damping, strain.turn_rate))
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A spring."""
+        pen.spring(*self.ends())
 
 
 def _weighted(weights: Vector, vector: Vector) -> Scalar:

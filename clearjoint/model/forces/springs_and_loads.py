@@ -7,11 +7,12 @@ from ...fields.checks import require_point
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar, Vector
+from ...math.vectors import Scalar, Vector, pack, unpack
 from ..bodies import Wrench
 from ..drives.in_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from ..joints.base import AbstractForce, Attachment, Motions
 from ..joints.pairs import AbstractPairAtPoints
+from ..pen import AbstractPen, Marker
 
 SI = "give it in SI units"
 
@@ -65,6 +66,10 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         """Minus the damper's dissipation, W."""
         del t
         return -self.damping * self._stretch(motions)[1] ** 2
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A spring."""
+        pen.spring(*self.ends())
 
 
 class AppliedLoad(AbstractForce):
@@ -124,3 +129,7 @@ class AppliedLoad(AbstractForce):
     def breakpoints(self) -> PyTree:
         """Those of the components that are functions of time, s."""
         return breakpoints_of(self.force, self.torque)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """An arrow, of the force at time zero."""
+        pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))

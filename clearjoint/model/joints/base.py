@@ -21,6 +21,7 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
+from ..pen import AbstractPen, Marker
 from .motion_subspaces import AbstractFreedom
 
 T = TypeVar("T")
@@ -81,6 +82,11 @@ class AbstractElement(AbstractConverting):
     def attachments(self) -> tuple[Attachment, ...]:
         """The points that it has on bodies, by which the scene checks units; none by default."""
         return ()
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Say what it looks like in the words of a pen; its points are marked by default."""
+        for _, body, point in self.attachments():
+            pen.mark(Marker(body, point))
 
 
 class AbstractConstraint(AbstractElement):

@@ -6,6 +6,7 @@ from ...fields.checks import require_point
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar
+from ..pen import AbstractPen
 from .base import Motions, Row
 from .ideal import AbstractPairJoint
 from .row_combinations import distance_row
@@ -40,3 +41,7 @@ class DistanceJoint(AbstractPairJoint):
         del t
         apart = self._coincidence(motions).values()
         return {"length": distance_row(apart, self.length, motions)}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A rod."""
+        pen.rod(*self.ends())

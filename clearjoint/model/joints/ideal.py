@@ -9,6 +9,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
+from ..pen import AbstractPen
 from .base import AbstractConstraint, Motions, Row
 from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
@@ -103,6 +104,10 @@ class SphericalJoint(AbstractPairJoint):
         """The second body turns freely about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A ball."""
+        pen.ball(*self.ends())
+
 
 class RevoluteJoint(AbstractAxisJoint):
     """Points coincide and axes stay parallel; five rows.
@@ -137,6 +142,10 @@ class RevoluteJoint(AbstractAxisJoint):
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return Hinge(*points, here, aligning(there, here))
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A pin."""
+        pen.pin(*self.ends(self.axis_first, self.axis_second))
+
 
 class FixedJoint(AbstractPairJoint):
     """Two bodies that move as one; six rows.
@@ -170,6 +179,10 @@ class FixedJoint(AbstractPairJoint):
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         return Weld(*points, turn)
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A weld."""
+        pen.weld(*self.ends())
+
 
 class InlineJoint(AbstractPairJoint):
     """A point of the second body stays on a line of the first; two rows.
@@ -196,6 +209,10 @@ class InlineJoint(AbstractPairJoint):
         del t
         return self._point_on_line(motions, self.axis)
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A sleeve on a rail."""
+        pen.slide(*self.ends(self.axis), turning=True)
+
 
 class CylindricalJoint(AbstractAxisJoint):
     """Bodies that turn about a common axis and slide along it; four rows.
@@ -220,6 +237,10 @@ class CylindricalJoint(AbstractAxisJoint):
         """Two translations and two tilts."""
         del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A sleeve on a rail."""
+        pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
 
 
 class PrismaticJoint(AbstractPairJoint):
@@ -258,3 +279,7 @@ class PrismaticJoint(AbstractPairJoint):
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
         _, here = self._ordered(parent, axis, in_second)
         return Slider(*points, here, turn)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A block on a rail."""
+        pen.slide(*self.ends(self.axis), turning=False)

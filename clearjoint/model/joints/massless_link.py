@@ -7,6 +7,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
+from ..pen import AbstractPen, Marker
 from ..plays.axial import AbstractAxialPolicy, FreeAxially
 from ..plays.journal_bases import BASES
 from .base import AbstractConstraint, Attachment, Motions, Row
@@ -90,3 +91,13 @@ class MasslessLink(AbstractConstraint):
             for direction in transverse_axes(unit(self.bearing_axis))
         ]
         return distance_row(across, self.clearance, motions)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A journal in a bearing."""
+        pen.bearing(
+            Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
+            Marker(self.journal_body, self.journal_point, self.journal_axis),
+            radius=None,
+            clearance=self.clearance,
+            length=self.journal_length,
+        )

@@ -4,6 +4,7 @@ import equinox as eqx
 
 from ...fields.checks import require
 from ...fields.types import Triple
+from ..pen import Marker
 from .base import AbstractElement, Attachment
 
 
@@ -40,3 +41,10 @@ class AbstractPairAtPoints(AbstractPair):
             ("point_first", self.first, self.point_first),
             ("point_second", self.second, self.point_second),
         )
+
+    def ends(
+        self, axis_first: Triple | None = None, axis_second: Triple | None = None
+    ) -> tuple[Marker, Marker]:
+        """Its points, with an axis there of each body, (3,) in its axes, where there is one."""
+        first = Marker(self.first, self.point_first, axis_first)
+        return first, Marker(self.second, self.point_second, axis_second)

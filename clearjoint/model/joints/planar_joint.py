@@ -7,6 +7,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
+from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
@@ -50,3 +51,7 @@ class PlanarJoint(AbstractAxisJoint):
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return PlanarMotion(*points, there, here, aligning(there, here))
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A plane."""
+        pen.plane(*self.ends(self.axis_first, self.axis_second))

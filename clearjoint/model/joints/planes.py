@@ -8,6 +8,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
+from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractPairJoint
@@ -40,6 +41,10 @@ class PointInPlaneJoint(AbstractPairJoint):
         del t
         return {"height": _height(self, motions)}
 
+    def draw(self, pen: AbstractPen) -> None:
+        """A plane."""
+        pen.plane(*self.ends(self.normal))
+
 
 class LineInPlaneJoint(AbstractPairJoint):
     """A line of the second body stays in a plane of the first; two rows.
@@ -69,6 +74,10 @@ class LineInPlaneJoint(AbstractPairJoint):
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return {"height": _height(self, motions), "tilt": tilt}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A plane."""
+        pen.plane(*self.ends(self.normal))
 
 
 def _height(joint: PointInPlaneJoint | LineInPlaneJoint, motions: Motions) -> Row:

@@ -12,6 +12,7 @@ from ...fields.types import Single, Triple
 from ...math.periodic import wrapped
 from ...math.rotations import unit
 from ...math.vectors import Scalar
+from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
@@ -81,3 +82,7 @@ class ScrewJoint(AbstractAxisJoint):
         there, here = self._ordered(parent, axis, along(unit(self.axis_second), axis))
         pitch = self.lead * (0.5 / math.pi)
         return ScrewMotion(*points, here, shortest_turn(there, here), pitch)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A sleeve on a rail."""
+        pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)

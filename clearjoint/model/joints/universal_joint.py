@@ -7,6 +7,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
+from ..pen import AbstractPen
 from .base import Motions, Row
 from .ideal import AbstractPairJoint
 from .universal_motion import UniversalMotion
@@ -53,3 +54,7 @@ class UniversalJoint(AbstractPairJoint):
         points = self._ordered(parent, self.point_first, self.point_second)
         arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return UniversalMotion(*points, *arms)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A cross."""
+        pen.cross(*self.ends(self.axis_first, self.axis_second))

@@ -15,6 +15,7 @@ from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
+from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
 from .common import AbstractPlay, anchor_of, offset_between, require_smaller_clearance
 
@@ -132,3 +133,9 @@ class BallInSocket(AbstractPlay):
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The ball's centre at the socket's, or the other way round, if one is the ground's."""
         return anchor_of(self.pair(), (self.socket_point, self.ball_point))
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A ball in a socket."""
+        socket = Marker(self.socket_body, self.socket_point)
+        ball = Marker(self.ball_body, self.ball_point)
+        pen.socket(socket, ball, radius=self.socket_radius, clearance=self.clearance)

@@ -40,6 +40,7 @@ from ..joints.base import (
 )
 from ..joints.constraint_rows import point_in_plane, turning_about_axes
 from ..joints.pairs import require_distinct
+from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .common import (
@@ -327,3 +328,13 @@ class ClearanceJoint(AbstractContactJoint):
             self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
         )
         return {"axial": row}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """A journal in a bearing."""
+        pen.bearing(
+            Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
+            Marker(self.journal_body, self.journal_point, self.journal_axis),
+            radius=self.bearing_radius,
+            clearance=self.clearance,
+            length=self.journal_length,
+        )

@@ -27,6 +27,7 @@ from ..contact.limits import Limit
 from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from ..joints.constraint_rows import Pose, rows_from_residual
 from ..joints.pairs import AbstractPairAtPoints
+from ..pen import AbstractPen
 from .flanks import FLANKS, SIDE_OF
 from .gear_mesh import LineOfCentres, involute, sine_of
 
@@ -251,6 +252,15 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def centred_joint(self) -> AbstractConstraint:
         """Holds the gears in the middle of the play."""
         return MeshedInPlay(self)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Two gears, a tooth of the second in a gap of the first."""
+        first, second = self.ends(self.axis_first, self.axis_second)
+        half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
+        gap = math.pi / self.teeth_first - self.phase
+        teeth = self.teeth_first, self.teeth_second
+        pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
+        pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
 
 
 class MeshedInPlay(AbstractConstraint):

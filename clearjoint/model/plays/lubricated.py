@@ -22,6 +22,7 @@ from ..joints.base import (
     Motions,
     Row,
 )
+from ..pen import AbstractPen
 from .clearance import ClearanceJoint
 from .fading import FadingIn, share_of_contact
 from .journal_bases import BASES, SIDES, JournalBase
@@ -206,3 +207,7 @@ class LubricatedJoint(AbstractContactJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The axial constraint of a policy that holds the centre; else none."""
         return self.dry.rows(motions, t)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """The joint without the film."""
+        self.dry.draw(pen)

@@ -14,6 +14,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import PointInPlaneJoint
+from ..pen import AbstractPen, Marker
 from .common import AbstractPlay, require_right_angle
 from .flat_walls import FlatWall
 from .seating import seat_on_plane
@@ -126,3 +127,11 @@ class PinInSlot(AbstractPlay):
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
         return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Two walls, and a roller between them."""
+        slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
+        pin = Marker(self.pin_body, self.pin_point)
+        room = 2.0 * self.pin_radius + self.play
+        pen.walls(slot, pin, self.slot_normal, distance=room)
+        pen.roller(pin, radius=self.pin_radius)

@@ -14,6 +14,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import LineInPlaneJoint
+from ..pen import AbstractPen, Marker
 from .common import (
     AbstractPlay,
     require_right_angle,
@@ -139,3 +140,11 @@ class SliderInGuide(AbstractPlay):
     def _ideal(self, point: Triple) -> AbstractConstraint:
         axes = self.guide_normal, self.slider_axis
         return LineInPlaneJoint(*self.pair(), point, self.slider_point, *axes)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Two walls, and a block between them."""
+        guide = Marker(self.guide_body, self.guide_point)
+        slider = Marker(self.slider_body, self.slider_point, self.slider_axis)
+        sizes = 2.0 * self.half_length, 2.0 * self.half_height
+        pen.walls(guide, slider, self.guide_normal, distance=sizes[1] + 2.0 * self.clearance)
+        pen.block(slider, self.slider_normal, length=sizes[0], height=sizes[1])

@@ -1,0 +1,90 @@
+"""Where all bodies are at the instants of a view."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..fields.checks import require
+from ..model.bodies import GROUND, BodyState, State
+from ..simulation.solution import Trajectory
+
+
+@dataclass(frozen=True)
+class BodyPoses:
+    """Poses of all bodies, the ground's among them.
+
+    - `times`: (N,) s, or ``None`` of a mechanism that stands still, with N = 1.
+    - `poses[body]`: (N, 4, 4) homogeneous matrices from body to global axes, m.
+    """
+
+    times: Float[np.ndarray, " N"] | None
+    poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
+
+    @property
+    def count(self) -> int:
+        """The number of instants."""
+        return len(self.poses[GROUND])
+
+    def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
+        """Global places of a point, (3,) m in body axes."""
+        pose = self.poses[body]
+        return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
+
+    def direction(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
+        """Global unit vectors of a direction, (3,) in body axes."""
+        vector = np.asarray(local, dtype=float)
+        return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
+
+
+def standing(state: State) -> BodyPoses:
+    """A mechanism in one state."""
+    poses = {name: _poses(body)[None] for name, body in state.bodies.items()}
+    return BodyPoses(None, poses | {GROUND: np.eye(4)[None]})
+
+
+def moving(trajectory: Trajectory) -> BodyPoses:
+    """A mechanism along a trajectory."""
+    times = np.asarray(trajectory.times, dtype=float)
+    poses = {name: _poses(body) for name, body in trajectory.states.bodies.items()}
+    return BodyPoses(times, poses | {GROUND: np.tile(np.eye(4), (len(times), 1, 1))})
+
+
+def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
+    """Which of the rising times (N,) to show: at most so many, spread over the time, with the first
+    and the last."""
+    if len(times) <= most:
+        return np.arange(len(times))
+    wanted = np.linspace(times[0], times[-1], most)
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    nearer = wanted - times[after - 1] < times[after] - wanted
+    return np.unique(np.where(nearer, after - 1, after))
+
+
+def at_instants(trajectory: Trajectory, chosen: np.ndarray) -> Trajectory:
+    """The part of a trajectory at some of its instants, by their numbers."""
+    return jax.tree.map(lambda rows: np.asarray(rows)[chosen], trajectory)
+
+
+def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
+    """Check that states are those of a scene's bodies."""
+    require(
+        set(state.bodies) == set(bodies),
+        "motion",
+        sorted(state.bodies),
+        f"of the scene's bodies {sorted(bodies)}",
+        "pass a state or a solution of this scene",
+    )
+
+
+def _poses(body: BodyState) -> Float[np.ndarray, "*N 4 4"]:
+    """Of position and Euler parameters, whose norm does not matter."""
+    from scipy.spatial.transform import Rotation
+
+    position, turn = np.asarray(body.position), np.asarray(body.orientation)
+    poses = np.broadcast_to(np.eye(4), (*position.shape[:-1], 4, 4)).copy()
+    poses[..., :3, :3] = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+    poses[..., :3, 3] = position
+    return poses

@@ -1,0 +1,124 @@
+"""The solids of which a picture is made."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .meshes import Mesh, joined
+
+BODIES = (
+    "#0072B2",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#F0E442",
+    "#16324F",
+    "#999933",
+    "#44AA99",
+    "#882255",
+)
+"""Of bodies, in turn (after M. Okabe and K. Ito, told apart by colour-blind people)."""
+GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
+FORCE, LOAD = "#D55E00", "#7A1F8C"
+MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
+"""Of the journal by its `MotionMode`: the darker, the more it touches."""
+CLEAR = 0.3
+"""Opacity of what one looks through."""
+
+
+@dataclass(frozen=True)
+class DrawnPart:
+    """A solid in one piece.
+
+    - `name`: what it belongs to.
+    - `mesh`: in axes of its own.
+    - `poses`: (N, 4, 4), or (1, 4, 4) if it stays; matrices that may stretch.
+    - `colour`: "#rrggbb". `modes`: (N,) keys of `MODES`, which give the colour instead.
+    - `opacity`: 1.0, or less.
+    - `is_journal`: whether it is what moves in a play.
+    """
+
+    name: str
+    mesh: Mesh
+    poses: Float[np.ndarray, "N 4 4"]
+    colour: str
+    opacity: float = 1.0
+    modes: Int[np.ndarray, " N"] | None = None
+    is_journal: bool = False
+
+    def pose(self, k: int) -> Float[np.ndarray, "4 4"]:
+        """That of an instant."""
+        return self.poses[min(k, len(self.poses) - 1)]
+
+    def colour_at(self, k: int) -> str:
+        """That of an instant."""
+        return self.colour if self.modes is None else MODES[int(self.modes[k])]
+
+
+@dataclass
+class OnBodies:
+    """Solids that move with bodies; those alike in body, colour and opacity become one part."""
+
+    _meshes: dict[tuple[str, str, float], list[Mesh]] = field(default_factory=dict)
+
+    def add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
+        """Fix a solid, given in body axes, to a body."""
+        self._meshes.setdefault((body, colour, opacity), []).append(mesh)
+
+    def parts(self, poses: dict[str, np.ndarray]) -> list[DrawnPart]:
+        """A part of each kind, by the poses of the bodies."""
+        return [
+            DrawnPart(body, joined(meshes), _still(poses[body]), colour, opacity)
+            for (body, colour, opacity), meshes in self._meshes.items()
+        ]
+
+
+def between(
+    starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
+) -> Float[np.ndarray, "N 4 4"]:
+    """Poses that take the z axis from 0 to 1 to what is between two points, and stretch x and y by
+    a width."""
+    along = ends - starts
+    length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    poses = frames(along / length)
+    poses[:, :3, :2] *= width
+    poses[:, :3, 2] *= length
+    poses[:, :3, 3] = starts
+    return _still(poses)
+
+
+def frames(
+    axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
+) -> Float[np.ndarray, "N 4 4"]:
+    """Rotations whose third columns are unit vectors, and whose first are as near as they can be to
+    a start, if one is given."""
+    if start is None:
+        start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    poses = np.tile(np.eye(4), (len(axes), 1, 1))
+    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
+    return poses
+
+
+def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
+    """Those of the boxes around all parts at some instants, m."""
+    found = []
+    for part in parts:
+        ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
+        grid = np.stack(np.meshgrid(*zip(*ends, strict=True)), -1).reshape(-1, 3)
+        for k in instants if len(part.poses) > 1 else (0,):
+            found.append(Mesh(grid, part.mesh.faces).moved(part.pose(k)).vertices)
+    return np.vstack(found)
+
+
+def recoloured(part: DrawnPart, modes: np.ndarray) -> DrawnPart:
+    """The part in the colours of modes."""
+    return replace(part, modes=modes)
+
+
+def _still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
+    """The poses, or one of them if all are the same."""
+    return poses[:1] if np.array_equal(poses, np.broadcast_to(poses[:1], poses.shape)) else poses
