@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..information import fisher_information as information
+from ..information.horizon import Horizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -16,8 +17,9 @@ from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import rivals
+from .advice import Evidence
 from .levenberg_marquardt import Ending
-from .report import correlation_table, estimates_table, searches_table, series_table
+from .report import correlation_table, estimates_table, numbered, searches_table, series_table
 from .residuals import RunMisfit
 from .screening.screening import Screened
 from .searches import Search
@@ -35,6 +37,7 @@ class Fit:
     - `measurements`: those that were fitted.
     - `searches`: one from each start; `best` is the one with the smallest chi squared.
     - `screened`: the starts that each pass of a `Screening` left.
+    - `horizon`: that was given, or ``None``.
     """
 
     scene: Scene
@@ -45,6 +48,7 @@ class Fit:
     searches: tuple[Search, ...]
     best: Search
     screened: tuple[Screened, ...] = ()
+    horizon: Horizon | None = None
 
     @property
     def ending(self) -> Ending:
@@ -159,8 +163,26 @@ class Fit:
             *self._of_noise(),
         ]
 
+    @cached_property
+    def advice(self) -> list[str]:
+        """Sentences on what to try, in order, with the numbers at hand, if the fit ends far above
+        the noise; none if it does not."""
+        scatter = math.sqrt(self.chi_squared / self.freedom) if self.freedom > 0 else 0.0
+        return Evidence(
+            self.measurements,
+            self.parameters,
+            self.predictions,
+            self.residuals,
+            self.searches,
+            self.best,
+            scatter,
+            bool(self.screened),
+            self.horizon,
+        ).advice()
+
     def __str__(self) -> str:
-        """Estimates, goodness of fit, series, correlations and warnings, as aligned tables."""
+        """Estimates, goodness of fit, series, correlations, warnings and advice, as aligned
+        tables."""
         parts = [
             self._head(),
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
@@ -173,6 +195,8 @@ class Fit:
         if len(self.searches) > 1:
             parts.append(searches_table(self.searches, self.best, self.screened))
         parts.append("\n".join(f"Warning: {warning}" for warning in self.warnings))
+        if self.advice:
+            parts.append("What to try, in this order:\n" + numbered(self.advice))
         return "\n\n".join(part for part in parts if part)
 
     def _head(self) -> str:
