@@ -26,6 +26,7 @@ from .fields.cautions import LawRangeWarning as LawRangeWarning
 from .fields.cautions import LeftBearingWarning as LeftBearingWarning
 from .fields.cautions import LooseBodyWarning as LooseBodyWarning
 from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
+from .fields.cautions import PoorFitWarning as PoorFitWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity
 from .identification.fit import Fit as Fit

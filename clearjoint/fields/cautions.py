@@ -48,6 +48,13 @@ class NotCarriedOverWarning(UserWarning):
     """
 
 
+class PoorFitWarning(UserWarning):
+    """A fit ends far above the noise.
+
+    Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.PoorFitWarning)``.
+    """
+
+
 class LooseBodyWarning(UserWarning):
     """A body that nothing holds, or a drive about an axis that nothing holds.
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from ..datasets.labelled import Labelled, labelled_dataset, texts
 from ..datasets.tabular import AbstractTabular
 from ..information import fisher_information as information
+from ..information.horizon import Horizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -19,8 +20,9 @@ from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import rivals
+from .advice import Evidence
 from .levenberg_marquardt import Ending
-from .report import correlation_table, estimates_table, searches_table, series_table
+from .report import correlation_table, estimates_table, numbered, searches_table, series_table
 from .residuals import RunMisfit
 from .screening.screening import Screened
 from .searches import Search
@@ -41,6 +43,7 @@ class Fit(AbstractTabular):
     - `measurements`: those that were fitted.
     - `searches`: one from each start; `best` is the one with the smallest chi squared.
     - `screened`: the starts that each pass of a `Screening` left.
+    - `horizon`: that was given, or ``None``.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
 
@@ -70,6 +73,7 @@ class Fit(AbstractTabular):
     searches: tuple[Search, ...]
     best: Search
     screened: tuple[Screened, ...] = ()
+    horizon: Horizon | None = None
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` along "parameter": `estimate`, `standard_error` and the bounds of the
@@ -211,8 +215,26 @@ class Fit(AbstractTabular):
             *self._of_noise(),
         ]
 
+    @cached_property
+    def advice(self) -> list[str]:
+        """Sentences on what to try, in order, with the numbers at hand, if the fit ends far above
+        the noise; none if it does not."""
+        scatter = math.sqrt(self.chi_squared / self.freedom) if self.freedom > 0 else 0.0
+        return Evidence(
+            self.measurements,
+            self.parameters,
+            self.predictions,
+            self.residuals,
+            self.searches,
+            self.best,
+            scatter,
+            bool(self.screened),
+            self.horizon,
+        ).advice()
+
     def __str__(self) -> str:
-        """Estimates, goodness of fit, series, correlations and warnings, as aligned tables."""
+        """Estimates, goodness of fit, series, correlations, warnings and advice, as aligned
+        tables."""
         parts = [
             self._head(),
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
@@ -225,6 +247,8 @@ class Fit(AbstractTabular):
         if len(self.searches) > 1:
             parts.append(searches_table(self.searches, self.best, self.screened))
         parts.append("\n".join(f"Warning: {warning}" for warning in self.warnings))
+        if self.advice:
+            parts.append("What to try, in this order:\n" + numbered(self.advice))
         return "\n\n".join(part for part in parts if part)
 
     def _head(self) -> str:

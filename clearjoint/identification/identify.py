@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive
 from ..information.horizon import Horizon
 from ..measurements.series import Measurements
@@ -20,6 +21,7 @@ from ..simulation.progress_bars import telling_of_compiling
 from ..simulation.settings import Settings, settings_or
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
+from .report import numbered
 from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
 from .screening.passes import LOOSER, Passes, lowest
 from .screening.screening import Screened, Screening
@@ -78,6 +80,9 @@ def identify(
 
     **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
     see `Fit.ending` and `Fit.warnings`.
+
+    **Warns:** `PoorFitWarning` if the fit ends far above the noise, with what to try, in order,
+    which `Fit.advice` and the report have too.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -168,8 +173,23 @@ def identify_many(
             searches, screened = windows.searches(one, rows, passes, on_iteration)
             best = lowest(searches)
             fitted = runs.family.scene_and_state(best.best.coordinates)
-            fits.append(Fit(*fitted, dict(parameters), units, one, searches, best, screened))
+            found = searches, best, screened, horizon
+            fits.append(Fit(*fitted, dict(parameters), units, one, *found))
+    _warn_of_poor(fits)
     return fits
+
+
+def _warn_of_poor(fits: Sequence[Fit]) -> None:
+    """Warn once of fits that end far above the noise, with the first one's advice."""
+    poor = [fit for fit in fits if fit.advice]
+    if poor:
+        many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits end so. The first: "
+        end = f"{poor[0].ending.value}, chi squared {poor[0].chi_squared:.3g} of "
+        caution(
+            f"The fit ends far above the noise ({end}{poor[0].freedom} expected). {many}What to "
+            f"try, in this order:\n{numbered(poor[0].advice)}\n",
+            PoorFitWarning,
+        )
 
 
 @dataclass(frozen=True)

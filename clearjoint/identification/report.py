@@ -56,6 +56,11 @@ def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"
     return "\n".join(aligned(rows))
 
 
+def numbered(sentences: Sequence[str]) -> str:
+    """Sentences as a list with numbers."""
+    return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(sentences, 1))
+
+
 def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[Screened]) -> str:
     """A row for each search, the best one with a star, behind a line on the screening, if any."""
     rows = [["start", "chi squared", "runs", "ended"]]

@@ -92,14 +92,14 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
             coordinate = parameter.scale.coordinate(value)
-            _require_possible(scene, state, parameter, value)
+            _require_possible(scene, state, parameter, value.item())
             return coordinate
         return parameter.coordinate_in(scene, state)
     except ValueError as error:
         raise ValueError(f"Parameter {name!r}: {error}") from error
 
 
-def _require_possible(scene: Scene, state: State, parameter: Parameter, value: np.ndarray) -> None:
+def _require_possible(scene: Scene, state: State, parameter: Parameter, value: float) -> None:
     """Check that a scene may have the value.
 
     **Raises:** `ValueError` as at the scene's construction.

@@ -27,7 +27,7 @@ class Strobe:
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
 
-    def change(self, multiple: int) -> Float[np.ndarray, " n-multiple"]:
+    def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
         """Largest change of each period from that so many before it, in the ranges."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)

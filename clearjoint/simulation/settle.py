@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from tqdm import tqdm
 
-from ..fields.checks import require, require_count, require_positive
+from ..fields.checks import as_number, require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..results import RESULTS
@@ -255,7 +255,8 @@ def _rhythm(period: float | None, section: Section | None, span: float | None) -
     remedy = "pass the drive's period in s; or a section, with its span in s"
     require(one, "period", period, "given if and only if `section` is not", remedy)
     if period is not None:
-        require_positive("period", period, "give it in s: 2 pi over the drive's speed")
+        number = as_number(period, "period", "s")
+        require_positive("period", number, "give it in s: 2 pi over the drive's speed")
         require(span is None, "span", span, "None beside a period", "leave it out")
         return _Rhythm(float(period), None)
     kind = type(section).__name__

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import stats
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
+from clearjoint.identification.identify import _warn_of_poor
 from clearjoint.identification.levenberg_marquardt import Iteration
 from clearjoint.identification.residuals import RunMisfit
 from clearjoint.identification.searches import Search, WindowSearch
@@ -211,3 +213,83 @@ def test_a_fit_is_a_table_by_parameter(tmp_path):
     with xr.open_dataset(tmp_path / "fit.nc", engine="scipy") as read:
         assert read.attrs["ending"] == "converged"
         np.testing.assert_array_equal(read["estimate"], frame["estimate"])
+
+
+def with_data(change, count=1, ending=cj.Ending.CONVERGED, parameters=PLAIN, **options):
+    """The straight line's fit, to data that are changed, of so many searches."""
+    fit = line(parameters=parameters, ending=ending)
+    laser = fit.measurements["laser"]
+    data = change(np.asarray(laser.values).copy())
+    series = cj.Series(laser.channel, TIMES, data, NOISE)
+    best = dataclasses.replace(fit.best.best, residuals=(fit.predictions["laser"] - data) / NOISE)
+    search = dataclasses.replace(fit.best, best=best)
+    return dataclasses.replace(
+        fit,
+        measurements=cj.Measurements({"laser": series}),
+        searches=(search,) * count,
+        best=search,
+        **options,
+    )
+
+
+def test_a_fine_fit_needs_no_advice():
+    assert line().advice == [] and "What to try" not in str(line())
+
+
+def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
+    fit = with_data(lambda data: data + np.where(TIMES > 1.0, 5.0 * np.sin(9.0 * TIMES), 0.0))
+    window = next(sentence for sentence in fit.advice if "grow=" in sentence)
+    until = float(window.split("up to ")[1].split(" s")[0])
+    assert 0.8 < until <= 1.05
+    order = [
+        next(k for k, s in enumerate(fit.advice) if word in s)
+        for word in ("grow=", "cj.horizon", "cj.Starts", "Parameter.initial", "identify_by_shots")
+    ]
+    assert order == sorted(order)
+    assert f"1. {fit.advice[0]}" in str(fit)
+
+
+def test_a_run_that_is_off_from_the_start_is_told_to_doubt_the_scene():
+    fit = with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
+    assert any("off from the first samples" in sentence for sentence in fit.advice)
+
+
+def test_white_residuals_are_noise():
+    generator = np.random.default_rng(0)
+    fit = with_data(lambda data: data + 4.0 * NOISE * generator.standard_normal(COUNT))
+    assert "white: state 3.88" in fit.advice[0]
+
+
+def test_outliers_and_shifts_in_time_are_seen():
+    def spoilt(data):
+        data[[20, 90]] += 8.0
+        return data
+
+    (outliers,) = [sentence for sentence in with_data(spoilt).advice if "outliers" in sentence]
+    assert outliers.startswith("4 of 200 samples make 9")
+    assert f"{TIMES[20]:.6g} s" in outliers or f"{TIMES[90]:.6g} s" in outliers
+    late = with_data(lambda data: data - 2.0 * 0.3).advice
+    assert any("0.298 s late" in sentence and "97%" in sentence for sentence in late)
+
+
+def test_what_was_tried_already_is_not_advised():
+    def off(data):
+        return data + 5.0 * np.sin(20.0 * TIMES)
+
+    several = with_data(off, 3).advice
+    assert any("3 searches ended" in sentence and "one minimum" in sentence for sentence in several)
+    assert not any("cj.Starts" in sentence for sentence in several)
+    free = {"offset": cj.Parameter.initial(lambda state: state.bodies["arm 2"].spin[2])}
+    fit = with_data(off, parameters=PLAIN | free)
+    assert not any("Parameter.initial" in sentence for sentence in fit.advice)
+    ended = with_data(off, ending=cj.Ending.EXHAUSTED).advice
+    assert any("max_iterations" in sentence for sentence in ended)
+
+
+def test_a_poor_fit_is_warned_of_once():
+    fine, poor = line(), with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
+    with pytest.warns(cj.PoorFitWarning, match="2 of 3 fits end so") as caught:
+        _warn_of_poor([fine, poor, poor])
+    assert len(caught) == 1 and "1. " in str(caught[0].message)
+    with warnings.catch_warnings(action="error"):
+        _warn_of_poor([fine])
