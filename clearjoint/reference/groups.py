@@ -68,9 +68,15 @@ GROUPS = (
     Group(
         "run",
         "Runs",
-        "Simulate a scene and look at what it did. `cj.presets` has settings by name.",
-        ("simulation", "dynamics", "presets", "results", "runtime", "fields.cautions")
+        "Simulate a scene and look at what it did.",
+        ("simulation", "dynamics", "results", "runtime", "fields.cautions")
         + ("tables", "compilation"),
+    ),
+    Group(
+        "presets",
+        "Settings by name",
+        "Import them as `cj.presets`: `cj.simulate(scene, state, 1.0, cj.presets.study)`.",
+        ("presets",),
     ),
     Group(
         "sweep",
@@ -125,7 +131,7 @@ def grouped(names: list[PublicName]) -> dict[str, list[PublicName]]:
 
 def _page(public: PublicName, shared: set[str]) -> str:
     own = public.source.removeprefix("clearjoint.")
-    if own in ("plot", "quantities", "testing"):
+    if own in ("plot", "presets", "quantities", "testing"):
         return own
     if public.name in shared:
         return "extend"

@@ -5,6 +5,7 @@ import re
 import types
 from functools import cached_property
 from pathlib import Path
+from unittest.mock import patch
 
 from .groups import GROUPS, Group, grouped
 from .public_names import PublicName, public_names
@@ -14,6 +15,7 @@ from .text import to_html
 try:
     import pdoc.doc
     import pdoc.render
+    import pdoc.search
     from pdoc.render_helpers import format_signature
 except ImportError as error:
     raise ImportError(
@@ -61,7 +63,7 @@ def write_pages(folder: Path) -> Path:
     for page, held in pages.items():
         html = pdoc.render.html_module(held, pages)
         (folder / f"{page}.html").write_text(_linked(html, page, targets), encoding="utf-8")
-    (folder / "search.js").write_text(pdoc.render.search_index(pages), encoding="utf-8")
+    (folder / "search.js").write_text(_search_index(pages), encoding="utf-8")
     first = folder / "index.html"
     first.write_text(pdoc.render.html_index(pages), encoding="utf-8")
     return first
@@ -83,13 +85,22 @@ def _configure(pages: dict[str, _Page]) -> None:
     pdoc.render.env.globals["pages"] = pages
 
 
+def _search_index(pages: dict[str, _Page]) -> str:
+    """What the search field looks into; pdoc has no filters of the environment there."""
+    with (
+        patch.object(pdoc.search, "to_html", to_html),
+        patch.object(pdoc.search, "format_signature", _formatted),
+    ):
+        return pdoc.render.search_index(pages)
+
+
 def _formatted(signature: inspect.Signature, colon: bool) -> str:
     return format_signature(readable(signature), colon)
 
 
 def _constructor(documented: pdoc.doc.Class) -> str:
     """The arguments of a class, without any for one that nobody constructs."""
-    if inspect.isabstract(documented.obj) or issubclass(documented.obj, Warning):
+    if documented.name.startswith("Abstract") or issubclass(documented.obj, Warning):
         return ""
     try:
         signature = inspect.signature(documented.obj)

@@ -21,7 +21,7 @@ def test_every_name_has_one_page():
 
 def test_a_name_without_a_page_is_told():
     stray = PublicName("lost", "clearjoint", "clearjoint.nowhere.at_all", None, "")
-    with pytest.raises(ValueError, match=r"no .*place for lost.*groups\.py|No .*place for lost"):
+    with pytest.raises(ValueError, match=r"place for lost.*groups\.py"):
         grouped([stray])
 
 
@@ -33,7 +33,7 @@ def test_sessions_are_fenced_and_literals_keep_their_dollars():
     assert text == f"The {name} of `$x$` and 5 $ or 6 $."
     assert "&#x003C7;" in marks[name]
     with pytest.raises(ValueError, match="can't be rendered"):
-        without_equations(r"$\frac{1}$")
+        without_equations(r"$x_a_b$")
 
 
 @pytest.mark.slow
@@ -48,7 +48,7 @@ def test_one_command_writes_pages_that_need_no_network(tmp_path):
         for public in held:
             assert f'id="{public.name}"' in pages[page], public
             assert f'href="{page}.html#{public.name}"' in pages["index"], public
-    assert "<math" in pages["laws"] and "$" not in re.sub(r"<script.*?</script>", "", pages["laws"])
+    assert "<math" in pages["laws"] and "$$" not in pages["laws"]
     for text in pages.values():
         assert re.findall(r'(?:src|href)="https?://(?!pdoc\.dev)', text) == []
         assert "EQUATION" not in text
