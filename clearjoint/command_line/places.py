@@ -7,10 +7,11 @@ from dataclasses import dataclass, fields, is_dataclass
 import numpy as np
 from jaxtyping import PyTree
 
+from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.places import parameters, unit_at
-from ..scene_files.complaints import FilePlace, listed, nearest
+from ..scene_files.complaints import FilePlace, listed
 from ..scene_files.numbers import number_of_text
 
 STATE = "state"

@@ -6,10 +6,11 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from ..fields.checks import require
+from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
-from ..scene_files.complaints import FilePlace, listed, nearest
+from ..scene_files.complaints import FilePlace, listed
 from ..scene_files.files import scene_of_document
 from ..scene_files.formats import Document, parsed, suffix_of
 from ..scene_files.reading import Reader

@@ -19,7 +19,7 @@ from .meshes import Mesh, frame_about, pose_at
 from .motion import BodyPoses
 from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, OnBodies, between, frames
 from .proportions import Proportions
-from .survey import Solid, equivalent_solid
+from .survey import BodySolid, equivalent_solid
 
 NEAR = 1e-3
 """Distance of two points, over the size of the mechanism, up to which they are one."""
@@ -249,7 +249,7 @@ class SketchingPen(AbstractPen):
             stand = meshes.pyramid(4.0 * bar, 5.0 * bar, 2.5 * bar).moved(pose_at(point, frame))
             self._fixed.add(GROUND, stand, GROUND_COLOUR)
 
-    def _solid_shape(self, solid: Solid) -> Mesh:
+    def _solid_shape(self, solid: BodySolid) -> Mesh:
         first, second, third = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
         if solid.round:
             return meshes.cylinder(0.5 * first, third)

@@ -127,7 +127,7 @@ def survey(scene: Scene) -> SurveyingPen:
     return pen
 
 
-class Solid(NamedTuple):
+class BodySolid(NamedTuple):
     """The homogeneous solid of a body's mass and moments of inertia.
 
     `axes`: (3, 3), its axes in the columns, in body axes; `sides`: (3,) m, along them. A `round`
@@ -143,7 +143,7 @@ ALIKE = 1e-3
 """Relative difference of two moments up to which a solid is round."""
 
 
-def equivalent_solid(body: Body) -> Solid:
+def equivalent_solid(body: Body) -> BodySolid:
     """A cylinder for a body with just two equal principal moments, and a box for any other."""
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
@@ -153,9 +153,9 @@ def equivalent_solid(body: Body) -> Solid:
         radius = np.sqrt(2.0 * along / mass)
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
         third = frame_about(axes[:, alike[0]])
-        return Solid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
+        return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
-    return Solid(axes * np.sign(np.linalg.det(axes)), sides, False)
+    return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
 
 def own_points(places: list[Marker], bodies: Mapping[str, Body]) -> dict[str, np.ndarray]:
