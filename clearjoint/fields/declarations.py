@@ -125,7 +125,7 @@ def name_conversions(cls: type) -> None:
     field."""
     for name, field in list(vars(cls).items()):
         own = field.metadata.get("converter") if isinstance(field, Field) else None
-        if own is as_number or own is _as_optional_number:
+        if own is not None and own in (as_number, _as_optional_number):
             named = partial(own, argument=name, unit=field.metadata["unit"])
             field.metadata = MappingProxyType({**field.metadata, "converter": named})
 

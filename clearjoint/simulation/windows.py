@@ -62,7 +62,11 @@ class Window(eqx.Module):
         """Where in a step from `begin` to `end`, s, it begins and ends: between 0 and 1, and alike
         outside of it."""
         length = jnp.where(end > begin, end - begin, 1.0)
-        return tuple(jnp.clip((edge - begin) / length, 0.0, 1.0) for edge in (self.start, self.end))
+
+        def place(edge: float) -> Scalar:
+            return jnp.clip((edge - begin) / length, 0.0, 1.0)
+
+        return place(self.start), place(self.end)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
         """The value, or NaN for a run that ended, at a time in s, before the window."""
