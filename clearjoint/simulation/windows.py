@@ -62,11 +62,8 @@ class Window(eqx.Module):
         """Where in a step from `begin` to `end`, s, it begins and ends: between 0 and 1, and alike
         outside of it."""
         length = jnp.where(end > begin, end - begin, 1.0)
-
-        def place(edge: float) -> Scalar:
-            return jnp.clip((edge - begin) / length, 0.0, 1.0)
-
-        return place(self.start), place(self.end)
+        first, last = (self.start - begin) / length, (self.end - begin) / length
+        return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
         """The value, or NaN for a run that ended, at a time in s, before the window."""

@@ -2,6 +2,7 @@
 each of them such, or a function of time that gives all three."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import TypeAlias
 
 import equinox as eqx
@@ -19,10 +20,7 @@ SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
 """A number, or a function of time."""
 TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, ...]
 """Three numbers, each of them a number or a function of time, or a function that gives three."""
-WAYS = (
-    "pass a number, PiecewiseConstant, PiecewiseLinear or Spline.through for a table, or a "
-    "function of the time"
-)
+WAYS = "PiecewiseConstant, PiecewiseLinear or Spline.through for a table, or a function of the time"
 
 
 class _PlainVectorFunction(AbstractFunctionOfTime):
@@ -36,12 +34,16 @@ class _PlainVectorFunction(AbstractFunctionOfTime):
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
     """A field of a number in a unit, or of a function of time that gives it."""
-    return quantity(unit, converter=as_single_in_time, check=_require_single, **options)
+    return quantity(
+        unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
+    )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
     """A field of three numbers in a unit, each of which may be a function of time."""
-    return quantity(unit, converter=as_triple_in_time, check=_require_triple, **options)
+    return quantity(
+        unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
+    )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
@@ -66,7 +68,9 @@ def value_at(given: SingleInTime, t: Scalar) -> Scalar:
         return given
     value = given(t)
     shape = _shape(value)
-    require(shape == (), "function", shape, "a function of time that gives one number", WAYS)
+    require(
+        shape == (), "function", shape, "a function of time that gives one number", f"pass {WAYS}"
+    )
     return value
 
 
@@ -93,16 +97,16 @@ def breakpoints_of(*given: PyTree) -> PyTree:
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
 
 
-def _require_single(argument: str, value: PyTree) -> None:
+def _require_single(unit: str, argument: str, value: PyTree) -> None:
     if not isinstance(value, AbstractFunctionOfTime):
-        require_shape(argument, value, (), WAYS)
+        require_shape(argument, value, (), f"pass a single number in {unit}, {WAYS}")
 
 
-def _require_triple(argument: str, value: PyTree) -> None:
-    remedy = "pass three components, each of them a number or a function of time"
+def _require_triple(unit: str, argument: str, value: PyTree) -> None:
+    remedy = f"pass three components in {unit}, each of them a number or a function of time"
     if isinstance(value, tuple):
         require(len(value) == 3, argument, f"{len(value)} components", "three components", remedy)
         for part in value:
-            _require_single(argument, part)
+            _require_single(unit, argument, part)
     elif not isinstance(value, AbstractFunctionOfTime):
         require_shape(argument, value, (3,), remedy)
