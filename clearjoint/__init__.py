@@ -205,6 +205,8 @@ from .parametrisation.scales import AbstractScale as AbstractScale
 from .parametrisation.scales import Bounded as Bounded
 from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
+from .quantities.accelerometer import Accelerometer as Accelerometer
+from .quantities.accelerometer import accelerometer as accelerometer
 from .results import RESULTS as RESULTS
 from .runtime import configure as configure
 from .scene_files.files import load as load

@@ -8,6 +8,7 @@ so that using them anew compiles nothing anew, and they know their units.
 | camera | `Position`, `PointPosition` |
 | velocimeter | `Velocity`, `PointVelocity` |
 | accelerometer, which feels gravity | `PointAcceleration(..., axes="body", gravity=True)` |
+| accelerometer of a bandwidth, which makes impacts signals | `clearjoint.accelerometer` |
 | inclinometer, encoder | `Angle`, `JointAngle` |
 | gyroscope | `AngularVelocity(..., axes="body")`, `AngularAcceleration` |
 | tachometer | `JointAngularVelocity`, `JointAngularAcceleration` |
@@ -18,6 +19,7 @@ so that using them anew compiles nothing anew, and they know their units.
 | another | a function of an `Instant`, with its unit given |
 """
 
+from .accelerometer import AccelerometerReading as AccelerometerReading
 from .base import AbstractQuantity as AbstractQuantity
 from .base import Component as Component
 from .bodies import Acceleration as Acceleration

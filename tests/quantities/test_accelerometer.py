@@ -1,0 +1,136 @@
+"""The band-limited accelerometer: an exact low-pass of two poles on the specific force."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from scipy import signal
+
+import clearjoint as cj
+from clearjoint import quantities as q
+from clearjoint.dynamics.constraint_report import constraint_report
+from clearjoint.parametrisation.places import value_at
+
+FREQUENCY, GRAVITY = 120.0, 9.81
+TURN = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))
+POINT, AXIS = (0.1, 0.02, 0.0), (1.0, 2.0, 0.0)
+
+
+def mass_in_bearing(**state):
+    """A mass that falls in its bearing, without damping."""
+    pin = cj.ClearanceJoint(
+        "ground",
+        "mass",
+        bearing_radius=10e-3,
+        clearance=0.3e-3,
+        journal_length=20e-3,
+        law=cj.Hertz(1e8),
+        axial=cj.FixedAxially(),
+    )
+    body = cj.Body(7.0, (1e-2, 1e-2, 1e-2))
+    scene = cj.Scene({"mass": body}, {"pin": pin}, gravity=(0.0, -GRAVITY, 0.0))
+    return scene, cj.State({"mass": cj.body_state((0.0, 0.0, 0.0), **state)})
+
+
+def with_sensor(**changed):
+    usual = {"point": POINT, "axis": AXIS, "frequency": FREQUENCY}
+    scene, state = mass_in_bearing(orientation=TURN, spin=(0.0, 0.0, 2.0), velocity=(0.1, 0.0, 0.0))
+    return cj.accelerometer(scene, state, **({"body": "mass"} | usual | changed))
+
+
+def test_it_starts_on_its_body_deflected_by_gravity():
+    scene, state, reading = with_sensor()
+    report = constraint_report(scene, state, 0.0)
+    assert np.abs(report.values).max() < 1e-15 and np.abs(report.rates).max() < 1e-12
+    axis = np.array(AXIS) / math.sqrt(5.0)
+    turned = np.array(
+        [
+            math.cos(0.6) * axis[0] - math.sin(0.6) * axis[1],
+            math.sin(0.6) * axis[0] + math.cos(0.6) * axis[1],
+        ]
+    )
+    arm = state.bodies["mass accelerometer"].position - state.bodies["mass"].position
+    point = [math.cos(0.6) * 0.1 - math.sin(0.6) * 0.02, math.sin(0.6) * 0.1 + math.cos(0.6) * 0.02]
+    deflection = (arm[:2] - point) @ turned
+    assert -((2 * math.pi * FREQUENCY) ** 2) * deflection == pytest.approx(GRAVITY * turned[1])
+    reading.check(scene)
+    assert reading.unit == "m/s^2" and reading == q.AccelerometerReading("mass accelerometer")
+
+
+def test_sensors_have_names_of_their_own_and_no_machine_is_warned_of():
+    scene, state = mass_in_bearing()
+    with warnings.catch_warnings(action="error"):
+        for name in ("near", "far"):
+            scene, state, _ = cj.accelerometer(
+                scene, state, "mass", axis=AXIS, frequency=1e3, name=name
+            )
+    assert set(scene.bodies) == {"mass", "near", "far"}
+    assert float(scene.bodies["far"].mass) == pytest.approx(7e-6)
+
+
+MISTAKEN = {
+    "another body": ({"body": "Mass"}, "`body` must be one of .*did you mean 'mass'"),
+    "a name that is taken": ({"name": "pin"}, "`name` must be one that the scene does not have"),
+    "no axis": ({"axis": (0, 0, 0)}, "`axis` must be a vector of non-zero length"),
+    "a point in the plane": ({"point": (0.1, 0.0)}, r"`point` must be an array of shape \(3,\)"),
+    "a frequency in a text": ({"frequency": "2 kHz"}, "`frequency` must be a number"),
+    "no frequency": ({"frequency": 0.0}, "`frequency` must be positive"),
+    "no damping": ({"damping_ratio": 0.0}, "`damping_ratio` must be positive"),
+    "no mass": ({"mass": -1.0}, "`mass` must be positive"),
+}
+
+
+@pytest.mark.parametrize("case", MISTAKEN)
+def test_what_no_sensor_can_have_is_told(case):
+    changed, message = MISTAKEN[case]
+    with pytest.raises(ValueError, match=message):
+        with_sensor(**changed)
+
+
+def test_a_reading_names_its_sensor():
+    with pytest.raises(ValueError, match=r"`sensor` must be one of the scene's \['mass accel"):
+        q.AccelerometerReading("other").check(with_sensor().scene)
+
+
+PARAMETERS = {
+    "clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance, cj.Log()),
+    "stiffness": cj.Parameter(
+        lambda scene: scene.forces["mass accelerometer spring"].stiffness, cj.Log()
+    ),
+}
+
+
+@pytest.mark.slow
+def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differences():
+    """The acceleration at the sensor's place, finely sampled across impacts, through SciPy's
+    filter: as near as the sensor's own motion in its body is small."""
+    scene, state, reading = with_sensor()
+    times = np.linspace(0.0, 0.03, 30_001)
+    raw = [q.PointAcceleration("mass", POINT, one, axes="body", gravity=True) for one in ("x", "y")]
+    outputs = {"reading": reading, "x": raw[0], "y": raw[1]}
+
+    def run(changes):
+        changed = scene
+        for name, factor in changes.items():
+            place = PARAMETERS[name].variation.place
+            changed = cj.put(changed, place, factor * value_at(scene, place))
+        return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
+
+    found = run({})
+    force = (found.values["x"] + 2.0 * found.values["y"]) / math.sqrt(5.0)
+    speed = 2.0 * math.pi * FREQUENCY
+    filter_of_two_poles = signal.lti([speed**2], [1.0, math.sqrt(2.0) * speed, speed**2])
+    at_rest = GRAVITY * (math.sin(0.6) + 2.0 * math.cos(0.6)) / math.sqrt(5.0)
+    _, expected, _ = signal.lsim(filter_of_two_poles, force - at_rest, times)
+    peak = np.max(np.abs(expected))
+    print(peak, np.max(np.abs(force)), np.max(np.abs(found.values["reading"] - expected - at_rest)))
+    assert np.max(np.abs(force)) > 1.5 * peak > 1.0
+    np.testing.assert_allclose(found.values["reading"], expected + at_rest, atol=2e-3 * peak)
+    for k, name in enumerate(PARAMETERS):
+        step = 1e-6
+        above, below = (run({name: math.exp(sign * step)}).values["reading"] for sign in (1, -1))
+        difference = (above - below) / (2.0 * step)
+        size = np.max(np.abs(difference))
+        assert size > 1.0
+        np.testing.assert_allclose(found.derivatives["reading"][:, k], difference, atol=1e-3 * size)
