@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import importlib.util
 import inspect
 import types
 from dataclasses import dataclass
@@ -62,7 +63,7 @@ def _origin(module: str, name: str) -> tuple[str, str]:
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 if name == (alias.asname or alias.name):
-                    package = importlib.import_module(module).__spec__.parent
+                    package = importlib.import_module(module).__package__
                     target = "." * node.level + (node.module or "")
                     above = importlib.util.resolve_name(target, package)
                     if above.partition(".")[0] == "clearjoint":
