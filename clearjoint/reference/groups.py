@@ -9,7 +9,8 @@ from .public_names import PublicName
 class Group:
     """Names that share a page.
 
-    - `page`: its file's name, which is the name of no argument: pdoc would link it; `title` and `text`: what stands above the names.
+    - `page`: its file's name, which is the name of no argument: pdoc would link it.
+    - `title` and `text`: what stands above the names.
     - `places`: modules, or packages of them, whose names it holds.
     """
 
