@@ -9,7 +9,8 @@ from .public_names import PublicName
 class Group:
     """Names that share a page.
 
-    - `page`: its file's name; `title` and `text`: what stands above the names.
+    - `page`: its file's name, which is the name of no argument: pdoc would link it.
+    - `title` and `text`: what stands above the names.
     - `places`: modules, or packages of them, whose names it holds.
     """
 
@@ -21,13 +22,13 @@ class Group:
 
 GROUPS = (
     Group(
-        "scene",
+        "scenes",
         "Scenes, bodies and states",
         "A mechanism as it is built, checked, assembled, saved and read.",
         ("model.scene", "model.bodies", "dynamics.assembly", "dynamics.constraint_report")
         + ("scene_files", "view"),
     ),
-    Group("joints", "Ideal joints", "Joints without play.", ("model.joints",)),
+    Group("ideal-joints", "Ideal joints", "Joints without play.", ("model.joints",)),
     Group(
         "plays",
         "Joints with clearance and other plays",
@@ -36,14 +37,14 @@ GROUPS = (
         ("model.plays",),
     ),
     Group(
-        "friction",
+        "friction-laws",
         "Friction laws",
         "The force against sliding, as a multiple of the normal force: regularised, falling from "
         "breakaway, or with bristles, which stick.",
         ("model.contact.friction", "model.contact.stribeck", "model.contact.bristles"),
     ),
     Group(
-        "laws",
+        "contact-laws",
         "Contact laws",
         r"The normal force of a contact from its penetration $\delta$ and the rate "
         r"$\dot\delta$; a law with memory knows the entry speed $\dot\delta_0$ besides. "
@@ -52,9 +53,9 @@ GROUPS = (
         r"factor $\chi$, a function of the requested restitution $c$.",
         ("model.contact", "simulation.wall_impact", "simulation.law_ranges"),
     ),
-    Group("films", "Lubricant films", "What carries a journal in oil.", ("model.film",)),
+    Group("lubricant-films", "Lubricant films", "What carries a journal in oil.", ("model.film",)),
     Group(
-        "drives",
+        "drives-and-loads",
         "Drives, springs and loads",
         "What moves a mechanism, and what acts on it beside its joints.",
         ("model.drives", "model.forces"),
@@ -66,7 +67,7 @@ GROUPS = (
         ("model.mechanisms",),
     ),
     Group(
-        "run",
+        "runs",
         "Runs",
         "Simulate a scene and look at what it did.",
         ("simulation", "dynamics", "results", "runtime", "fields.cautions")
@@ -79,13 +80,13 @@ GROUPS = (
         ("presets",),
     ),
     Group(
-        "sweep",
+        "sweeps",
         "Sweeps",
         "Thousands of runs side by side, each reduced to what is looked for while it runs.",
         ("sweeps", "simulation.batch"),
     ),
     Group(
-        "fit",
+        "fits",
         "Fits and derivatives",
         "Parameters from measurements, what data can tell of them, and derivatives of a motion.",
         ("identification", "information", "measurements", "parametrisation")
@@ -97,9 +98,9 @@ GROUPS = (
         "Import them as `cj.quantities`.",
         ("quantities",),
     ),
-    Group("plot", "Plots", "Import them by `from clearjoint import plot`.", ("plot",)),
+    Group("plots", "Plots", "Import them by `from clearjoint import plot`.", ("plot",)),
     Group(
-        "extend",
+        "extending",
         "Elements of your own",
         "What authors of laws, joints, forces, quantities and reductions subclass and use; "
         "import it from `clearjoint.extend`, and the abstract classes from `clearjoint` too.",
@@ -112,6 +113,16 @@ GROUPS = (
         ("testing",),
     ),
 )
+
+
+OWN_PAGES = {
+    "extend": "extending",
+    "plot": "plots",
+    "presets": "presets",
+    "quantities": "quantities",
+    "testing": "testing",
+}
+"""Pages of modules of their own."""
 
 
 def grouped(names: list[PublicName]) -> dict[str, list[PublicName]]:
@@ -131,10 +142,10 @@ def grouped(names: list[PublicName]) -> dict[str, list[PublicName]]:
 
 def _page(public: PublicName, shared: set[str]) -> str:
     own = public.source.removeprefix("clearjoint.")
-    if own in ("plot", "presets", "quantities", "testing"):
-        return own
+    if own in OWN_PAGES:
+        return OWN_PAGES[own]
     if public.name in shared:
-        return "extend"
+        return OWN_PAGES["extend"]
     origin = public.origin.removeprefix("clearjoint.") + "."
     fitting = [
         (len(place), group.page)

@@ -3,13 +3,14 @@
 import inspect
 import re
 import types
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from unittest.mock import patch
 
 from .groups import GROUPS, Group, grouped
 from .public_names import PublicName, public_names
-from .signatures import readable
+from .signatures import readable, shortened
 from .text import to_html
 
 try:
@@ -59,7 +60,7 @@ def write_pages(folder: Path) -> Path:
     pages = {group.page: _Page(group, names[group.page]) for group in GROUPS if names[group.page]}
     _configure(pages)
     folder.mkdir(parents=True, exist_ok=True)
-    targets = {name: page for page, held in pages.items() for name in vars(held.obj)["__all__"]}
+    targets = _targets(pages)
     for page, held in pages.items():
         html = pdoc.render.html_module(held, pages)
         (folder / f"{page}.html").write_text(_linked(html, page, targets), encoding="utf-8")
@@ -67,6 +68,18 @@ def write_pages(folder: Path) -> Path:
     first = folder / "index.html"
     first.write_text(pdoc.render.html_index(pages), encoding="utf-8")
     return first
+
+
+def _targets(pages: dict[str, _Page]) -> dict[str, str]:
+    """The page of each name that text may link to: of none that is an argument's name as well."""
+    public = [name for held in pages.values() for name in held.names]
+    arguments: set[str] = set()
+    for name in public:
+        if inspect.isclass(name.value) or inspect.isroutine(name.value):
+            with suppress(ValueError):
+                arguments |= set(inspect.signature(name.value).parameters)
+    found = {name.name: page for page, held in pages.items() for name in held.names}
+    return {name: page for name, page in found.items() if name not in arguments}
 
 
 def _configure(pages: dict[str, _Page]) -> None:
@@ -81,6 +94,7 @@ def _configure(pages: dict[str, _Page]) -> None:
         "format_signature": _formatted,
         "constructor": _constructor,
         "overrides": _overrides,
+        "shortened": shortened,
     }
     pdoc.render.env.globals["pages"] = pages
 

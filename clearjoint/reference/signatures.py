@@ -28,13 +28,17 @@ class _Shown:
         return self.text
 
 
+def shortened(text: str) -> str:
+    """The text of a type with short names."""
+    for long, short in SHORTER:
+        text = re.sub(long, short, text)
+    return text
+
+
 def _annotation(annotation: object) -> object:
     if annotation in (inspect.Parameter.empty, object):
         return inspect.Parameter.empty
-    text = inspect.formatannotation(annotation)
-    for long, short in SHORTER:
-        text = re.sub(long, short, text)
-    return _Shown(text)
+    return _Shown(shortened(inspect.formatannotation(annotation)))
 
 
 def _default(default: object) -> object:
