@@ -160,7 +160,8 @@ def view(
     **Arguments:**
 
     - `motion`: a `State`; a solution with saved states, or steps; or a `Trajectory`. Unless given,
-      bodies are where the joints put them, one after the other from the ground on.
+      bodies are where the joints put them, one after the other from the ground on; of loops,
+      `assemble` closes what that leaves open, which compiles.
     - `observation`: of the same instants as the motion. By default the solution is observed, which
       compiles once for a structure of scenes; not at all if `forces` is False, and without it there
       are neither arrows nor modes.

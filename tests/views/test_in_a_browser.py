@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.views.parts import CLEAR
 from tests.support import recorded_journal as recorded
 from tests.support.browser import FOUND, MISSING, Browser
 
@@ -34,6 +35,12 @@ def share_of(picture: np.ndarray, colour: str) -> float:
     return float(near.sum()) / len(canvas)
 
 
+def seen_through(colour: str) -> str:
+    """What a colour that one looks through looks like in front of white."""
+    parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round(CLEAR * part + (1.0 - CLEAR) * 255.0):02x}" for part in parts)
+
+
 def at_frame(browser: Browser, frame: int) -> np.ndarray:
     """What one sees after the slider was moved to a frame."""
     move = f"const s = document.getElementById('time'); s.value = {frame}; s.oninput();"
@@ -61,6 +68,20 @@ def test_a_mechanism_moves_with_the_slider_and_plays(browser, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_notebook_shows_it_in_a_frame(browser, tmp_path):
+    view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
+    script = "<script>setInterval(() => { const inside = document.querySelector('iframe')"
+    script += ".contentDocument; if (inside && inside.body && inside.body.dataset.ready) "
+    script += "document.body.dataset.ready = 'yes'; }, 50)</script>"
+    page = tmp_path / "notebook.html"
+    page.write_text(f"<!doctype html><body>{view._repr_html_()}{script}", encoding="utf-8")
+    browser.open(page.as_uri())
+    browser.wait("document.querySelector('iframe').contentDocument.body.dataset.frame == '0'")
+    assert share_of(browser.picture(), BLUE) > 1e-3
+    assert browser.errors == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.robot_arm, cj.gear_pair]
@@ -75,6 +96,6 @@ def test_mechanisms_are_seen_before_a_run(make, browser, tmp_path):
     picture = browser.picture()
     assert browser.errors == []
     shown = [colour for colour, name in view.legend.entries if name in scene.bodies]
-    shares = np.array([share_of(picture, colour) for colour in shown])
+    shares = np.array([share_of(picture, c) + share_of(picture, seen_through(c)) for c in shown])
     assert shares.max() > 1e-3
     assert np.count_nonzero(shares) >= 0.5 * len(shares)

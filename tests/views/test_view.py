@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 
 import jax
 import numpy as np
@@ -314,6 +315,13 @@ def test_files_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(ValueError, match="ffmpeg.*gif"):
         seen.save(tmp_path / "arm.mp4")
+
+
+def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
+    monkeypatch.setitem(sys.modules, "k3d", None)
+    again = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
+    with pytest.raises(ImportError, match=r"clearjoint\[view\]"):
+        again._repr_html_()
 
 
 @pytest.mark.slow
