@@ -79,6 +79,17 @@ def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
     )
 
 
+def require_instants(trajectory: Trajectory) -> None:
+    """Check that there is a state for each time."""
+    count = len(np.asarray(trajectory.times))
+    for name, body in trajectory.states.bodies.items():
+        shape = np.shape(body.position)
+        fine = count > 0 and shape == (count, 3)
+        remedy = "pass a state by itself, or a trajectory with the times in front of each array"
+        argument = f"motion.states.bodies[{name!r}].position"
+        require(fine, argument, shape, f"of shape ({count}, 3), one row for each time", remedy)
+
+
 def _poses(body: BodyState) -> Float[np.ndarray, "*N 4 4"]:
     """Of position and Euler parameters, whose norm does not matter."""
     from scipy.spatial.transform import Rotation

@@ -1,6 +1,7 @@
 """Where bodies are of which nobody has said it yet: as the joints put them, one after the other."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,13 @@ CLOSED = 1e-6
 one place; and the sine of the angle between axes."""
 
 
+TURNS = (0.0, 0.7, -0.7, 1.6)
+"""Angles of hinges, rad, tried in turn where loops don't close from the first: stretched out, as
+bodies may be there, they are in a dead position."""
+Placement: TypeAlias = tuple[np.ndarray, Rotation]
+"""Of a body: its position, m, and its turn from body to global axes."""
+
+
 def placed(scene: Scene) -> tuple[State, bool]:
     """A state that a scene's joints leave possible, at rest, and whether it satisfies them all.
 
@@ -23,7 +31,22 @@ def placed(scene: Scene) -> tuple[State, bool]:
     points and axes in one line and no other turn; then what loops leave open is closed.
     """
     joined = survey(scene).joined
-    poses: dict[str, tuple[np.ndarray, Rotation]] = {GROUND: (np.zeros(3), Rotation.identity())}
+    straight = _chained(scene, joined, TURNS[0])
+    if all(_fits(straight, *pair) for pair in joined):
+        return _state(scene, straight), True
+    for turn in TURNS:
+        try:
+            return assemble(scene, _state(scene, _chained(scene, joined, turn))), True
+        except ValueError:
+            continue
+    return _state(scene, straight), False
+
+
+def _chained(
+    scene: Scene, joined: Sequence[tuple[Marker, Marker]], turn: float
+) -> dict[str, Placement]:
+    """Each body at the one that has its place before, every second hinge turned the other way."""
+    poses: dict[str, Placement] = {GROUND: (np.zeros(3), Rotation.identity())}
     while len(poses) <= len(scene.bodies):
         pair = next((pair for pair in joined if _leads_on(pair, poses)), None)
         if pair is None:
@@ -31,34 +54,28 @@ def placed(scene: Scene) -> tuple[State, bool]:
             poses[left] = np.zeros(3), Rotation.identity()
             continue
         here, there = pair if pair[0].body in poses else pair[::-1]
-        poses[there.body] = _joined(poses[here.body], here, there)
-    guess = State(
-        {
-            name: body_state(poses[name][0], poses[name][1].as_quat(scalar_first=True))
-            for name in scene.bodies
-        }
-    )
-    if all(_fits(poses, *pair) for pair in joined):
-        return guess, True
-    try:
-        return assemble(scene, guess), True
-    except ValueError:
-        return guess, False
+        poses[there.body] = _joined(poses[here.body], here, there, turn)
+        turn = -1.3 * turn
+    return poses
 
 
-def _leads_on(pair: tuple[Marker, Marker], poses: dict[str, tuple[np.ndarray, Rotation]]) -> bool:
+def _state(scene: Scene, poses: Mapping[str, Placement]) -> State:
+    numbers = {name: (poses[name][0], poses[name][1].as_quat(scalar_first=True)) for name in poses}
+    return State({name: body_state(*numbers[name]) for name in scene.bodies})
+
+
+def _leads_on(pair: tuple[Marker, Marker], poses: dict[str, Placement]) -> bool:
     return (pair[0].body in poses) != (pair[1].body in poses)
 
 
-def _joined(
-    pose: tuple[np.ndarray, Rotation], here: Marker, there: Marker
-) -> tuple[np.ndarray, Rotation]:
-    """Position and rotation of the body of `there`, by those of the body of `here`."""
+def _joined(pose: Placement, here: Marker, there: Marker, angle: float) -> Placement:
+    """Where the body of `there` is, by where that of `here` is, turned by an angle, rad."""
     position, turn = pose
     own = turn
     if here.axis is not None and there.axis is not None:
         wanted, axis = turn.apply(here.axis), turn.apply(there.axis)
-        own = _shortest(axis, wanted) * turn
+        about = Rotation.from_rotvec(angle * wanted / np.linalg.norm(wanted))
+        own = about * _shortest(axis, wanted) * turn
     return position + turn.apply(here.point) - own.apply(there.point), own
 
 
@@ -72,7 +89,7 @@ def _shortest(axis: np.ndarray, wanted: np.ndarray) -> Rotation:
     return Rotation.from_rotvec(across / sine * np.arctan2(sine, abs(cosine)) * np.sign(cosine))
 
 
-def _fits(poses: Mapping[str, tuple[np.ndarray, Rotation]], first: Marker, second: Marker) -> bool:
+def _fits(poses: Mapping[str, Placement], first: Marker, second: Marker) -> bool:
     """Whether two points are in one place, and their axes in one line."""
     places, axes = [], []
     for marker in (first, second):

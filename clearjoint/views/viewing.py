@@ -18,7 +18,15 @@ from ..simulation.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode
 from .camera import Camera, camera
 from .meshes import Mesh, MeshLike, given_mesh
-from .motion import BodyPoses, at_instants, instants_to_show, moving, require_bodies, standing
+from .motion import (
+    BodyPoses,
+    at_instants,
+    instants_to_show,
+    moving,
+    require_bodies,
+    require_instants,
+    standing,
+)
 from .page import Legend, page
 from .parts import FORCE, GROUND_COLOUR, LOAD, MODES, DrawnPart
 from .proportions import Proportions, proportions
@@ -37,7 +45,8 @@ FILMED = 100
 class View:
     """A picture of a mechanism in space, which a notebook shows by itself.
 
-    - `parts`: the solids it is made of. `times`: (N,) s of its frames, or ``None``.
+    - `parts`: the solids it is made of. `times`: (N,) s of its frames, or ``None``. `legend`: what
+      is said beside it: `title`, `entries` of a colour and its meaning, and `notes`.
     - `clearance_scale`, `bearing_scale`: how many times as wide as they are clearances are drawn,
       and as large bearings. `force_scale`: length of arrows, m/N.
     """
@@ -53,12 +62,12 @@ class View:
     ):
         self.parts, self.times = parts, times
         self.clearance_scale, self.bearing_scale, self.force_scale = scales
-        self._camera, self._legend, self._height = where, legend, height
+        self.legend, self._camera, self._height = legend, where, height
 
     @cached_property
     def html(self) -> str:
         """The whole page: no server, and no network, is needed to look at it."""
-        return page(self.parts, self._camera, self._legend, self.times, self._height)
+        return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
         """Write the view, as the file's name ends: ".html" for a page to turn and play, ".gif" or
@@ -88,7 +97,7 @@ class View:
             require(self.times is not None, "file", str(file), "no animation of one state", remedy)
         from .filming import Film
 
-        Film(self.parts, self._camera, self._legend, self.times).save(
+        Film(self.parts, self._camera, self.legend, self.times).save(
             file, self._frames(ending, time)
         )
         return file
@@ -110,7 +119,7 @@ class View:
 
     def __repr__(self) -> str:
         frames = "one state" if self.times is None else f"{len(self.times)} frames"
-        return f'View of {self._legend.title} ({frames}): save it with .save("view.html")'
+        return f'View of {self.legend.title} ({frames}): save it with .save("view.html")'
 
 
 def view(
@@ -151,7 +160,8 @@ def view(
     **Arguments:**
 
     - `motion`: a `State`; a solution with saved states, or steps; or a `Trajectory`. Unless given,
-      bodies are where the joints put them, one after the other from the ground on.
+      bodies are where the joints put them, one after the other from the ground on; of loops,
+      `assemble` closes what that leaves open, which compiles.
     - `observation`: of the same instants as the motion. By default the solution is observed, which
       compiles once for a structure of scenes; not at all if `forces` is False, and without it there
       are neither arrows nor modes.
@@ -210,6 +220,7 @@ def _where(
     trajectory = _trajectory(motion)
     require_bodies(trajectory.states, scene.bodies)
     times = np.asarray(trajectory.times)
+    require_instants(trajectory)
     chosen = instants_to_show(times, frames)
     shown = at_instants(trajectory, chosen)
     if observation is not None:

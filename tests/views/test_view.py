@@ -1,0 +1,339 @@
+"""Views: what is drawn where, how large, and what is said of it."""
+
+import re
+import shutil
+import sys
+
+import jax
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import clearjoint as cj
+from clearjoint.views.arrows import LONGEST
+from clearjoint.views.journals import WALL
+from clearjoint.views.parts import FORCE, METAL, MODES
+from clearjoint.views.placing import placed
+from clearjoint.views.survey import equivalent_solid
+from tests.support import recorded_journal as recorded
+
+Z = (0.0, 0.0, 1.0)
+ORIGIN = (0.0, 0.0, 0.0)
+BALL = cj.Body(1.0, (1e-3, 1e-3, 1e-3))
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=recorded.observed())
+
+
+def journal_of(view):
+    return next(part for part in view.parts if part.is_journal)
+
+
+def spread(part, axis):
+    """Largest distance of a part's vertices from the axis, in its own axes, m."""
+    return np.linalg.norm(np.delete(part.mesh.vertices, axis, axis=1), axis=1).max()
+
+
+def test_a_journal_is_as_far_off_as_it_is_times_the_scale(seen):
+    journal = journal_of(seen)
+    drawn = journal.poses[:, :3, 3]
+    np.testing.assert_allclose(drawn, seen.clearance_scale * recorded.eccentricities(), atol=1e-12)
+    bore = recorded.RADIUS * seen.bearing_scale
+    reach = np.linalg.norm(drawn, axis=1) + spread(journal, 2)
+    np.testing.assert_allclose(reach[recorded.TOUCHING], bore, rtol=1e-9)
+    assert (reach[~recorded.TOUCHING] < 0.95 * bore).all()
+    assert 0.2 * bore < seen.clearance_scale * recorded.CLEARANCE <= 0.3 * bore
+
+
+def test_true_proportions_are_kept_if_they_are_asked_for():
+    scene, state = cj.double_pendulum()
+    view = cj.view(scene, state, clearance_scale=1.0, bearing_scale=1.0)
+    assert spread(journal_of(view), 2) == pytest.approx(9.5e-3)
+    ground = next(part for part in view.parts if part.name == "ground")
+    ring = ground.mesh.vertices[np.abs(ground.mesh.vertices[:, 2]) > 9.9e-3]
+    radii = np.linalg.norm(ring[:, :2], axis=1)
+    assert radii.min() == pytest.approx(10e-3)
+    assert np.isclose(radii, 10e-3 * (1.0 + WALL)).any()
+
+
+def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():
+    scene, state = cj.four_bar()
+    view = cj.view(scene, state)
+    for name in ("crank", "coupler", "rocker"):
+        bar = next(part for part in view.parts if part.name == name and part.colour != METAL)
+        pose = bar.pose(0)
+        np.testing.assert_allclose(pose[:3, 3], state.bodies[name].position)
+        drawn = pose[:3, :3] @ bar.mesh.vertices.T
+        ends = [p for j in scene.joints.values() for _, b, p in j.attachments() if b == name]
+        long = np.ptp(bar.mesh.vertices[:, 0])
+        assert long == pytest.approx(np.linalg.norm(np.subtract(*ends)), rel=0.2)
+        assert np.isfinite(drawn).all()
+
+
+@pytest.mark.parametrize("sides", [(0.3, 0.1, 0.05), (0.2, 0.2, 0.2)])
+def test_the_solid_of_a_box_is_that_box(sides):
+    x, y, z = np.square(sides)
+    body = cj.Body(2.0, (2.0 * (y + z) / 12.0, 2.0 * (x + z) / 12.0, 2.0 * (x + y) / 12.0))
+    solid = equivalent_solid(body)
+    np.testing.assert_allclose(solid.sides, sides)
+    assert not solid.round
+
+
+def test_the_solid_of_a_turned_cylinder_is_that_cylinder():
+    radius, length, axis = 0.1, 0.3, np.array([1.0, 2.0, 2.0]) / 3.0
+    across, along = radius**2 / 4.0 + length**2 / 12.0, radius**2 / 2.0
+    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    solid = equivalent_solid(cj.Body(3.0, 3.0 * inertia))
+    assert solid.round
+    np.testing.assert_allclose(solid.sides, (2 * radius, 2 * radius, length))
+    np.testing.assert_allclose(abs(solid.axes[:, 2] @ axis), 1.0)
+
+
+def test_arrows_point_at_where_the_journal_is_touched(seen):
+    pushes = [part for part in seen.parts if part.colour == FORCE]
+    assert {part.name for part in pushes} == {"pin V", "pin W"}
+    bore = recorded.RADIUS * seen.bearing_scale
+    normal = recorded.observed().contacts["pin"]["V"].normal
+    for part in pushes:
+        tips = part.poses[:, :3, 3] + part.poses[:, :3, 2]
+        lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)
+        np.testing.assert_allclose(
+            lengths[recorded.TOUCHING], recorded.FORCE * seen.force_scale, rtol=1e-9
+        )
+        assert (lengths[~recorded.TOUCHING] < 1e-6).all()
+        across = (tips * normal).sum(axis=1)[recorded.TOUCHING]
+        np.testing.assert_allclose(across, bore, rtol=1e-9)
+
+
+def test_an_arrow_is_cut_where_a_given_scale_makes_it_too_long(seen):
+    long = cj.view(
+        recorded.arm_in_bearing(),
+        recorded.motion(),
+        observation=recorded.observed(),
+        force_scale=1.0,
+    )
+    (part, _) = [part for part in long.parts if part.colour == FORCE]
+    longest = np.linalg.norm(part.poses[:, :3, 2], axis=1).max()
+    assert longest == pytest.approx(LONGEST * 0.4, rel=0.1)
+    assert "cut at" in long.legend.notes[-1]
+
+
+def test_modes_colour_the_journal_and_stand_in_the_legend(seen):
+    journal = journal_of(seen)
+    assert journal.colour_at(0) == MODES[0]
+    assert journal.colour_at(recorded.COUNT - 1) == MODES[2]
+    told = dict(seen.legend.entries)
+    assert told[MODES[0]] == "journal: free flight"
+    assert told[MODES[2]] == "journal: contact along a line"
+    assert told[FORCE] == "contact force"
+
+
+def test_the_picture_says_its_scales(seen):
+    assert f"clearances drawn {seen.clearance_scale:g} " in seen.legend.notes[0]
+    assert seen.legend.notes[-1].startswith("arrows: ")
+    assert all(note.split("×")[0] in seen.html for note in seen.legend.notes)
+
+
+def test_forces_are_left_out_if_nobody_wants_them():
+    view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
+    assert all(part.colour != FORCE and part.modes is None for part in view.parts)
+
+
+def test_ten_thousand_states_make_a_small_page(tmp_path):
+    count = 10_000
+    still, turn = np.zeros((count, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
+    place = np.random.default_rng(0).normal(0.2, 1e-3, (count, 3))
+    times = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, count)) * 1e-4
+    motion = cj.Trajectory(times, cj.State({"arm": cj.BodyState(place, turn, still, still)}))
+    view = cj.view(recorded.arm_in_bearing(), motion, frames=300)
+    assert 290 <= len(view.times) <= 300
+    assert (view.times[0], view.times[-1]) == (times[0], times[-1])
+    assert np.abs(np.diff(view.times) - np.diff(view.times).mean()).max() < 3e-4
+    assert view.save(tmp_path / "long.html").stat().st_size < 3e6
+
+
+def test_a_page_asks_nothing_of_a_network(seen):
+    tags = re.findall(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[^>]*>", seen.html)
+    assert tags == []
+    frame = seen._repr_html_()
+    assert frame.startswith("<iframe srcdoc=")
+    assert "<script" not in frame
+
+
+def test_names_cannot_break_the_page():
+    bodies = {"</script><b>'\"": BALL}
+    scene = cj.Scene(bodies, {"hinge": cj.SphericalJoint("ground", *bodies, (0.1, 0, 0), ORIGIN)})
+    page = cj.view(scene, cj.State({name: cj.body_state((0.1, 0, 0)) for name in bodies})).html
+    assert "</script><b>" not in page
+
+
+class Mystery(cj.AbstractForce):
+    body: str
+
+    def body_names(self):
+        return (self.body,)
+
+    def wrenches(self, motions, t):
+        return {}
+
+    def draw(self, pen):
+        pen.rod(cj.Marker("ground", ORIGIN), cj.Marker(self.body, ORIGIN))
+
+
+AXES = (ORIGIN, ORIGIN, Z, Z)
+FLAT = cj.Hertz(1e9)
+ELEMENTS = (
+    cj.SphericalJoint("ground", "ball", ORIGIN, ORIGIN),
+    cj.RevoluteJoint("ground", "ball", *AXES),
+    cj.FixedJoint("ground", "ball", ORIGIN, ORIGIN),
+    cj.InlineJoint("ground", "ball", ORIGIN, ORIGIN, Z),
+    cj.CylindricalJoint("ground", "ball", *AXES),
+    cj.PrismaticJoint("ground", "ball", ORIGIN, ORIGIN, Z),
+    cj.UniversalJoint("ground", "ball", ORIGIN, ORIGIN, Z, (1.0, 0.0, 0.0)),
+    cj.PlanarJoint("ground", "ball", *AXES),
+    cj.ScrewJoint("ground", "ball", *AXES, 0.01),
+    cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 0.3),
+    cj.PointInPlaneJoint("ground", "ball", ORIGIN, ORIGIN, Z),
+    cj.LineInPlaneJoint("ground", "ball", ORIGIN, ORIGIN, Z, (1.0, 0.0, 0.0)),
+    cj.MasslessLink("ground", "ball", 1e-3, 0.02),
+    cj.BallInSocket("ground", "ball", socket_radius=0.02, clearance=1e-3, law=FLAT),
+    cj.PinInSlot("ground", "ball", play=1e-3, pin_radius=5e-3, law=FLAT),
+    cj.SliderInGuide(
+        "ground", "ball", half_length=0.05, half_height=0.02, clearance=1e-3, law=FLAT
+    ),
+    cj.GearBacklash("ground", "ball", *AXES, 20, -60, 3e-3, 1e-4, FLAT),
+    cj.SpringDamper("ground", "ball", ORIGIN, ORIGIN, 1e3),
+    cj.AppliedLoad("ball", (0.0, 5.0, 0.0)),
+    cj.Bushing("ground", "ball", ORIGIN, ORIGIN, (1e3, 1e3, 1e3)),
+    Mystery("ball"),
+)
+
+
+@pytest.mark.parametrize("element", ELEMENTS, ids=lambda element: type(element).__name__)
+def test_every_element_draws_itself(element):
+    bare = cj.Scene({"ball": BALL})
+    family = "forces" if isinstance(element, cj.AbstractForce) else "joints"
+    scene = cj.Scene({"ball": BALL}, **{family: {"it": element}})
+    state = cj.State({"ball": cj.body_state((0.3, 0.1, 0.02))})
+    view, without = cj.view(scene, state), cj.view(bare, state)
+    assert sum(len(p.mesh.faces) for p in view.parts) > sum(
+        len(p.mesh.faces) for p in without.parts
+    )
+    for part in view.parts:
+        assert np.isfinite(part.mesh.vertices).all()
+        assert np.isfinite(part.poses).all()
+        assert part.mesh.faces.max() < len(part.mesh.vertices)
+
+
+def test_teeth_mesh_in_the_gaps_of_the_other_gear():
+    scene, state = cj.gear_pair()
+    view = cj.view(scene, state)
+    for name, radius, towards in (("pinion", 0.030, 0.0), ("wheel", 0.075, np.pi)):
+        (part,) = [part for part in view.parts if part.name == name]
+        rim = part.mesh.moved(part.pose(0)).vertices - state.bodies[name].position
+        size, angle = np.hypot(rim[:, 0], rim[:, 1]), np.arctan2(rim[:, 1], rim[:, 0])
+        away = np.where(size > 0.5 * radius, np.abs(np.exp(1j * angle) - np.exp(1j * towards)), 9.0)
+        assert (size[np.argmin(away)] > radius) == (name == "wheel")
+
+
+def test_bodies_without_a_state_are_where_joints_put_them():
+    scene, _ = cj.double_pendulum()
+    state, fits = placed(scene)
+    assert fits
+    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
+    assert "as the joints put it" in cj.view(scene).legend.notes[0]
+
+
+@pytest.mark.slow
+def test_loops_are_closed_where_no_state_is_given():
+    scene, _ = cj.four_bar()
+    state, fits = placed(scene)
+    assert fits
+    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
+
+
+def test_a_mesh_of_ones_own_takes_the_place_of_the_bar(tmp_path):
+    scene, state = cj.double_pendulum()
+    box = trimesh.creation.box((1.0, 0.1, 0.1))
+    box.export(tmp_path / "arm.stl")
+    for given in (box, (box.vertices, box.faces), tmp_path / "arm.stl"):
+        view = cj.view(scene, state, meshes={"arm 2": given})
+        drawn = [p for p in view.parts if p.name == "arm 2" and p.colour == "#0072B2"]
+        assert len(drawn) == 1
+        assert len(drawn[0].mesh.faces) == 12
+        np.testing.assert_allclose(np.ptp(drawn[0].mesh.vertices, axis=0), (1.0, 0.1, 0.1))
+
+
+WRONG = {
+    "unknown body": ({"meshes": {"leg": "leg.stl"}}, "meshes.*names of bodies.*leg"),
+    "no file": ({"meshes": {"arm 2": "none.stl"}}, "meshes.*a file that there is"),
+    "millimetres": ({"meshes": {"arm 2": (1e6 * np.eye(3), [[0, 1, 2]])}}, "apply_scale"),
+    "faces": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 3]])}}, "faces of its vertices"),
+    "frames": ({"frames": 0}, "frames"),
+    "clearance": ({"clearance_scale": 1e4}, "clearance_scale.*at most"),
+    "negative": ({"bearing_scale": -1.0}, "bearing_scale"),
+    "force": ({"force_scale": 0.0}, "force_scale"),
+}
+
+
+@pytest.mark.parametrize("options, message", WRONG.values(), ids=WRONG)
+def test_what_cannot_be_drawn_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        cj.view(*cj.double_pendulum(), **options)
+
+
+def test_motions_that_do_not_fit_are_refused():
+    scene, motion = recorded.arm_in_bearing(), recorded.motion()
+    with pytest.raises(ValueError, match="motion.*scene's bodies"):
+        cj.view(cj.double_pendulum()[0], motion)
+    with pytest.raises(ValueError, match="motion.*a state or a solution"):
+        cj.view(scene, "solution")
+    one = cj.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
+    with pytest.raises(ValueError, match="one row for each time"):
+        cj.view(scene, one)
+    half = jax.tree.map(lambda rows: rows[::2], motion)
+    with pytest.raises(ValueError, match="observation"):
+        cj.view(scene, half, observation=recorded.observed())
+
+
+def test_pictures_and_animations_are_written(seen, tmp_path):
+    picture = np.asarray(Image.open(seen.save(tmp_path / "arm.png", time=0.015)).convert("RGB"))
+    assert (picture < 200).any(axis=2).mean() > 0.01
+    few = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False, frames=3)
+    assert Image.open(few.save(tmp_path / "arm.gif")).n_frames == 3
+
+
+def test_files_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match="file.*one of"):
+        seen.save(tmp_path / "arm.step")
+    standing = cj.view(*cj.double_pendulum())
+    with pytest.raises(ValueError, match="pass a solution"):
+        standing.save(tmp_path / "arm.gif")
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(ValueError, match="ffmpeg.*gif"):
+        seen.save(tmp_path / "arm.mp4")
+
+
+def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
+    monkeypatch.setitem(sys.modules, "k3d", None)
+    again = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
+    with pytest.raises(ImportError, match=r"clearjoint\[view\]"):
+        again._repr_html_()
+
+
+@pytest.mark.slow
+def test_a_solution_is_observed_and_shown():
+    scene, state = cj.double_pendulum()
+    times = np.linspace(0.0, 0.2, 41)
+    solution = cj.simulate(scene, state, 0.2, cj.presets.look, save=cj.Saving(times))
+    view = cj.view(scene, solution, frames=21)
+    assert len(view.times) == 21
+    assert {part.name for part in view.parts if part.colour == FORCE} <= {"pin V", "pin W"} | {
+        f"{name} {base}" for name in scene.joints for base in "VW"
+    }
+    without = cj.simulate(scene, state, 0.01, cj.presets.look)
+    with pytest.raises(ValueError, match="save=Saving"):
+        cj.view(scene, without)
