@@ -87,6 +87,8 @@ def joint_forces(
     **Returns:** the axes; time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a scene without contacts.
+
+        plot.joint_forces(cj.observe(scene, solution, solution.steps))
     """
     observed.require_contacts(observation)
     forces = {
@@ -110,6 +112,8 @@ def force_and_penetration(
 
     **Returns:** the axes, (2,); time in ms or s, force in N or kN, penetration in µm or so: zero in
     flight.
+
+        plot.force_and_penetration(steps, "pin", window=(0.05, 0.06))
     """
     contacts = observed.contacts(observation, joint)
     if axes is None:

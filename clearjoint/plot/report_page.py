@@ -73,6 +73,8 @@ def report(
     if file is not None:
         ending, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
         require(ending in ENDINGS, "file", str(file), "with the ending .png or .pdf", remedy)
+    kind, remedy = type(solution).__name__, "draw what is left of other runs by single calls"
+    require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
     seen = observe(scene, solution, solution.steps or trajectory_of(solution, None))
     record = _record(scene, solution, quantity, unit)
     with rc_context():

@@ -43,6 +43,8 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     **Arguments:** `observation`: along every accepted step, or at instants that resolve the
     impacts; `joint`: the name of one with contacts.
 
+        share = np.mean(plot.contact_phases(steps, "pin") == plot.ContactPhase.FOLLOWING)
+
     **Source:** the modes of P. Flores and others 2006; the limit between impact and following is
     ours.
     """

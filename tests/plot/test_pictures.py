@@ -129,6 +129,8 @@ def test_the_loop_has_the_area_of_the_energy_lost():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be one impact at least"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
+    with pytest.raises(ValueError, match="`observation` must be of three instants or more"):
+        plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
 
 
 def test_directions_of_contact_add_up_to_the_impulse():
