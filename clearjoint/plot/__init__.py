@@ -1,11 +1,30 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws data that is already there (`Observation`, `Trajectory`, `Impacts`, a `Fit`, or
-the data set of a sweep) into given matplotlib axes, or into new ones, and returns them; `fitted`
-makes a figure of its own. None simulates, saves or shows anything, but `animate_journal`, which
-writes a file. Times are in s, lengths in m and forces in N on the way in; the axes show the units
-that suit them. Of a sweep, `against`, `parameter_map`, `bifurcation`, `convergence` and `orbit`
-take names and units from the data set.
+Every function draws data that is already there (`Observation`, a `Solution`, `Impacts`, a `Fit`, or
+the data set of a sweep) into given matplotlib axes, or into new ones, and returns them; `fitted`,
+`journal_frames` and `report` make figures of their own. None simulates or shows anything, and only
+`animate_journal` and `report` write files. Times are in s, lengths in m and forces in N on the way
+in; the axes show the units that suit them.
+
+| of a run | call |
+|---|---|
+| journal in its clearance circle | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
+| forces and penetrations over time | `contact_forces`, `joint_forces`, `force_and_penetration` |
+| force over penetration | `hysteresis` |
+| free flight, impact, following | `motion_timeline` |
+| directions of contact | `contact_rose` |
+| energies and their drift | `energy_ledger` |
+| motion of any quantity | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
+| all on one page | `report` |
+
+| of a sweep | call |
+|---|---|
+| outputs over parameters | `against`, `parameter_map`, `convergence` |
+| sections over a parameter, or of a lane | `bifurcation`, `poincare_section_of_lane` |
+| spectra over a parameter | `waterfall` |
+| orbit and wear of a lane | `orbit`, `wear` |
+
+Curves differ by line style and areas by grey value and hatching too, for print without colours.
 """
 
 from . import style as style

@@ -57,7 +57,11 @@ def energy_ledger(
         above.plot(times[during] * faster, values * factor, label=label, **look)
     above.margins(x=0.0)
     above.legend(
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(curves), 3), frameon=False
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        handlelength=3.0,
+        ncols=min(len(curves), 3),
+        frameon=False,
     )
     dress(above, "", f"energy, {unit}")
     _drift(observation, during, window, below)
@@ -99,5 +103,5 @@ def _drift(
         share = np.abs(drift).max(initial=0.0) / turned
         text = f"at most {share:.1g} of the largest change above"
         axes.set_title(text, fontsize="small", loc="right")
-    label = "drift" if kept else "mechanical energy,\nsince the start"
+    label = "drift" if kept else "mechanical,\nsince start"
     dress(axes, f"time, {time}", f"{label}, {unit}")

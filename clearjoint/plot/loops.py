@@ -26,7 +26,7 @@ def hysteresis(
 
     **Returns:** the axes; penetration in µm or so, force in N or kN.
 
-    **Raises:** `ValueError` where there is no impact.
+    **Raises:** `ValueError` where there is no impact, or too few instants in one.
 
     >>> scene, state = cj.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -72,5 +72,8 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
     """Penetration (m) and force (N) from the onset of an impact to its end, zeros at both ends."""
     seen = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     inside_span = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
+    remedy = "observe every step: cj.observe(scene, solution, solution.steps)"
+    samples = int(inside_span.sum())
+    require(samples >= 3, "observation", samples, "of three instants or more in the impact", remedy)
     depth = np.maximum(seen.penetration[inside_span], 0.0)
     return np.pad(depth, 1), np.pad(seen.normal_force[inside_span], 1)

@@ -7,44 +7,33 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from matplotlib import rc, rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.transforms import ScaledTranslation
 
 from ..fields.checks import require
-from ..model.plays.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..quantities.base import Quantity
 from ..simulation.observe import Observation, observe
 from ..simulation.settings import Settings
-from ..simulation.solution import Solution
+from ..simulation.solution import Solution, Trajectory
 from .along import series, trajectory_of
-from .energies import energy_ledger
-from .forces import contact_forces, joint_forces
-from .journal import journal_orbit
-from .polar import contact_rose
-from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells, impact_rows, joint_rows, run_lines
-from .spectra import is_even, spectrum_of
-from .style import GREY, dress, hide_legend, lines
-from .timelines import motion_timeline
+from .report_panels import (
+    LINE,
+    draw_energies,
+    draw_impacts,
+    draw_motion,
+    draw_over_time,
+    draw_words,
+)
+from .report_tables import impact_rows, joint_rows, run_lines
 
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 ENDINGS = (".png", ".pdf")
-MOST_JOINTS, MOST_ORBITS, MOST_IMPACTS = 8, 2, 8
-LINE = 0.145
-"""Height of a line of text, inches."""
+MOST_JOINTS, MOST_IMPACTS = 8, 8
 MARGIN = 0.4
 """Around the page, inches."""
-THINNER = 0.6
-"""Width of a line on the page, over that of a line in a figure of its own."""
-MANY = 5000
-"""Points from which on a line is pixels in a PDF."""
 DOTS = 200
 """Pixels per inch of a PNG, and of what is pixels in a PDF."""
-NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
-JOINT_PLACES = (0.0, 0.14, 0.30, 0.50, 0.60, 0.83)
-IMPACT_PLACES = (0.0, 0.16, 0.24, 0.34, 0.46, 0.605, 0.745, 0.87)
 
 
 def report(
@@ -84,6 +73,8 @@ def report(
     if file is not None:
         ending, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
         require(ending in ENDINGS, "file", str(file), "with the ending .png or .pdf", remedy)
+    kind, remedy = type(solution).__name__, "draw what is left of other runs by single calls"
+    require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
     seen = observe(scene, solution, solution.steps or trajectory_of(solution, None))
     record = _record(scene, solution, quantity, unit)
     with rc_context():
@@ -127,147 +118,18 @@ def _parts(
 ) -> list[_Part]:
     """The rows of the page from above; those for which the run has something."""
     words, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
-    tall = LINE * (len(words) + len(joints) + 2.5)
-    parts = [_Part(tall, lambda row: _words(row, words, joints))]
-    parts += [_Part(2.6, lambda row: _motion(row, scene, solution, seen))]
+    tall = LINE * (len(words) + len(joints) + 2.6)
+    parts = [_Part(tall, lambda row: draw_words(row, words, joints))]
+    parts += [_Part(2.6, lambda row: draw_motion(row, scene, solution, seen))]
     if seen.contacts:
         tall = 2.4 + 0.2 * len(seen.contacts)
-        parts += [_Part(tall, lambda row: _over_time(row, seen))]
-    parts += [_Part(2.5, lambda row: _energies(row, seen, record))]
+        parts += [_Part(tall, lambda row: draw_over_time(row, seen))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, seen, record))]
     if solution.impacts:
         impacts = impact_rows(solution.impacts, MOST_IMPACTS)
-        tall = LINE * (len(impacts) + 2.5)
-        parts += [_Part(tall, lambda row: _impacts(row, impacts))]
+        tall = LINE * (len(impacts) + 2.6)
+        parts += [_Part(tall, lambda row: draw_impacts(row, impacts))]
     return parts
-
-
-def _words(row: SubFigure, words: list[str], joints: list[Cells]) -> None:
-    axes = row.add_subplot()
-    for line, text in enumerate(words):
-        _write(axes, 0.0, line, text)
-    _table(axes, JOINT_COLUMNS, joints, JOINT_PLACES, len(words) + 0.5)
-
-
-def _impacts(row: SubFigure, impacts: list[Cells]) -> None:
-    axes = row.add_subplot()
-    _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
-    _table(axes, IMPACT_COLUMNS, impacts, IMPACT_PLACES, 1.2)
-
-
-def _table(
-    axes: Axes,
-    head: Cells,
-    rows: list[Cells],
-    places: tuple[float, ...],
-    first: float,
-) -> None:
-    """A table from a line of the axes on, its columns at shares of the width; a rule below the
-    head."""
-    axes.set_axis_off()
-    for place, cell in zip(places, head, strict=True):
-        _write(axes, place, first, cell, weight="bold")
-    for line, row in enumerate(rows):
-        for place, cell in zip(places, row, strict=False):
-            _write(axes, place, first + 1.2 + line, cell)
-    _rule(axes, first + 1.1)
-
-
-def _rule(axes: Axes, line: float) -> None:
-    """A rule across the axes, so many lines from the top."""
-    lower = ScaledTranslation(0.0, -LINE * line, axes.figure.dpi_scale_trans)
-    where = axes.transAxes + lower
-    axes.plot([0.0, 1.0], [1.0, 1.0], color=GREY, linewidth=0.6, transform=where, clip_on=False)
-
-
-def _write(axes: Axes, place: float, line: float, text: str, weight: str = "normal") -> None:
-    """Text at a share of the width, so many lines from the top."""
-    axes.annotate(
-        text,
-        (place, 1.0),
-        (0.0, -72.0 * LINE * line),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        va="top",
-        weight=weight,
-        annotation_clip=False,
-    )
-
-
-def _motion(row: SubFigure, scene: Scene, solution: Solution, seen: Observation) -> None:
-    """Orbits of the journals that are pressed hardest, and where the first one is pressed; or the
-    paths of the bodies."""
-    journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
-    if not journals:
-        _paths(row.add_subplot(), solution)
-        return
-    hardest = sorted(journals, key=lambda name: -_peak(seen, name))[:MOST_ORBITS]
-    grid = row.add_gridspec(1, len(hardest) + 1)
-    for k, name in enumerate(hardest):
-        axes = journal_orbit(seen, name, axes=row.add_subplot(grid[k]))
-        axes.set_title(f"{name}: orbit")
-        _small(axes)
-    axes = contact_rose(seen, hardest[0], axes=row.add_subplot(grid[-1], projection="polar"))
-    axes.set_title(f"{hardest[0]}: directions")
-    orbits, bars = (some.get_legend_handles_labels() for some in (row.axes[0], axes))
-    names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
-    handles = [*orbits[0], *bars[0]]
-    for axes in row.axes:
-        hide_legend(axes)
-    row.legend(handles, names, loc="outside lower center", ncols=5, frameon=False)
-
-
-def _peak(seen: Observation, joint: str) -> float:
-    """Largest normal force of a joint, N."""
-    return max(float(np.max(one.normal_force)) for one in seen.contacts[joint].values())
-
-
-def _paths(axes: Axes, solution: Solution) -> None:
-    """Paths of the bodies' centres in the plane in which they move most."""
-    bodies = trajectory_of(solution, solution.steps).states.bodies
-    places = {name: np.asarray(body.position) for name, body in bodies.items()}
-    spread = np.ptp(np.concatenate(list(places.values())), axis=0)
-    right, up = sorted(np.argsort(-spread, kind="stable")[:2])
-    for (name, path), (colour, style) in zip(places.items(), lines(), strict=False):
-        axes.plot(path[:, right], path[:, up], color=colour, linestyle=style, label=name)
-    axes.set_aspect("equal")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    dress(axes, f"{'XYZ'[right]} of the centres, m", f"{'XYZ'[up]}, m")
-
-
-def _over_time(row: SubFigure, seen: Observation) -> None:
-    """Forces, and below them motion modes."""
-    heights = 1.6, 0.4 + 0.2 * len(seen.contacts)
-    above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)
-    if len(seen.contacts) == 1:
-        contact_forces(seen, *seen.contacts, axes=above)
-    else:
-        joint_forces(seen, axes=above)
-    above.set_xlabel("")
-    motion_timeline(seen, axes=below)
-    _small(above)
-
-
-def _energies(row: SubFigure, seen: Observation, record: xr.DataArray) -> None:
-    """The ledger at the left, the spectrum at the right."""
-    panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
-    panels["stored"].sharex(panels["drift"])
-    energy_ledger(seen, axes=np.array([panels["stored"], panels["drift"]]))
-    panels["stored"].tick_params(labelbottom=False)
-    axes = panels["lines"]
-    if is_even(np.diff(record["time"].values)):
-        spectrum_of(record, axes=axes)
-    else:
-        axes.set_axis_off()
-        axes.text(0.5, 0.5, NO_SPECTRUM, ha="center", va="center", transform=axes.transAxes)
-    for axes in panels.values():
-        _small(axes)
-
-
-def _small(axes: Axes) -> None:
-    """Make lines thin, and those of many points pixels, so that a PDF stays small."""
-    for line in axes.get_lines():
-        line.set_linewidth(THINNER * line.get_linewidth())
-        line.set_rasterized(len(np.asarray(line.get_xdata())) > MANY)
 
 
 def _record(
@@ -278,8 +140,15 @@ def _record(
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     body, state = list(trajectory.states.bodies.items())[-1]
-    velocity = np.asarray(state.velocity)
-    axis = int(np.argmax(np.ptp(velocity, axis=0)))
+    velocity, spin = np.asarray(state.velocity), np.asarray(state.spin)
+    if np.ptp(velocity, axis=0).max() > 0.0:
+        return _component(trajectory, velocity, f"velocity of {body}", "m/s")
+    return _component(trajectory, spin, f"spin of {body} about its", "rad/s")
+
+
+def _component(trajectory: Trajectory, vectors: np.ndarray, name: str, unit: str) -> xr.DataArray:
+    """The component of vectors (N, 3) that changes most."""
+    axis = int(np.argmax(np.ptp(vectors, axis=0)))
     times = xr.DataArray(np.asarray(trajectory.times), dims="time", attrs={"units": "s"})
-    name, attrs = f"velocity of {body} {'xyz'[axis]}", {"units": "m/s"}
-    return xr.DataArray(velocity[:, axis], {"time": times}, ("time",), name=name, attrs=attrs)
+    name, attrs = f"{name} {'xyz'[axis]}", {"units": unit}
+    return xr.DataArray(vectors[:, axis], {"time": times}, ("time",), name=name, attrs=attrs)

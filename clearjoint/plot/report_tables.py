@@ -75,7 +75,9 @@ def _play(joint: AbstractContactJoint) -> str:
 
 def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
     """How the run went, and with which settings, a line for each."""
-    bodies, gravity = len(scene.bodies), scene.gravity
+    gravity = scene.gravity
+    counts = {"joint": len(scene.joints), "force": len(scene.forces)}
+    parts = [_counted(number, name) for name, number in counts.items()]
     masses = sum(float(np.asarray(body.mass)) for body in scene.bodies.values())
     field = "no gravity"
     if gravity is not None:
@@ -90,13 +92,17 @@ def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> li
     told = [] if settings is None else [_tolerances(settings)]
     redundant = ", ".join(solution.redundant_constraints)
     return [
-        f"Scene: {bodies} bodies of {masses:.4g} kg, {len(scene.joints)} joints, "
-        f"{len(scene.forces)} forces, {field}",
+        f"Scene: {_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg, "
+        f"{', '.join(parts)}, {field}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
         f"Equations: {', '.join([*told, *ways])}",
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
+
+
+def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
+    return f"{number} {name}{one if number == 1 else many}"
 
 
 def _tolerances(settings: Settings) -> str:
@@ -114,7 +120,7 @@ def _impacts(impacts: Impacts | None) -> str:
         return "no finished impact"
     factor, unit = fitting_unit(impacts.peak_force, "N")
     largest = f"{factor * impacts.peak_force.max():.4g} {unit}"
-    return f"{len(impacts)} finished impacts, the largest of {largest}"
+    return f"{_counted(len(impacts), 'finished impact')}, the largest of {largest}"
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:

@@ -40,6 +40,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     unit.
 
     **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
+
+        plot.amplitude_spectrum(plot.series(scene, solution, sensor), "flattop").max()
     """
     times = record["time"].values
     frequency, amplitude = _spectrum(np.asarray(record.values, float), times, taper)
@@ -103,7 +105,7 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Amplitude spectrum of a record that is there, such as a measured one.
+    """Amplitude spectrum of a record that is there, such as a measured one or a sweep's lane.
 
     **Arguments**, **Raises:** as of `plot.amplitude_spectrum`. **Returns:** as of `plot.spectrum`.
     """

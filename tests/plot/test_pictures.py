@@ -58,11 +58,15 @@ def rough() -> cj.Observation:
     return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e4)
 
 
-def test_a_contact_is_an_impact_until_the_bodies_approach_anew():
-    expected = [FREE, *[IMPACT] * 3, *[FREE] * 2, *[IMPACT] * 4, *[FOLLOWING] * 2, FREE, IMPACT]
+def test_a_contact_that_does_not_end_as_one_impact_is_followed_from_its_deepest_on():
+    expected = [FREE, *[IMPACT] * 3, *[FREE] * 2, *[IMPACT] * 2, *[FOLLOWING] * 4, FREE, IMPACT]
     assert plot.contact_phases(rough(), "pin").tolist() == expected
     lying = seen_contact(np.full(3, 1e-6), np.zeros(3), np.ones(3))
     assert plot.contact_phases(lying, "pin").tolist() == [FOLLOWING] * 3
+    depths, rates = 1e-6 * np.array([-1, 1, 3, 2, 2]), np.array([1, 1, 1, -1, -1])
+    staying = seen_contact(depths, rates, np.ones(5))
+    expected = [FREE, IMPACT, IMPACT, FOLLOWING, FOLLOWING]
+    assert plot.contact_phases(staying, "pin").tolist() == expected
 
 
 def test_the_timeline_has_bars_and_shares_of_the_time():
@@ -75,9 +79,9 @@ def test_the_timeline_has_bars_and_shares_of_the_time():
         bars.get_label(): [tuple(path.get_extents().intervalx) for path in bars.get_paths()]
         for bars in axes.collections
     }
-    assert spans["impact"] == [(1.0, 4.0), (6.0, 10.0)]
-    assert spans["following"] == [(10.0, 12.0)]
-    assert "31 / 54 / 15 %" in [text.get_text() for text in axes.texts]
+    assert spans["impact"] == [(1.0, 4.0), (6.0, 8.0)]
+    assert spans["following"] == [(8.0, 12.0)]
+    assert "31 / 38 / 31 %" in [text.get_text() for text in axes.texts]
     shown = plot.motion_timeline(rough(), window=(0.002, 0.005))
     assert shown.get_xlim() == (2.0, 5.0)
     assert "33 / 67 / 0 %" in [text.get_text() for text in shown.texts]
@@ -125,6 +129,8 @@ def test_the_loop_has_the_area_of_the_energy_lost():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be one impact at least"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
+    with pytest.raises(ValueError, match="`observation` must be of three instants or more"):
+        plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
 
 
 def test_directions_of_contact_add_up_to_the_impulse():
@@ -197,7 +203,7 @@ def test_the_ledger_shows_where_energy_goes_and_its_drift():
 
 def test_without_a_ledger_the_change_of_the_mechanical_energy_is_shown():
     _, below = plot.energy_ledger(energies())
-    assert below.get_ylabel() == "mechanical energy,\nsince the start, mJ"
+    assert below.get_ylabel() == "mechanical,\nsince start, mJ"
     assert below.get_lines()[0].get_ydata()[-1] == pytest.approx(-300.0)
 
 
@@ -359,10 +365,11 @@ def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumblin
         "bearing – journal",
         "Steps: 60 steps accepted of 70 tried; 10 finished impacts, the largest of 100 N",
         "Equations: Tsit5, rtol 1e-07, AbsoluteCoordinates, Baumgarte, without energy ledger",
+        "Scene: 2 bodies of 2 kg, 1 joint, 0 forces, no gravity",
         "pin: orbit",
         "normal force, N",
         "following",
-        "amplitude of velocity of journal x, m/s",
+        "amplitude of spin of journal about its x, rad/s",
         "100.0",
     ):
         assert text in texts, text
