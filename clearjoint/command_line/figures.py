@@ -1,5 +1,6 @@
 """Figures of results, each written as a PNG file."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -38,7 +39,7 @@ def draw_run(
             _write(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
         _write(folder, f"{name} forces", plot.contact_forces(observed, name))
     if observed is not None:
-        _write(folder, "energies", _over_time(observed.to_xarray(), "energy", "energy_term"))
+        _draw_energies(folder, observed)
     outputs = folder.table("outputs")
     for name in () if outputs is None else outputs.data_vars:
         _write(folder, f"output {name}", _over_time(outputs, str(name)))
@@ -90,6 +91,20 @@ def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[st
         _write(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
     else:
         say(f"no figure of {name}: the sweep has {len(axes)} axes, more than two")
+
+
+def _draw_energies(folder: Folder, observed: Observation) -> None:
+    """The energy ledger where `plot` draws one, else the energies of the motion."""
+    ledger = getattr(plot, "energy_ledger", None)
+    if ledger is not None:
+        _write(folder, "energies", np.ravel(ledger(observed))[0])
+        return
+    elastic = [n for n in observed.energies if n in ("springs", "contacts", "bristles")]
+    curves = {n: observed.energies[n] for n in ("kinetic", "gravity", "mechanical")}
+    if elastic:
+        curves["elastic"] = sum(observed.energies[name] for name in elastic)
+    table = replace(observed, energies=curves).to_xarray()
+    _write(folder, "energies", _over_time(table, "energy", "energy_term"))
 
 
 def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:

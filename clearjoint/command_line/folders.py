@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..datasets.provenance import Notes
 from ..dynamics.formulation import Formulation
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
@@ -133,9 +134,15 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
         formulation=Formulation(redundant=bool(names)),
         redundant_constraints=names,
         sections=_sections(folder),
-        settings=tuple((k, v) for k, v in motion.attrs.items() if k.startswith("setting_")),
+        settings=_settings(motion),
     )
     return scene, solution
+
+
+def _settings(motion: "xr.Dataset") -> Notes:
+    """The settings of a run, of which a file holds numbers as arrays."""
+    found = {k: v for k, v in motion.attrs.items() if k.startswith("setting_")}
+    return tuple((k, v.item() if isinstance(v, np.generic) else v) for k, v in found.items())
 
 
 def _is_final(name: object) -> bool:

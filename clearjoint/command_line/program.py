@@ -70,7 +70,7 @@ def clearjoint() -> None:
       clearjoint run four_bar.toml --end 2
       clearjoint sweep study.toml
       clearjoint fit study.toml
-      clearjoint report results/study
+      clearjoint report results/study/run
     """
 
 
@@ -85,7 +85,7 @@ SET = click.option(
 OUT = click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the results; results/<name of the file> unless given.",
+    help="Folder of the results; results/<name of the file>/<command> unless given.",
 )
 END = click.option("--end", metavar="SECONDS", help="End of the run, such as 2 or 500ms.")
 PRESET = click.option(
@@ -160,7 +160,7 @@ def run(
     study = _study(file, (*changes, *given))
     from .running import run as run_study
 
-    folder = _folder(file, out)
+    folder = _folder(file, out, "run")
     _ended(run_study(study, folder, shows_progress()), folder)
 
 
@@ -187,7 +187,7 @@ def sweep(
     study = _study(file, (*changes, *given))
     from .sweeping import sweep as sweep_study
 
-    folder = _folder(file, out)
+    folder = _folder(file, out, "sweep")
     _ended(sweep_study(study, folder, shows_progress()), folder)
 
 
@@ -205,11 +205,11 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     study = _study(file, changes)
     from .fitting import fit as fit_study
 
-    folder = _folder(file, out)
+    folder = _folder(file, out, "fit")
     _ended(fit_study(study, folder), folder)
 
 
-@command("report", "clearjoint report results/four_bar")
+@command("report", "clearjoint report results/four_bar/run")
 @click.argument("folder", type=click.Path(path_type=Path))
 def report(folder: Path) -> None:
     """Draw the figures of a folder of results anew and write its page."""
@@ -267,8 +267,8 @@ def _study(file: Path, changes: tuple[str, ...]) -> "Study":
     return read_study(file, changes)
 
 
-def _folder(file: Path, out: Path | None) -> Path:
-    return Path("results") / file.stem if out is None else out
+def _folder(file: Path, out: Path | None, command: str) -> Path:
+    return Path("results") / file.stem / command if out is None else out
 
 
 def _ended(code: int, folder: Path) -> None:

@@ -180,11 +180,11 @@ def _entry(
 ) -> object:
     """What stands under a key; a table of the study that is not there is added."""
     if isinstance(here, dict):
-        if here is study:
-            here.setdefault(str(key), {})
+        if here is study and key == "run":
+            here.setdefault("run", {})
         if str(key) in here:
             return here[str(key)]
-        remedy = nearest(str(key), here, "write the table into the file")
+        remedy = nearest(str(key), here, f"add a section [{key}] to the file")
         so_far = ".".join(map(str, before)) or "the top"
         place.refuse(str(key), f"one of {listed(here)} at {so_far}", remedy)
     if isinstance(here, list) and isinstance(key, int) and key < len(here):

@@ -44,14 +44,15 @@ def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarra
     """The columns of a variable, one for each combination of its other dimensions' labels."""
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
-    if "flag_meanings" in array.attrs:
-        values = _meanings(values, array.attrs)
+    told = array.attrs
+    if "flag_meanings" in told:
+        values, told = _meanings(values, told), {}
     columns = {}
     for place in itertools.product(*(range(array.sizes[dim]) for dim in others)):
         labels = {d: str(array[d].values[k]) for d, k in zip(others, place, strict=True)}
         front = [label for dim, label in labels.items() if dim in IN_FRONT]
         behind = [label for dim, label in labels.items() if dim not in IN_FRONT]
-        columns[header(".".join([*front, name, *behind]), array.attrs)] = values[(..., *place)]
+        columns[header(".".join([*front, name, *behind]), told)] = values[(..., *place)]
     return columns
 
 

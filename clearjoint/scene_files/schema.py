@@ -78,7 +78,8 @@ class Catalogue:
         if expected.by_name is not None:
             return {"type": "object", "additionalProperties": self._value(expected.by_name)}
         if expected.item is not None:
-            return _list_of(self._value(expected.item))
+            row = _list_of(self._value(expected.item))
+            return {"anyOf": [{"type": "string"}, row]} if expected.is_text else row
         if expected.classes:
             return {"anyOf": [*self._references(expected.classes), NUMBER]}
         if expected.is_text:

@@ -1,0 +1,395 @@
+"""The program `clearjoint`: what it says of files, how it ends, and that runs, sweeps and fits come
+to what the library gives."""
+
+import json
+import re
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import clearjoint as cj
+from clearjoint.command_line import running
+from clearjoint.command_line.endings import understandable
+from clearjoint.command_line.folders import Folder, scene_and_solution
+from clearjoint.command_line.places import find_place, keys_of, written
+from clearjoint.command_line.program import clearjoint
+from clearjoint.command_line.reports import lane_table
+from clearjoint.command_line.schemas import study_schema
+from clearjoint.command_line.study import read_study
+from clearjoint.command_line.sweeping import sweep_arguments
+from clearjoint.scene_files.complaints import FilePlace
+from clearjoint.simulation import host_run, interruptions
+from tests.support.dropped_rod import dropped_rod
+
+STUDY = """
+title = "A rod that falls"
+scene = "rod.toml"
+
+[run]
+end = "31.25 ms"
+save_every = "1 ms"
+settings = { rtol = 1e-7 }
+outputs.height = { kind = "Position", body = "rod", component = "y" }
+
+[run.sections.low]
+crossing = { kind = "PenetrationRate", joint = "pin", contact = "V" }
+channels.offset = { kind = "JournalOffset", joint = "pin", component = "y" }
+count = 5
+
+[sweep]
+preset = "look"
+outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "pin" } }
+outputs.impacts = { kind = "ImpactCount", joint = "pin" }
+
+[sweep.axes.clearance]
+place = "joints.pin.clearance"
+values = ["0.4 mm", 5e-4]
+
+[sweep.axes.gravity]
+place = "gravity.1"
+start = 9.0
+stop = 10.0
+count = 2
+
+[fit]
+measurements = "rig.csv"
+time = "time"
+columns.height = { quantity = { kind = "Position", body = "rod", component = "y" }, noise = "1 um" }
+
+[fit.parameters.clearance]
+place = "joints.pin.clearance"
+scale = { kind = "Log" }
+guess = "0.49 mm"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a scene and a study, in which the program runs."""
+    monkeypatch.chdir(tmp_path)
+    cj.save(*dropped_rod(), "rod.toml")
+    Path("study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def told(*arguments: str):
+    """The outcome of a command: exit code and what it said on either stream."""
+    return CliRunner().invoke(clearjoint, arguments)
+
+
+def changed(old: str, new: str) -> None:
+    """A study in which a text stands for another."""
+    assert old in STUDY
+    Path("study.toml").write_text(STUDY.replace(old, new))
+
+
+def test_help_has_examples_for_each_command():
+    assert "Exit codes: 0" in told("--help").output
+    for name in clearjoint.commands:
+        outcome = told(name, "--help")
+        assert outcome.exit_code == 0 and re.search(rf"clearjoint {name}", outcome.output), name
+
+
+def test_settings_are_those_of_the_module():
+    assert "export JAX_ENABLE_X64=" in told("settings").output
+
+
+def test_a_scene_is_told(folder):
+    outcome = told("check", "rod.toml")
+    assert outcome.exit_code == 0, outcome.output
+    for part in (
+        "bodies: rod (7.02 kg)",
+        "joints: pin (ClearanceJoint)",
+        "degrees of freedom: 6",
+        "clearance 0.5 mm, LankaraniNikravesh; at the start V 0.5 mm open",
+        "ready to run",
+    ):
+        assert part in outcome.output
+
+
+def test_a_study_tells_what_it_would_do(folder):
+    output = told("check", "study.toml").output
+    assert "run: 0 s to 0.03125 s" in output
+    assert "sweep: 2x2 lanes over clearance, gravity" in output
+    assert "fit: clearance from rig.csv" in output
+
+
+def test_a_scene_may_stand_in_the_study_or_the_study_in_the_scene(folder):
+    scene = Path("rod.toml").read_text()
+    Path("both.toml").write_text(f"title = 'x'\n{scene}\n[run]\nend = 0.03125\n")
+    assert "run: 0 s to" in told("check", "both.toml").output
+    tables = re.sub(r"^\[", "[scene.", scene, flags=re.MULTILINE)
+    tables = tables.replace("format = 1\n", "[scene]\n", 1)
+    Path("held.toml").write_text(f"{tables}\n[run]\nend = 0.03125\n")
+    outcome = told("check", "held.toml")
+    assert outcome.exit_code == 0 and "run: 0 s to" in outcome.output, outcome.output
+
+
+def test_every_number_has_a_place_that_can_be_written(folder):
+    lines = told("check", "study.toml", "--places").output.splitlines()
+    assert any(re.match(r"joints\.pin\.clearance +0\.0005 m$", line) for line in lines)
+    assert any(line.startswith("state.bodies.rod.velocity ") for line in lines)
+    scene, state = dropped_rod()
+    where = FilePlace("here")
+    for name, (value, unit) in cj.parameters(scene).items():
+        if np.ndim(value) == 0:
+            found = find_place(written(name), scene, state, where)
+            assert found.place(scene) is value and found.unit == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("joints.crank pin.clearance", ("joints", "crank pin", "clearance")),
+        ("joints['a.b'].clearance", ("joints", "a.b", "clearance")),
+        ("gravity.1", ("gravity", 1)),
+        ("gravity[1]", ("gravity", 1)),
+    ],
+)
+def test_places_are_written_with_dots_or_brackets(text, keys):
+    assert keys_of(text, FilePlace("here")) == keys
+
+
+def test_numbers_are_set_on_the_command_line(folder):
+    settings = ("joints.pin.clearance=0.2mm", "joints.pin.law.restitution=0.5", "run.end=1")
+    study = read_study(Path("study.toml"), (*settings, "gravity.1=-9.7", "bodies.rod.mass='7 kg'"))
+    pin = study.scene.joints["pin"]
+    assert float(pin.clearance) == 0.2e-3 and float(pin.law.restitution) == 0.5
+    assert float(study.scene.gravity[1]) == -9.7 and float(study.scene.bodies["rod"].mass) == 7.0
+    assert study.end() == 1.0
+
+
+def test_settings_are_a_preset_with_changes(folder):
+    study = read_study(Path("study.toml"))
+    run, sweep = study.parts.run, study.parts.sweep
+    assert study.settings(run, "run") == cj.Settings(rtol=1e-7)
+    assert study.settings(sweep, "sweep").rtol == cj.presets.look.rtol
+    assert study.settings(study.parts.fit, "fit") == cj.presets.identification
+
+
+def test_axes_take_units_and_ranges(folder):
+    study = read_study(Path("study.toml"))
+    axes = sweep_arguments(study, study.parts.sweep).axes
+    np.testing.assert_array_equal(axes["clearance"].values, [4e-4, 5e-4])
+    np.testing.assert_array_equal(axes["gravity"].values, [9.0, 10.0])
+
+
+REFUSED = {
+    "no file": (["check", "rd.toml"], r"rd\.toml.*did you mean 'rod\.toml'"),
+    "a folder": (["check", "."], "expected a file"),
+    "no results": (["report", "."], "expected a folder of results"),
+    "no end": (["run", "rod.toml"], r"`run`.*expected an `end`.*--end 1"),
+    "a wrong key": (["check", "rod.toml", "--set", "joints.pn.x=1"], "did you mean 'pin'"),
+    "no value": (["check", "rod.toml", "--set", "gravity"], "a place and a value"),
+    "a wrong unit": (
+        ["check", "rod.toml", "--set", "joints.pin.clearance=2kg"],
+        "unit of this dim",
+    ),
+    "a wrong preset": (["run", "study.toml", "--preset", "stdy"], "did you mean 'study'"),
+    "no sweep": (["sweep", "rod.toml", "--end", "1"], r"add a section \[sweep\]"),
+    "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
+    "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
+    "a body off": (
+        ["check", "rod.toml", "--set", "joints.pin.bearing_point=[0.1, 0, 0]"],
+        "assemble",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_a_sentence_with_a_remedy(case, folder):
+    arguments, message = REFUSED[case]
+    outcome = told(*arguments)
+    assert outcome.exit_code == 2, outcome.output
+    assert re.search(message, outcome.output, re.DOTALL) and "Traceback" not in outcome.output
+    assert not Path("results").exists()
+
+
+WRONG = {
+    "place": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
+    "not a number": ('"gravity.1"', '"gravity"', "the place of one number.*0, 1, 2"),
+    "quantity": (
+        '"Position", body = "rod", component = "y" }\n\n[run',
+        '"Positon" }\n\n[run',
+        "Pos",
+    ),
+    "body": ('"Position", body = "rod"', '"Position", body = "arm"', "scene's.*rod"),
+    "key": ("save_every", "save_evry", "did you mean 'save_every'"),
+    "both": ("start = 9.0", "values = [1.0]\nstart = 9.0", "either `values`"),
+    "geometric": ("count = 2", 'count = 2\nspacing = "log"', "one of .'linear', 'geometric'"),
+    "joint": ('"ImpactCount", joint = "pin"', '"ImpactCount", joint = "hinge"', "scene's.*pin"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_study_is_refused_with_the_place(case, folder):
+    old, new, message = WRONG[case]
+    changed(old, new)
+    outcome = told("check", "study.toml")
+    assert outcome.exit_code == 2, outcome.output
+    assert re.search(message, outcome.output, re.DOTALL), outcome.output
+
+
+def test_a_state_off_its_joints_is_assembled_into_a_file(folder):
+    scene, state = cj.four_bar()
+    moved = cj.body_state(np.asarray(state.bodies["crank"].position) + (1e-3, 0.0, 0.0))
+    off = cj.State({**state.bodies, "crank": moved})
+    cj.save(scene, off, "off.toml")
+    outcome = told("check", "off.toml")
+    assert outcome.exit_code == 2 and "crank foot" in outcome.output
+    assert "--assemble NEW.toml" in outcome.output
+
+
+def test_unusual_numbers_are_told_in_a_line(folder):
+    outcome = told("check", "rod.toml", "--set", "joints.pin.law.stiffness.young_modulus=207")
+    assert outcome.exit_code == 0
+    assert re.search(r"^warning: .*young_modulus.*207", outcome.output, re.MULTILINE)
+    assert ".py:" not in outcome.output
+
+
+def test_a_study_fits_its_schema(folder):
+    import tomllib
+
+    schema = study_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(tomllib.loads(STUDY), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
+    assert json.loads(told("schema", "study").output) == schema
+
+
+@pytest.mark.parametrize(("error", "code"), [(ValueError, 2), (OSError, 2), (RuntimeError, 1)])
+def test_errors_have_their_exit_codes(error, code):
+    import click
+
+    with pytest.raises(click.exceptions.Exit) as ended, understandable():
+        raise error("what was wrong")
+    assert ended.value.exit_code == code
+
+
+def test_times_to_save_at():
+    part = read_times(save_every=0.3)
+    np.testing.assert_allclose(part, [0.0, 0.3, 0.6, 0.9])
+    assert len(read_times()) == running.FRAMES + 1
+    with pytest.raises(ValueError, match="`save_every`.*at most the duration"):
+        read_times(save_every=2.0)
+
+
+def read_times(**options):
+    return running.saved_times(running.RunPart(**options), 1.0)
+
+
+def test_the_first_interruption_waits_and_the_second_does_not():
+    import signal
+
+    with interruptions.interruptions_deferred() as stopped:
+        assert not stopped()
+        signal.raise_signal(signal.SIGINT)
+        assert stopped()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_lanes_are_rows():
+    dims, axes = ("a", "b"), {"a": ("a", [1.0, 2.0], {"units": "m"}), "b": [3, 4, 5]}
+    flags = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
+    result = (dims, np.array([[0, 1, 0], [0, 0, 0]], np.int8), flags)
+    peak = (dims, np.arange(6.0).reshape(2, 3), {"units": "N"})
+    frame = lane_table(xr.Dataset({"result": result, "peak": peak}, axes))
+    assert frame["a [m]"].tolist() == [1.0] * 3 + [2.0] * 3 and frame["b"].tolist() == [3, 4, 5] * 2
+    assert frame["peak [N]"].tolist() == list(range(6))
+    assert frame["result"].tolist()[1] == "max_steps_reached"
+
+
+@pytest.mark.slow
+def test_a_run_leaves_tables_figures_and_a_page(folder):
+    outcome = told("run", "study.toml")
+    assert outcome.exit_code == 0, outcome.output
+    out = Folder(Path("results/study/run"))
+    scene, state = cj.load("rod.toml")
+    times = running.saved_times(read_study(Path("study.toml")).parts.run, 31.25e-3)
+    save = cj.Saving(times, impacts=True)
+    solution = cj.simulate(scene, state, 31.25e-3, cj.Settings(rtol=1e-7), save)
+    read_scene, read = scene_and_solution(out)
+    assert cj.parameters(read_scene).keys() == cj.parameters(scene).keys()
+    body = solution.states.bodies["rod"]
+    np.testing.assert_array_equal(read.states.bodies["rod"].position, body.position)
+    np.testing.assert_array_equal(read.impacts.peak_force, solution.impacts.peak_force)
+    seen, again = cj.observe(scene, solution), cj.observe(read_scene, read)
+    np.testing.assert_array_equal(
+        again.contacts["pin"]["V"].normal_force, seen.contacts["pin"]["V"].normal_force
+    )
+    table = pd.read_csv(out / "outputs.csv", index_col=0)
+    np.testing.assert_array_equal(table["height [m]"], body.position[:, 1])
+    assert len(pd.read_csv(out / "section low.csv")) > 0
+    assert cj.load(out / "reached.toml")[0] is not None
+    assert len(out.pictures()) == 5
+    page = (out / "index.html").read_text()
+    assert page.count("data:image/png;base64") == 5 and "http" not in page
+    before = {path.name: path.read_bytes() for path in out.pictures()}
+    for path in out.pictures():
+        path.unlink()
+    assert told("report", str(out.path)).exit_code == 0
+    assert set(before) == {path.name for path in out.pictures()}
+
+
+@pytest.mark.slow
+def test_a_run_that_fails_or_is_stopped_keeps_what_it_reached(folder, monkeypatch):
+    outcome = told("run", "study.toml", "--set", "run.settings.max_steps=20", "--out", "failed")
+    assert outcome.exit_code == 1 and "step limit" in outcome.output, outcome.output
+    assert json.loads(Path("failed/summary.json").read_text())["time_reached_s"] < 31e-3
+    assert cj.load("failed/reached.toml")
+
+    monkeypatch.setattr(host_run, "ATTEMPTS_A_SEGMENT", 20)
+    monkeypatch.setattr(host_run, "interruptions_deferred", stopped_at_once)
+    outcome = told("run", "study.toml", "--out", "stopped")
+    assert outcome.exit_code == 130 and "interrupted at t = " in outcome.output, outcome.output
+    assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
+    with xr.open_dataset("stopped/motion.nc", engine="scipy") as motion:
+        assert 0 < len(motion["time"]) < 32
+
+
+def stopped_at_once():
+    from contextlib import nullcontext
+
+    return nullcontext(lambda: True)
+
+
+@pytest.mark.slow
+def test_a_sweep_is_stored_and_goes_on(folder):
+    outcome = told("sweep", "study.toml")
+    assert outcome.exit_code == 0, outcome.output
+    out = Path("results/study/sweep")
+    frame, dataset = pd.read_csv(out / "sweep.csv"), cj.open_sweep(out / "sweep.zarr")
+    assert len(frame) == 4 and set(frame["result"]) == {"successful"}
+    np.testing.assert_array_equal(frame["peak [N]"], dataset["peak"].values.ravel())
+    assert (out / "figures" / "peak.png").exists() and (out / "index.html").exists()
+    assert told("sweep", "study.toml", "--set", "sweep.axes.gravity.count=3").exit_code == 0
+    assert len(pd.read_csv(out / "sweep.csv")) == 6
+
+
+@pytest.mark.slow
+def test_a_fit_finds_what_made_the_data(folder):
+    scene, state = dropped_rod()
+    times = np.linspace(1e-3, 0.02, 40)
+    clearance = {"c": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
+    height = {"height": cj.quantities.Position("rod", "y")}
+    values = cj.sensitivities(scene, state, 0.02, clearance, height, times).values["height"]
+    noisy = values * 1e6 + np.random.default_rng(0).normal(size=40)
+    pd.DataFrame({"time [ms]": times * 1e3, "height [um]": noisy}).to_csv("rig.csv", index=False)
+    outcome = told("fit", "study.toml")
+    assert outcome.exit_code == 0, outcome.output
+    out = Path("results/study/fit")
+    table = pd.read_csv(out / "estimates.csv", index_col=0)
+    error = table["estimate"]["clearance"] - 0.5e-3
+    assert abs(error) < 4.0 * table["standard_error"]["clearance"]
+    assert "chi squared" in (out / "report.txt").read_text()
+    assert float(cj.load(out / "fitted.toml")[0].joints["pin"].clearance) == pytest.approx(
+        table["estimate"]["clearance"], rel=1e-12
+    )
