@@ -31,7 +31,7 @@ MANY = 5000
 HARDLY = 0.02
 """Largest movement of a centre, over the size of the mechanism, of which no path is drawn."""
 NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
-JOINT_PLACES = (0.0, 0.14, 0.30, 0.50, 0.60, 0.83)
+JOINT_PLACES = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
 IMPACT_PLACES = (0.0, 0.15, 0.27, 0.37, 0.49, 0.625, 0.755, 0.875)
 
 
