@@ -3,4 +3,5 @@ shell variables (see `runtime`)."""
 
 from .command_line.program import module_main
 
-module_main()
+if __name__ == "__main__":
+    module_main()

@@ -34,7 +34,7 @@ FLOORS = (
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
 THIRD_PARTY = {
-    "diffrax": {"simulation", "testing"},
+    "diffrax": {"command_line", "simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
     "matplotlib": {"command_line", "plot"},
     "click": {"command_line"},

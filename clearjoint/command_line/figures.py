@@ -14,7 +14,7 @@ from ..plot.labels import scaled
 from ..simulation.observe import Observation
 from ..simulation.solution import Solution
 from .endings import say
-from .folders import Folder
+from .folders import OUTPUTS, Folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,9 +40,10 @@ def draw_run(
         _write(folder, f"{name} forces", plot.contact_forces(observed, name))
     if observed is not None:
         _draw_energies(folder, observed)
-    outputs = folder.table("outputs")
-    for name in () if outputs is None else outputs.data_vars:
-        _write(folder, f"output {name}", _over_time(outputs, str(name)))
+    outputs = folder.table(OUTPUTS)
+    if outputs is not None:
+        for name in map(str, outputs.data_vars):
+            _write(folder, f"output {name}", _over_time(outputs, name))
     for name, crossings in solution.sections.items():
         _draw_section(folder, name, crossings.to_xarray())
     _report_page(folder, scene, solution)
@@ -134,7 +135,8 @@ def _report_page(folder: Folder, scene: Scene, solution: Solution) -> None:
     """The page of all pictures, where `plot.report` is there to make it."""
     report = getattr(plot, "report", None)
     if report is not None:
-        report(scene, solution, folder / "report.pdf")
+        title = str(folder.summary()["title"])
+        report(scene, solution, folder / "report.pdf", title=title)
 
 
 def _without_window() -> None:
