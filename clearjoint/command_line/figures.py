@@ -11,10 +11,11 @@ from ..identification.fit import Fit
 from ..model.plays.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..plot.labels import scaled
+from ..simulation.impact_table import Impacts
 from ..simulation.observe import Observation
 from ..simulation.solution import Solution
 from .endings import say
-from .folders import Folder
+from .folders import OUTPUTS, Folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,12 +38,15 @@ def draw_run(
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
             _write(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
-        _write(folder, f"{name} forces", plot.contact_forces(observed, name))
+        forces = plot.contact_forces(observed, name)
+        _mark_peaks(forces, solution.impacts, name)
+        _write(folder, f"{name} forces", forces)
     if observed is not None:
         _draw_energies(folder, observed)
-    outputs = folder.table("outputs")
-    for name in () if outputs is None else outputs.data_vars:
-        _write(folder, f"output {name}", _over_time(outputs, str(name)))
+    outputs = folder.table(OUTPUTS)
+    if outputs is not None:
+        for name in map(str, outputs.data_vars):
+            _write(folder, f"output {name}", _over_time(outputs, name))
     for name, crossings in solution.sections.items():
         _draw_section(folder, name, crossings.to_xarray())
     _report_page(folder, scene, solution)
@@ -93,6 +97,20 @@ def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[st
         say(f"no figure of {name}: the sweep has {len(axes)} axes, more than two")
 
 
+def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
+    """The largest force of each impact of a joint, which saved instants may miss."""
+    if impacts is None or not (here := impacts.joint == joint).any():
+        return
+    peaks = impacts.peak_force[here] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
+    times = impacts.peak_time[here] * 1e3
+    forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
+    forces.set_ylim(0.0, 1.05 * max(peaks.max(), forces.get_ylim()[1]))
+    columns = len(forces.get_legend_handles_labels()[1])
+    forces.legend(
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, 4), frameon=False
+    )
+
+
 def _draw_energies(folder: Folder, observed: Observation) -> None:
     """The energy ledger where `plot` draws one, else the energies of the motion."""
     ledger = getattr(plot, "energy_ledger", None)
@@ -134,7 +152,8 @@ def _report_page(folder: Folder, scene: Scene, solution: Solution) -> None:
     """The page of all pictures, where `plot.report` is there to make it."""
     report = getattr(plot, "report", None)
     if report is not None:
-        report(scene, solution, folder / "report.pdf")
+        title = str(folder.summary()["title"])
+        report(scene, solution, folder / "report.pdf", title=title)
 
 
 def _without_window() -> None:

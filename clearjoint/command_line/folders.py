@@ -11,6 +11,7 @@ import numpy as np
 
 from ..datasets.provenance import Notes
 from ..dynamics.formulation import Formulation
+from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..results import RESULTS
@@ -116,17 +117,19 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
             f"{folder.path}: found no {MOTION}.nc and {SCENE}, expected both: run "
             "`clearjoint run` again."
         )
-    scene, _ = load(folder / SCENE)
-    reached = {name.removeprefix("final_"): motion[name] for name in motion if _is_final(name)}
+    with quiet():
+        scene, _ = load(folder / SCENE)
+    finals = [str(name) for name in motion.data_vars if str(name).startswith("final_")]
+    reached = {name.removeprefix("final_"): motion[name] for name in finals}
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
     solution = Solution(
-        time=np.asarray(motion.attrs["time_reached"]),
+        time=float(motion.attrs["time_reached"]),
         final=_state(scene, reached),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
-        attempts=np.asarray(motion.attrs["attempts"]),
-        accepted=np.asarray(motion.attrs["accepted"]),
+        attempts=int(motion.attrs["attempts"]),
+        accepted=int(motion.attrs["accepted"]),
         saved=Trajectory(motion["time"].values, _state(scene, dict(motion.data_vars))),
         saved_count=motion.sizes["time"],
         steps=None,
@@ -143,10 +146,6 @@ def _settings(motion: "xr.Dataset") -> Notes:
     """The settings of a run, of which a file holds numbers as arrays."""
     found = {k: v for k, v in motion.attrs.items() if k.startswith("setting_")}
     return tuple((k, v.item() if isinstance(v, np.generic) else v) for k, v in found.items())
-
-
-def _is_final(name: object) -> bool:
-    return str(name).startswith("final_")
 
 
 def _state(scene: Scene, tables: Mapping) -> State:

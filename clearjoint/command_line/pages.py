@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
+SCREEN = 0.55
+"""Pixels of a page for each of a picture, whose width stands in bytes 16 to 20 of a PNG."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff; }
@@ -17,7 +19,7 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: blo
 th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right; }
 th { text-align: left; } td.text { text-align: left; }
 figure { display: inline-block; margin: .5rem; vertical-align: top; }
-figure img { max-width: 33rem; width: 100%; } figcaption { color: #555; font-size: 13px; }
+figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
 pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 """
 
@@ -42,9 +44,11 @@ def facts(rows: Mapping[str, object]) -> str:
 
 def picture(path: Path) -> str:
     """A picture with its name below, held by the page itself."""
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    content = path.read_bytes()
+    data = base64.b64encode(content).decode("ascii")
     name = escape(path.stem.replace("_", " "))
-    image = f'<img alt="{name}" src="data:image/png;base64,{data}">'
+    width = round(int.from_bytes(content[16:20], "big") * SCREEN)
+    image = f'<img alt="{name}" width="{width}" src="data:image/png;base64,{data}">'
     return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
 
 

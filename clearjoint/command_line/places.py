@@ -129,6 +129,6 @@ def _entries(node: PyTree) -> list[str | int]:
 
 def _at(tree: PyTree, keys: Keys) -> PyTree:
     for key in keys:
-        plain = isinstance(key, int) or isinstance(tree, dict)
-        tree = tree[key] if plain else getattr(tree, key)
+        in_it = isinstance(key, int) or isinstance(tree, dict)
+        tree = tree[key] if in_it else getattr(tree, str(key))
     return tree

@@ -1,7 +1,7 @@
 """`clearjoint report`: figures and the page of a folder of results."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from ..datasets.frames import to_frame
 from ..identification.fit import Fit
@@ -86,6 +86,6 @@ def _write_view(folder: Folder, scene: object, solution: object) -> None:
     """The page with the moving mechanism, where `clearjoint.view` is there to make it."""
     import clearjoint
 
-    view = getattr(clearjoint, "view", None)
+    view: Callable[..., Any] | None = getattr(clearjoint, "view", None)
     if callable(view):
         view(scene, solution).save(folder / VIEW)

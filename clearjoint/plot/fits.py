@@ -1,6 +1,7 @@
 """Figures of a fit."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -30,13 +31,13 @@ class FittedModel(Protocol):
         """The parameters' names, in the order of `correlation`."""
         ...
 
-    @property
-    def predictions(self) -> Mapping[str, np.ndarray]:
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray]:
         """The fitted run at the times of each series, (N,), SI."""
         ...
 
-    @property
-    def residuals(self) -> Mapping[str, np.ndarray]:
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
         """(Prediction - value) / noise of each series, (N,)."""
         ...
 
