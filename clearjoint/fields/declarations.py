@@ -107,8 +107,10 @@ def name_conversions(cls: type) -> None:
     """Have the errors of a class's own `quantity` fields that are given no numbers name the
     field."""
     for name, field in list(vars(cls).items()):
-        own = field.metadata.get("converter") if isinstance(field, Field) else None
-        if own is as_number or own is _as_optional_number:
+        if not isinstance(field, Field):
+            continue
+        own = field.metadata.get("converter")
+        if own is not None and (own is as_number or own is _as_optional_number):
             named = partial(own, argument=name, unit=field.metadata["unit"])
             field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
