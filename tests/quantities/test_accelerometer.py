@@ -124,9 +124,8 @@ def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differenc
     at_rest = GRAVITY * (math.sin(0.6) + 2.0 * math.cos(0.6)) / math.sqrt(5.0)
     _, expected, _ = signal.lsim(filter_of_two_poles, force - at_rest, times)
     peak = np.max(np.abs(expected))
-    print(peak, np.max(np.abs(force)), np.max(np.abs(found.values["reading"] - expected - at_rest)))
     assert np.max(np.abs(force)) > 1.5 * peak > 1.0
-    np.testing.assert_allclose(found.values["reading"], expected + at_rest, atol=2e-3 * peak)
+    np.testing.assert_allclose(found.values["reading"], expected + at_rest, atol=3e-5 * peak)
     for k, name in enumerate(PARAMETERS):
         step = 1e-6
         above, below = (run({name: math.exp(sign * step)}).values["reading"] for sign in (1, -1))
