@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 
@@ -14,6 +15,7 @@ from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from .camera import WIDE, Camera
+from .meshes import Mesh, needed
 from .page import Legend
 from .parts import DrawnPart
 
@@ -23,6 +25,8 @@ SHADE = 0.45
 """Brightness of what the light does not reach."""
 BESIDE = 0.28
 """Share of the width that the legend takes."""
+LONGEST_EDGE = 0.3
+"""Of a triangle, over half the height of the picture."""
 DOTS = 100
 FRAMES_PER_SECOND = 25
 
@@ -41,7 +45,8 @@ class Film:
         times: np.ndarray | None,
         size: tuple[float, float] = (8.0, 4.8),
     ):
-        self._parts, self._times = parts, times
+        self._times = times
+        self._parts = [_divided(part, LONGEST_EDGE * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self.figure = Figure(figsize=size, dpi=DOTS)
         self._axes = self.figure.add_axes((BESIDE, 0.0, 1.0 - BESIDE, 1.0))
@@ -117,6 +122,18 @@ class Film:
         )
         notes = "\n".join(fill(note, 30) for note in legend.notes)
         self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
+
+
+def _divided(part: DrawnPart, longest: float) -> DrawnPart:
+    """The part with edges no longer than so many m, so that its triangles can be told apart in
+    depth; as it is if its pose stretches it."""
+    still = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
+    edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
+    if not still or np.linalg.norm(edges, axis=2).max() <= longest:
+        return part
+    remesh = needed("trimesh").remesh
+    vertices, faces = remesh.subdivide_to_size(*part.mesh, max_edge=longest)
+    return replace(part, mesh=Mesh(vertices, faces))
 
 
 def _time(time: float, whole: float) -> str:

@@ -13,7 +13,8 @@ Which library, measured with 12 bodies in 500 frames, Chromium 141 with the netw
 | latest releases | 5 in the last 2 months | 5 in the last 5 months |
 
 Both work offline and are kept well; k3d is taken for the time that it shows and since nothing
-listens on any port. Poses go into the file once for each frame, solids once.
+listens on any port. Poses go into the file once for each frame, solids once: 501 frames of a
+four-bar, a slider-crank or the robot arm, with arrows and modes, are 1.3 to 1.5 MB.
 """
 
 import json
