@@ -25,7 +25,7 @@ EXPECTED = {
     "sweeps_and_bifurcations": (
         "successful: ",
         " lanes have the crank's period",
-        "peak force goes about with clearance^",
+        "the peak force goes about with clearance^",
     ),
     "fit_to_data": (
         "2 series to 0.1 s: converged",
