@@ -52,6 +52,9 @@ class PoorFitWarning(UserWarning):
     """A fit ends far above the noise.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.PoorFitWarning)``.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("error", category=cj.PoorFitWarning)  # raise it
     """
 
 
@@ -59,6 +62,15 @@ class LooseBodyWarning(UserWarning):
     """A body that nothing holds, or a drive about an axis that nothing holds.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
+
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     body = cj.Body(1.0, (1e-3, 1e-3, 1e-3))
+    ...     weld = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
+    ...     _ = cj.Scene({"arm": body, "ball": body}, {"weld": weld})
+    >>> print(str(seen[-1].message)[:52])
+    No joint and no force holds body 'ball', which flies
     """
 
 

@@ -16,7 +16,11 @@ from ..fields.types import Single, Triple
 
 class Marker(NamedTuple):
     """A point of a body, (3,) m in its axes, and a direction there, (3,) of any length, if the
-    element has one."""
+    element has one.
+
+    >>> cj.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
+    array([0. , 0.6, 0.8])
+    """
 
     body: str
     point: Triple

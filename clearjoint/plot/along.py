@@ -34,7 +34,14 @@ def series(
 
     **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
-        plot.series(scene, solution, cj.quantities.JointAngle("pin", "arm"))
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> found = plot.series(scene, solution, cj.quantities.Position("ball", "x"))
+    >>> found.attrs["units"], np.allclose(found, 0.1 * np.cos(10.0 * found["time"]), atol=1e-6)
+    ('m', True)
     """
     trajectory = trajectory_of(solution, trajectory)
     values = values_along(scene, solution, quantity, trajectory)
@@ -55,6 +62,15 @@ def rate_series(
     positions, velocities and the time decide.
 
     **Arguments**, **Returns**, **Raises:** as of `series`.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> found = plot.rate_series(scene, solution, cj.quantities.Position("ball", "x"))
+    >>> found.attrs["units"], np.allclose(found, -np.sin(10.0 * found["time"]), atol=1e-5)
+    ('m/s', True)
     """
     trajectory = trajectory_of(solution, trajectory)
     rates = rates_along(scene, solution, quantity, trajectory)

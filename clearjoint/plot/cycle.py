@@ -79,7 +79,12 @@ def poincare_section(
 
     **Raises:** `ValueError` for channels that the section has not.
 
-        plot.poincare_section(solution.sections["top"], section, ("angle", "rate"))
+    >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
+    >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
+    >>> values = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}
+    >>> axes = plot.poincare_section(cj.Crossings(np.arange(3.0), values), section)
+    >>> axes.get_xlabel()
+    'x, µm'
     """
     known = list(section.channels)
     chosen = tuple(known[:2]) if channels is None else tuple(channels)
@@ -102,7 +107,17 @@ def poincare_section_of_lane(
 
     **Raises:** `ValueError` for names that the sweep has not.
 
-        plot.poincare_section_of_lane(dataset.isel(clearance=3), "top", ("x", "y"))
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
+    >>> still = cj.Section(speed, {"x": (x, "m"), "speed": (speed, "m/s")}, count=3)
+    >>> save, outputs = cj.Saving(sections={"still": still}), {"speed": cj.Peak(speed, "m/s")}
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, save=save, progress=False)
+    >>> lane = found.sel(stiffness=100.0)
+    >>> drawn = plot.poincare_section_of_lane(lane, "still", ("x", "speed"))
     """
     names = [f"{section}_{channel}" for channel in channels]
     require_names(lane, (*names, f"{section}_count"))

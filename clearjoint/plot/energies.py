@@ -40,7 +40,12 @@ def energy_ledger(
 
     **Returns:** the axes, (2,); time in ms or s, energies in J, mJ or so.
 
-        plot.energy_ledger(cj.observe(scene, solution))
+    >>> scene, state = cj.double_pendulum()
+    >>> settings, save = cj.Settings(ledger=True), cj.Saving(np.linspace(0, 0.02, 2001))
+    >>> solution = cj.simulate(scene, state, 0.02, settings, save, progress=False)
+    >>> above, below = plot.energy_ledger(cj.observe(scene, solution))
+    >>> below.get_ylabel().split(",")[0]
+    'drift'
     """
     if axes is None:
         looks = {"sharex": True, "height_ratios": (2.2, 1.0), "figsize": (6.4, 5.2)}

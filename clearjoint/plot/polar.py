@@ -51,7 +51,11 @@ def contact_rose(
     **Raises:** `ValueError` for a joint without a journal, another weight, and axes that are not
     polar.
 
-        plot.contact_rose(cj.observe(scene, solution, solution.steps), "pin", weight="force")
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
     observed_clearance(observation, joint)
     fine, remedy = weight in ("impulse", "force"), "name one of them"
@@ -107,7 +111,12 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     **Raises:** `ValueError` for names that the sweep has not, several lanes, and axes that are not
     polar.
 
-        plot.wear(dataset.isel(clearance=3), "wear")
+    >>> scene, state = cj.double_pendulum()
+    >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
+    >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
+    >>> axes = {"clearance": clearance}
+    >>> found = cj.sweep(scene, state, 0.02, axes, outputs, progress=False)
+    >>> drawn = plot.wear(found.isel(clearance=1), "wear")
     """
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
     volumes = {f"base {base}": _sectors(lane, f"{output}_{base}") for base in BASES}

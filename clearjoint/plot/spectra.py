@@ -41,7 +41,12 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
     **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
 
-        plot.amplitude_spectrum(plot.series(scene, solution, sensor), "flattop").max()
+    >>> import xarray as xr
+    >>> times = np.arange(1000) / 1000.0
+    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
+    >>> found = plot.amplitude_spectrum(record)
+    >>> float(found.idxmax()), round(float(found.max()), 6)
+    (50.0, 0.1)
     """
     times = record["time"].values
     frequency, amplitude = _spectrum(np.asarray(record.values, float), times, taper)
@@ -98,7 +103,12 @@ def spectrum(
 
     **Raises:** `ValueError` for times at unequal intervals.
 
-        plot.spectrum(scene, solution, cj.quantities.Velocity("arm", "y"))
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> axes = plot.spectrum(scene, solution, cj.quantities.Velocity("ball", "x"))
     """
     record = series(scene, solution, quantity, unit=unit)
     return spectrum_of(record, taper=taper, axes=axes)
@@ -108,6 +118,12 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     """Amplitude spectrum of a record that is there, such as a measured one or a sweep's lane.
 
     **Arguments**, **Raises:** as of `plot.amplitude_spectrum`. **Returns:** as of `plot.spectrum`.
+
+    >>> import xarray as xr
+    >>> times = np.arange(1000) / 1000.0
+    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
+    >>> plot.spectrum_of(record, taper="boxcar").get_title(loc="right")
+    'window: boxcar; lines 1 Hz apart'
     """
     found = amplitude_spectrum(record, taper)
     axes = axes_or_new(axes)
@@ -151,7 +167,15 @@ def waterfall(
 
     **Raises:** `ValueError` for names that the sweep has not, and unequal intervals.
 
-        plot.waterfall(dataset, "probe", "x", "clearance")
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> x = cj.quantities.Position("ball", "x")
+    >>> outputs = {"probe": cj.Saved(np.linspace(0.0, 2.0, 201), {"x": (x, "m")})}
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, progress=False)
+    >>> drawn = plot.waterfall(found, "probe", "x")
     """
     axis = only_axis(dataset, axis)
     names = f"{saved}_{channel}", f"{saved}_time"

@@ -13,7 +13,13 @@ from .style import BLUE, DARK, TimeSpan, axes_or_new, dress
 
 
 class ContactPhase(enum.IntEnum):
-    """What a joint with play does, in the order of what decides where its contacts differ."""
+    """What a joint with play does, in the order of what decides where its contacts differ.
+
+    >>> plot.ContactPhase(1).name
+    'IMPACT'
+    >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name  # what decides
+    'FOLLOWING'
+    """
 
     FREE_FLIGHT = 0
     IMPACT = 1
@@ -43,10 +49,17 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     **Arguments:** `observation`: along every accepted step, or at instants that resolve the
     impacts; `joint`: the name of one with contacts.
 
-        share = np.mean(plot.contact_phases(steps, "pin") == plot.ContactPhase.FOLLOWING)
-
     **Source:** the modes of P. Flores and others 2006; the limit between impact and following is
     ours.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> phases = plot.contact_phases(observed, "shoulder")
+    >>> plot.ContactPhase(phases[0]).name  # the journal begins amid its bearing
+    'FREE_FLIGHT'
+    >>> share = np.mean(phases == plot.ContactPhase.FOLLOWING)
     """
     contacts = observed.contacts(observation, joint)
     return np.max([_phases(one) for one in contacts.values()], axis=0)
@@ -87,7 +100,11 @@ def motion_timeline(
 
     **Raises:** `ValueError` for a scene without contacts.
 
-        plot.motion_timeline(cj.observe(scene, solution, solution.steps))
+    >>> scene, state = cj.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.motion_timeline(observed)
     """
     observed.require_contacts(observation)
     names = tuple(observation.contacts) if joints is None else joints

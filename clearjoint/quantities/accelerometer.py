@@ -34,6 +34,12 @@ class AccelerometerReading(AbstractQuantity):
     """What an accelerometer of `clearjoint.accelerometer` reads, m/s^2.
 
     **Arguments:** `sensor`: its name.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
+    >>> reading = cj.quantities.AccelerometerReading("arm 2 accelerometer")
+    >>> reading.unit, reading == found.reading
+    ('m/s^2', True)
     """
 
     sensor: str = eqx.field(static=True)
@@ -55,7 +61,15 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """A scene and its state with an accelerometer, and the quantity that it reads."""
+    """A scene and its state with an accelerometer, and the quantity that it reads.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
+    >>> spring = found.scene.forces["arm 2 accelerometer spring"]
+    >>> speed = np.sqrt(spring.stiffness / found.scene.bodies["arm 2 accelerometer"].mass)
+    >>> round(float(speed / (2 * np.pi)), 6)  # Hz
+    2000.0
+    """
 
     scene: Scene
     state: State

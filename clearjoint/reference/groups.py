@@ -25,8 +25,8 @@ GROUPS = (
         "scenes",
         "Scenes, bodies and states",
         "A mechanism as it is built, checked, assembled, saved and read.",
-        ("model.scene", "model.bodies", "dynamics.assembly", "dynamics.constraint_report")
-        + ("scene_files", "view"),
+        ("model.scene", "model.bodies", "model.orientations", "dynamics.assembly")
+        + ("dynamics.constraint_report", "scene_files", "views"),
     ),
     Group("ideal-joints", "Ideal joints", "Joints without play.", ("model.joints",)),
     Group(
@@ -104,7 +104,7 @@ GROUPS = (
         "Elements of your own",
         "What authors of laws, joints, forces, quantities and reductions subclass and use; "
         "import it from `clearjoint.extend`, and the abstract classes from `clearjoint` too.",
-        ("extend", "math", "fields"),
+        ("extend", "math", "fields", "model.pen"),
     ),
     Group(
         "testing",

@@ -49,6 +49,12 @@ class View:
       is said beside it: `title`, `entries` of a colour and its meaning, and `notes`.
     - `clearance_scale`, `bearing_scale`: how many times as wide as they are clearances are drawn,
       and as large bearings. `force_scale`: length of arrows, m/N.
+
+    >>> four_bar = cj.view(*cj.four_bar(), title="four-bar", clearance_scale=50.0)
+    >>> four_bar
+    View of four-bar (one state): save it with .save("view.html")
+    >>> four_bar.clearance_scale, four_bar.save("four_bar.html").name
+    (50.0, 'four_bar.html')
     """
 
     def __init__(

@@ -104,6 +104,13 @@ class MarginZero:
 
     `known`: whether a zero was found; if not, the margin is nowhere negative, as far as was seen,
     and `place` is the upper end.
+
+    >>> def look(place):  # at c = exp(place) the peak is c**2, the limit 4.0
+    ...     margin = np.log(4.0) - 2.0 * place
+    ...     return cj.Margins(place, {"force": margin}, {"force": -2.0}, {"force": 0.0})
+    >>> found = cj.largest_within(look, 0.0, 0.5)  # up to c = 1.65
+    >>> found.place, found.known, len(found.path)
+    (0.5, False, 2)
     """
 
     place: float
@@ -126,6 +133,13 @@ def largest_within(
     **Arguments:** `tolerance`: of the margin, or of the bracket of a margin that jumps.
 
     **Raises:** `ValueError` if the lower end fails.
+
+    >>> def look(place):  # at c = exp(place) the peak is c**2, the limit 4.0
+    ...     margin = np.log(4.0) - 2.0 * place
+    ...     return cj.Margins(place, {"force": margin}, {"force": -2.0}, {"force": 0.0})
+    >>> found = cj.largest_within(look, 0.0, 3.0)
+    >>> found.known, round(float(np.exp(found.place)), 6)
+    (True, 2.0)
     """
     path, good, bad = [look(low)], low, None
     remedy = "lower it, or raise the limits"
