@@ -1,0 +1,14 @@
+"""A mechanism of one's own is seen, run, reported, swept and fitted by one file."""
+
+import pytest
+
+from studies.first_hour import __main__ as first_hour
+
+
+@pytest.mark.slow
+def test_everything_is_written_and_the_clearance_is_found(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(first_hour, "FOLDER", tmp_path)
+    first_hour.main()
+    written = {file.name for file in tmp_path.iterdir()}
+    assert written == {"scene.html", "motion.html", "report.pdf", "sweep.png", "sweep.zarr"}
+    assert "fitted: 200.0 µm, converged" in capsys.readouterr().out
