@@ -120,7 +120,7 @@ def largest(
         2e-3,
         cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log()),
         cj.quantities.ContactForce("slider pin", "V"),
-        2e3,
+        1e4,
         between=(1e-6, 1e-4),
         lanes=8,
     )
