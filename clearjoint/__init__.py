@@ -182,7 +182,6 @@ from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.orientations import rotation as rotation
-from .model.pen import AbstractPen as AbstractPen
 from .model.pen import Marker as Marker
 from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.plays.axial import EndPlay as EndPlay
