@@ -78,5 +78,5 @@ def run_example(public: PublicName) -> str:
     test = doctest.DocTestParser().get_doctest(session, given, public.name, public.origin, 0)
     wrong: list[str] = []
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
-    doctest.DocTestRunner(optionflags=flags).run(test, out=wrong.append)
+    doctest.DocTestRunner(verbose=False, optionflags=flags).run(test, out=wrong.append)
     return "".join(wrong)
