@@ -117,12 +117,18 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Every channel of every sensor, by the sensor's name and the channel's number."""
-    return {
-        f"{name} {k}": channel
-        for name, sensor in sensors.items()
-        for k, channel in enumerate(sensor.channels)
-    }
+    """Every channel of every sensor, by the sensor's name, which fits have for the same program;
+    of several channels by the channel's number, too.
+
+    **Raises:** `ValueError` for a name that stands for two.
+    """
+    outputs: dict[str, Quantity] = {}
+    for name, sensor in sensors.items():
+        for k, channel in enumerate(sensor.channels):
+            output = name if len(sensor.channels) == 1 else f"{name} {k}"
+            require(output not in outputs, "sensors", name, "a name of its own", "rename it")
+            outputs[output] = channel
+    return outputs
 
 
 def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:

@@ -102,19 +102,23 @@ class Series(AbstractReadable):
     def __len__(self) -> int:
         return len(self.times)
 
-    def residuals(self, prediction: ArrayLike) -> Float[jax.Array, " N"]:
+    def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
         """(Prediction - values) / noise, (N,); of a channel with a period the nearest multiple of
         it is left out, so that -pi and pi agree.
 
-        **Arguments:** `prediction`: (N,) the channel at `times`, SI.
+        **Arguments:** `prediction`: (N,) the channel at `times`, SI. Of NumPy's the residuals are
+        NumPy's, and nothing is compiled for their number.
         """
-        prediction = jnp.asarray(prediction)
+        given = prediction, self.values, self.noise
+        traced = any(concrete(each) is None for each in given)
+        library = jnp if traced or isinstance(prediction, jax.Array) else np
+        prediction, values, noise = map(library.asarray, given)
         shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
         require(shape == np.shape(self.values), "prediction", shape, expected, "one value a time")
-        difference = prediction - self.values
+        difference = prediction - values
         if self.period is not None:
-            difference = difference - self.period * jnp.round(difference / self.period)
-        return difference / self.noise
+            difference = difference - self.period * library.round(difference / self.period)
+        return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
         """The series with normally distributed noise added: synthetic measurements, if the values

@@ -84,6 +84,7 @@ class Settings:
     allow_float32: bool = False
 
     def __post_init__(self) -> None:
+        self._take_numbers_of_python()
         self._check_method()
         self._check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
@@ -94,6 +95,12 @@ class Settings:
         ):
             value = getattr(self, name)
             require(isinstance(value, kinds), name, value, "True or False", "say whether")
+
+    def _take_numbers_of_python(self) -> None:
+        """Have NumPy's scalars as Python's, of which JAX makes another program."""
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.generic):
+                object.__setattr__(self, name, value.item())
 
     def _check_method(self) -> None:
         for name, kind, example in (

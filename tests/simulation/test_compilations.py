@@ -242,6 +242,8 @@ def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
     programs = sampled_compiled.programs()
     fit(5)
     fit(70)
+    looked_at = {"x": cj.Sensor(channel, np.linspace(0.0, END, 70), 1e-4)}
+    cj.identifiability(scene, state, STIFFNESS, looked_at)
     assert sampled_compiled.programs() == programs
     before, counts = compiled(), {}
     changes = {

@@ -47,6 +47,15 @@ def test_presets_are_settings_that_cannot_be_changed(name):
         preset.rtol = 1.0
 
 
+def test_numbers_of_numpy_are_those_of_python():
+    settings = cj.Settings(rtol=np.float64(1e-8), max_steps=np.int64(100), ledger=np.True_)
+    assert [type(value) for value in (settings.rtol, settings.max_steps, settings.ledger)] == [
+        float,
+        int,
+        bool,
+    ]
+
+
 def test_presets_get_finer():
     tolerances = [getattr(presets, name).rtol for name in FINER]
     assert tolerances == sorted(tolerances, reverse=True)

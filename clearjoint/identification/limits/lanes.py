@@ -3,19 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...math.vectors import Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
-from ...quantities.base import AbstractQuantity, Quantity, check_quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Quantity
 from ...results import RESULTS, result_number
 from ...simulation.batch.reductions import AbstractReduction, Peak
 from ...simulation.settings import Settings
@@ -25,22 +20,6 @@ from ...sweeps.sweep import sweep
 VALUE = "largest_value"
 CONFIDENCE = 0.95
 """Of the quantiles' intervals."""
-
-
-class Late(AbstractQuantity):
-    """A quantity that is zero before a time, s."""
-
-    quantity: Quantity = eqx.field(static=True)
-    after: float = eqx.field(static=True)
-    unit: ClassVar[str | None] = None
-
-    def check(self, scene: Scene) -> None:
-        """Check that the scene has what the quantity names."""
-        check_quantity("quantity", self.quantity, scene)
-
-    def __call__(self, now: Instant) -> Scalar:
-        """The quantity, or zero."""
-        return jnp.where(now.time >= self.after, self.quantity(now), 0.0)
 
 
 @dataclass(frozen=True)
@@ -153,4 +132,4 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"
-    return Peak(quantity if after is None else Late(quantity, after), unit)
+    return Peak(quantity, unit, after=after)
