@@ -122,12 +122,14 @@ def test_lanes_equal_single_runs_to_the_tolerance_afterwards(pairs):
 
 
 def test_final_states_are_the_last_saved_ones(grid, pairs):
+    """To rounding, since another program computes them (with users' options it's the same bits)."""
     assert (grid.result == 0).all() and (grid.time_reached == END).all()
     for lane, _ in pairs:
         for number, arm in enumerate(ARMS):
             for part in ("position", "velocity"):
                 last = [lane[f"path_{arm} {part.title()} {axis}"][-1] for axis in "xyz"]
-                np.testing.assert_array_equal(lane[f"final_{part}"][number], last)
+                final = np.asarray(lane[f"final_{part}"][number])
+                np.testing.assert_array_max_ulp(final, np.array(last), 4)
 
 
 def test_peak_force_is_that_of_the_impact_table(pairs):
