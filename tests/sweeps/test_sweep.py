@@ -128,8 +128,8 @@ def test_final_states_are_the_last_saved_ones(grid, pairs):
         for number, arm in enumerate(ARMS):
             for part in ("position", "velocity"):
                 last = [lane[f"path_{arm} {part.title()} {axis}"][-1] for axis in "xyz"]
-                final = np.asarray(lane[f"final_{part}"][number])
-                np.testing.assert_array_max_ulp(final, np.array(last), 4)
+                final = lane[f"final_{part}"][number]
+                np.testing.assert_allclose(final, last, rtol=1e-14, atol=1e-17)
 
 
 def test_peak_force_is_that_of_the_impact_table(pairs):
