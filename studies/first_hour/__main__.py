@@ -74,12 +74,12 @@ def main() -> None:
     figure.savefig(FOLDER / "sweep.png")
     said(f"swept: {sweep.sizes['clearance']} clearances")
 
-    times = np.linspace(0.5e-3, 0.02, 40)
+    times = np.linspace(0.25e-3, 0.01, 40)
     offsets = {"x": JournalOffset("crank pin", "x"), "y": JournalOffset("crank pin", "y")}
-    seen = cj.sensitivities(scene, start, 0.02, {"clearance": play}, offsets, times)
+    seen = cj.sensitivities(scene, start, 0.01, {"clearance": play}, offsets, times)
     series = {k: cj.Series(offsets[k], times, seen.values[k], noise=5e-6) for k in offsets}
     measured = cj.Measurements(series).with_noise(np.random.default_rng(0))
-    how = {"guess": {"clearance": 0.1e-3}, "grow": (0.002, 0.004, 0.006, 0.009, 0.013)}
+    how = {"guess": {"clearance": 0.1e-3}, "grow": (0.002, 0.004, 0.006, 0.008)}
     fit = cj.identify(scene, start, measured, {"clearance": play}, **how)
     said(f"fitted: {fit.estimates['clearance'] * 1e6:.1f} µm, {fit.ending.value}")
 
