@@ -15,7 +15,7 @@ import jax
 Shapes = TypeVar("Shapes")
 
 LARGE = 5_000
-"""Operations of the equations of motion from which compiling takes minutes."""
+"""Operations of the equations of motion from which compiling takes half a minute and more."""
 WITH_DERIVATIVES = 3
 """How many times as many operations a step has that carries derivatives."""
 
@@ -30,9 +30,10 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     if operations > LARGE:
         warnings.warn(
             f"A step of this scene has some {operations} operations for each stage of the solver: "
-            f"from {LARGE} on compiling takes minutes, and from ten times as many more than 8 GB "
-            "of memory. Long chains of ideal joints take fewer in AbsoluteCoordinates(), short "
-            "closed loops in JointCoordinates(); and diffrax.Bosh3() has half the stages.",
+            f"from {LARGE} on compiling takes half a minute and more, and from ten times as many "
+            "more than 8 GB of memory. Long chains of ideal joints take fewer in "
+            "AbsoluteCoordinates(), short closed loops in JointCoordinates(); and "
+            "diffrax.Bosh3() has half the stages.",
             stacklevel=2,
         )
     return shapes

@@ -63,7 +63,7 @@ def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _begun(*shorter)
-    with pytest.warns(UserWarning, match="compiling takes minutes"):
+    with pytest.warns(UserWarning, match="compiling takes half a minute and more"):
         _begun_with_derivatives(*shorter)
     with pytest.warns(UserWarning, match=r"operations for each stage .* 8 GB"):
         _begun(*longer)
