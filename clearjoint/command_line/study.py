@@ -184,7 +184,8 @@ def _entry(
             here.setdefault("run", {})
         if str(key) in here:
             return here[str(key)]
-        remedy = nearest(str(key), here, f"add a section [{key}] to the file")
+        otherwise = f"add a section [{key}] to the file" if here is study else "take one of these"
+        remedy = nearest(str(key), here, otherwise)
         so_far = ".".join(map(str, before)) or "the top"
         place.refuse(str(key), f"one of {listed(here)} at {so_far}", remedy)
     if isinstance(here, list) and isinstance(key, int) and key < len(here):
