@@ -129,13 +129,8 @@ def accelerometer(
 
     **Source:** C. Harris and A. Piersol, *Harris' shock and vibration handbook* (2002), chapter 12.
     """
-    remedy = nearest(body, scene.bodies, "name one of them")
-    require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
-    require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
     name = f"{body} accelerometer" if name is None else name
-    taken = {*scene.bodies, *scene.joints, *scene.forces}
-    free = not {name, name + SPRING} & taken
-    require(free, "name", name, "one that the scene does not have", "give another name")
+    _require_names(scene, state, body, name)
     require_point("point", place := np.asarray(as_number(point, "point", "m")))
     require_axis("axis", along := np.asarray(as_number(axis, "axis")))
     direction = along / np.linalg.norm(along)
@@ -165,6 +160,15 @@ def accelerometer(
     bodies = {**state.bodies, name: _resting(host, scene, place, direction, speed)}
     start = State(bodies, state.memory, state.work, state.bristles)
     return Accelerometer(fixed, start, AccelerometerReading(name))
+
+
+def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
+    """A body that is there, and a name for its sensor that is not."""
+    remedy = nearest(body, scene.bodies, "name one of them")
+    require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
+    require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
+    free = not {name, name + SPRING} & {*scene.bodies, *scene.joints, *scene.forces}
+    require(free, "name", name, "one that the scene does not have", "give another name")
 
 
 def _resting(

@@ -133,10 +133,9 @@ class HostLoop(AbstractRun):
                     now = rewound(now)
                 bar.update(float(now.step.t) - start - bar.n)
                 notice.check()
-                if self._ended(now, waiting, max_steps):
-                    break
-                if stopped():
-                    self.interrupted = True
+                ended = self._ended(now, waiting, max_steps)
+                self.interrupted = not ended and stopped()
+                if ended or self.interrupted:
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
