@@ -212,10 +212,10 @@ from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import load_urdf as load_urdf
+from .simulation.batch.dissipated_energy import DissipatedEnergy as DissipatedEnergy
+from .simulation.batch.impact_count import ImpactCount as ImpactCount
 from .simulation.batch.quantiles import Quantiles as Quantiles
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction
-from .simulation.batch.reductions import DissipatedEnergy as DissipatedEnergy
-from .simulation.batch.reductions import ImpactCount as ImpactCount
 from .simulation.batch.reductions import Peak as Peak
 from .simulation.batch.reductions import Statistics as Statistics
 from .simulation.batch.wear import ArchardWear as ArchardWear
