@@ -10,6 +10,7 @@ from .. import plot
 from ..identification.fit import Fit
 from ..model.plays.journal_bases import HasJournal
 from ..model.scene import Scene
+from ..plot.cycle import section_points
 from ..plot.labels import scaled
 from ..simulation.impact_table import Impacts
 from ..simulation.observe import Observation
@@ -102,9 +103,9 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
     if impacts is None or not (here := impacts.joint == joint).any():
         return
     peaks = impacts.peak_force[here] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
-    times = impacts.peak_time[here] * 1e3
+    times = impacts.peak_time[here] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
     forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
-    forces.set_ylim(0.0, 1.05 * max(peaks.max(), forces.get_ylim()[1]))
+    forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
     columns = len(forces.get_legend_handles_labels()[1])
     forces.legend(
         loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, 4), frameon=False
@@ -127,12 +128,14 @@ def _draw_energies(folder: Folder, observed: Observation) -> None:
 
 def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
     """The crossings as a Poincaré map of the first two channels, or of one over time."""
-    channels = [scaled(crossings[channel]) for channel in crossings.data_vars]
-    if len(channels) == 1:
-        channels.insert(0, scaled(crossings["time"]))
+    channels = list(map(str, crossings.data_vars))[:2]
+    channels = ["time", *channels] if len(channels) == 1 else channels
     if crossings.sizes["time"]:
-        x, y = channels[:2]
-        _write(folder, f"section {name}", plot.poincare_map(x.values, y.values, (x.label, y.label)))
+        values = [crossings[channel].values for channel in channels]
+        units = [str(crossings[channel].attrs.get("units", "1")) for channel in channels]
+        times = crossings["time"].values
+        drawn = section_points(times, values, channels, units, None, None, None)
+        _write(folder, f"section {name}", drawn)
 
 
 def _over_time(table: "xr.Dataset", name: str, along: str | None = None) -> "Axes":

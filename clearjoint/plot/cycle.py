@@ -1,19 +1,25 @@
 """Machines that turn: curves over the angle of a shaft, and Poincaré maps."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.ticker import MultipleLocator
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from ..simulation.sections import Crossings, Section
-from .labels import ScaledValues, scaled
+from .journal import clearance_circle
+from .labels import fitting_unit
 from .outcomes import require_names
-from .style import axes_or_new, dress, lines
+from .style import BLUE, DARK, LIGHT, axes_or_new, dress, lines
 
 Curve = tuple[np.ndarray, np.ndarray]
+SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+UNLIKE = 20.0
+"""Ratio of the largest values of two channels of one unit up to which their scales are equal."""
 
 
 def over_angle(
@@ -51,13 +57,22 @@ def poincare_map(
 
     **Arguments:** `x`, `y`: (N,) coordinates of the points, in order; `labels`: theirs, with units.
 
-    **Returns:** the axes; later points are darker.
+    **Returns:** the axes; later points are darker, as a bar tells.
 
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
-    axes = axes_or_new(axes, (4.8, 4.8))
-    shade = np.linspace(1.0, 0.35, len(x))[::-1]
-    axes.scatter(x, y, c=shade, cmap="Blues", vmin=0.0, vmax=1.0, s=14.0, linewidths=0.0, zorder=3)
+    return _mapped(x, y, 1 + np.arange(len(x)), labels, axes_or_new(axes, (5.4, 4.8)))
+
+
+def _mapped(
+    x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes
+) -> Axes:
+    """Points in shades that tell their numbers."""
+    look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
+    points = axes.scatter(x, y, c=numbers, **look)
+    if len(x) > 1:
+        bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
+        bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
     return dress(axes, *labels)
 
 
@@ -66,6 +81,8 @@ def poincare_section(
     section: Section,
     channels: tuple[str, str] | None = None,
     *,
+    after: float | None = None,
+    clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Where a run crossed a Poincaré section: a few dots if it is periodic, a cloud if chaotic.
@@ -74,10 +91,15 @@ def poincare_section(
 
     - `crossings`: `solution.sections[name]`. `section`: the `Section` that was asked for.
     - `channels`: names of those to the right and upwards; the section's first two unless given.
+    - `after`: s; earlier crossings, those of the transient, are left out.
+    - `clearance`: radial, m, whose circle to draw: of the joint of which the channels are a
+      `JournalOffset`.
 
-    **Returns:** the axes, in units that suit; later points are darker.
+    **Returns:** the axes, in units that suit, of equal scale for channels of one unit that are
+    about as wide. Later points are darker, as a bar tells.
 
-    **Raises:** `ValueError` for channels that the section has not.
+    **Raises:** `ValueError` for channels that the section has not, a `clearance` to channels that
+    are no lengths, and where no crossing is left.
 
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
@@ -91,17 +113,25 @@ def poincare_section(
     fine = len(chosen) == 2 and set(chosen) <= set(known)
     remedy = "record two channels, and name them"
     require(fine, "channels", chosen, f"two of those of the section, {known}", remedy)
-    points = [_scaled(crossings.values[name], name, section.channels[name][1]) for name in chosen]
-    return _points(points, axes)
+    units = [section.channels[name][1] for name in chosen]
+    values = [crossings.values[name] for name in chosen]
+    return section_points(crossings.times, values, chosen, units, after, clearance, axes)
 
 
 def poincare_section_of_lane(
-    lane: xr.Dataset, section: str, channels: tuple[str, str], *, axes: Axes | None = None
+    lane: xr.Dataset,
+    section: str,
+    channels: tuple[str, str],
+    *,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
 ) -> Axes:
     """Where one lane of a sweep crossed a Poincaré section.
 
     **Arguments:** `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``;
-    `section`: name of the `Section`; `channels`: names of those to the right and upwards.
+    `section`: name of the `Section`; `channels`: names of those to the right and upwards; `after`,
+    `clearance`: as of `plot.poincare_section`.
 
     **Returns:** as of `plot.poincare_section`.
 
@@ -120,22 +150,48 @@ def poincare_section_of_lane(
     >>> drawn = plot.poincare_section_of_lane(lane, "still", ("x", "speed"))
     """
     names = [f"{section}_{channel}" for channel in channels]
-    require_names(lane, (*names, f"{section}_count"))
+    require_names(lane, (*names, f"{section}_count", f"{section}_time"))
     count = lane[f"{section}_count"]
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
     there = slice(int(count))
     units = [lane[name].attrs.get("units", "1") for name in names]
-    points = [
-        _scaled(lane[name].values[there], channel, unit)
-        for name, channel, unit in zip(names, channels, units, strict=True)
-    ]
-    return _points(points, axes)
+    times, *values = (lane[name].values[there] for name in (f"{section}_time", *names))
+    return section_points(times, values, channels, units, after, clearance, axes)
 
 
-def _scaled(values: np.ndarray, name: str, unit: str) -> ScaledValues:
-    return scaled(xr.DataArray(np.asarray(values), name=name, attrs={"units": unit}))
-
-
-def _points(points: list[ScaledValues], axes: Axes | None) -> Axes:
-    x, y = points
-    return poincare_map(x.values, y.values, (x.label, y.label), axes=axes)
+def section_points(
+    times: np.ndarray,
+    values: Sequence[np.ndarray],
+    channels: Sequence[str],
+    units: Sequence[str],
+    after: float | None,
+    clearance: float | None,
+    axes: Axes | None,
+) -> Axes:
+    """Two channels of crossings at times (N,) s, in SI units."""
+    times, lengths = np.asarray(times), set(units) == {"m"}
+    kept = np.full(len(times), True) if after is None else times >= after
+    last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
+    require(bool(kept.any()) or after is None, "after", after, last, "give an earlier time")
+    expected = f"None for channels in {units}"
+    require(clearance is None or lengths, "clearance", clearance, expected, "leave it out")
+    places = [np.asarray(row)[kept] for row in values]
+    sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in places]
+    largest = max(*sizes, 0.0 if clearance is None else clearance)
+    alike = units[0] == units[1] and largest <= UNLIKE * min(sizes)
+    same = alike or clearance is not None
+    columns = []
+    for row, size, channel, unit in zip(places, sizes, channels, units, strict=True):
+        factor, text = fitting_unit(np.array([largest if same else size]), unit)
+        suffix = "" if text == "1" else f", {text}"
+        columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
+    (x, right, factor), (y, up, _) = columns
+    axes = _mapped(x, y, 1 + np.flatnonzero(kept), (right, up), axes_or_new(axes, (5.4, 4.8)))
+    if clearance is not None:
+        clearance_circle(axes, clearance, factor=factor)
+    if same:
+        axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
+    if after is not None:
+        text = f"{kept.sum()} of {len(kept)} crossings, from {after:g} s on"
+        axes.set_title(text, fontsize="small", loc="right")
+    return axes

@@ -10,6 +10,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
@@ -133,7 +134,7 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     >>> axes = plot.correlations(fit)
     """
     axes = axes_or_new(axes, (1.6 + 1.0 * len(fit.parameters), 1.2 + 0.9 * len(fit.parameters)))
-    numbers, names = fit.correlation, list(fit.parameters)
+    numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
         colour = "white" if abs(number) > 0.6 else "black"

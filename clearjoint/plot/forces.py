@@ -4,11 +4,19 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
+from ..fields.drawn_text import shown
 from ..model.plays.journal_bases import BASES
 from ..simulation.observe import ContactObservation, Observation
 from . import observed
 from .labels import fitting_unit, time_unit
 from .style import TimeSpan, axes_or_new, dress, hide_legend, inside, lines, show
+
+OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
+"""Largest value over the median of the contacts' peaks, or over the value that is exceeded for half
+of the time in contact, from which on an axis is logarithmic."""
+FEWEST_PEAKS = 3
+DECADES = 4.0
+"""Of a logarithmic axis, at most."""
 
 
 def contact_and_reaction(
@@ -48,8 +56,8 @@ def contact_and_reaction(
     times = observation.times[inside_span] * faster
     peaks = [f"{peak * factor:.4g} {unit}" for peak in largest]
     curves = {
-        f"contact force at {_called(contact[1])}: peak {peaks[0]}": force,
-        f"reaction at the {reaction[0]}: peak {peaks[1]}": load,
+        f"contact force at {shown(_called(contact[1]))}: peak {peaks[0]}": force,
+        f"reaction at the {shown(reaction[0])}: peak {peaks[1]}": load,
     }
     for (label, values), (colour, style) in zip(curves.items(), lines(), strict=False):
         axes.plot(times, values * factor, color=colour, linestyle=style, linewidth=2, label=label)
@@ -63,15 +71,21 @@ def contact_forces(
     joint: str,
     *,
     window: TimeSpan | None = None,
+    logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Normal forces of all contacts of a joint over time.
+
+    Contacts with the same force, such as both bases in planar motion, are one curve.
 
     **Arguments:**
 
     - `observation`: along every accepted step, or at instants that resolve the impacts.
     - `joint`: name of the clearance joint.
     - `window`: instants between which to draw, s; the whole observation unless given.
+    - `logarithmic`: whether forces are on a logarithmic axis, on which free flight is below what is
+      shown; unless given, where one peak is so much larger than the others that these could not be
+      seen.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
@@ -83,15 +97,20 @@ def contact_forces(
     """
     contacts = observed.contacts(observation, joint)
     forces = {_called(name): one.normal_force for name, one in contacts.items()}
-    return _over_time(observation.times, forces, ("normal force", "N"), window, axes_or_new(axes))
+    axes = axes_or_new(axes)
+    return _over_time(observation.times, forces, ("normal force", "N"), window, logarithmic, axes)
 
 
 def joint_forces(
-    observation: Observation, *, window: TimeSpan | None = None, axes: Axes | None = None
+    observation: Observation,
+    *,
+    window: TimeSpan | None = None,
+    logarithmic: bool | None = None,
+    axes: Axes | None = None,
 ) -> Axes:
     """Largest normal force among the contacts of each joint, over time, for all joints with play.
 
-    **Arguments:** `observation`, `window`: as of `contact_forces`.
+    **Arguments:** `observation`, `window`, `logarithmic`: as of `contact_forces`.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
@@ -108,7 +127,8 @@ def joint_forces(
         name: np.max([np.asarray(one.normal_force) for one in family.values()], axis=0)
         for name, family in observation.contacts.items()
     }
-    return _over_time(observation.times, forces, ("normal force", "N"), window, axes_or_new(axes))
+    axes = axes_or_new(axes)
+    return _over_time(observation.times, forces, ("normal force", "N"), window, logarithmic, axes)
 
 
 def force_and_penetration(
@@ -116,12 +136,13 @@ def force_and_penetration(
     joint: str,
     *,
     window: TimeSpan | None = None,
+    logarithmic: bool | None = None,
     axes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Normal forces of all contacts of a joint over time, and their penetrations below.
 
-    **Arguments:** `observation`, `joint`, `window`: as of `contact_forces`; `axes`: two, unless new
-    ones are to be made.
+    **Arguments:** `observation`, `joint`, `window`, `logarithmic`: as of `contact_forces`; `axes`:
+    two, unless new ones are to be made.
 
     **Returns:** the axes, (2,); time in ms or s, force in N or kN, penetration in µm or so: zero in
     flight.
@@ -137,9 +158,10 @@ def force_and_penetration(
         looks = {"sharex": True, "figsize": (6.4, 5.2), "layout": "constrained"}
         axes = np.asarray(plt.subplots(2, 1, **looks)[1])
     above, below = axes
-    contact_forces(observation, joint, window=window, axes=above).set_xlabel("")
+    looks = {"window": window, "logarithmic": logarithmic}
+    contact_forces(observation, joint, **looks, axes=above).set_xlabel("")
     depths = {_called(name): _depth(one) for name, one in contacts.items()}
-    _over_time(observation.times, depths, ("penetration", "m"), window, below)
+    _over_time(observation.times, depths, ("penetration", "m"), window, logarithmic, below)
     hide_legend(below)
     return axes
 
@@ -157,21 +179,53 @@ def _over_time(
     curves: dict[str, np.ndarray],
     quantity: tuple[str, str],
     window: TimeSpan | None,
+    logarithmic: bool | None,
     axes: Axes,
 ) -> Axes:
     """Curves of a quantity, by name and SI unit, that is never negative."""
     faster, time = time_unit(times, window)
     span = None if window is None else (faster * window[0], faster * window[1])
     inside_span = show(axes, times * faster, span)
-    drawn = {name: np.asarray(values)[inside_span] for name, values in curves.items()}
-    factor, unit = fitting_unit(np.concatenate(list(drawn.values())), quantity[1])
-    for k, ((label, values), (colour, style)) in enumerate(
-        zip(drawn.items(), lines(), strict=False)
-    ):
+    drawn = observed.without_twins(
+        {name: np.asarray(values)[inside_span] for name, values in curves.items()}
+    )
+    factor, unit = fitting_unit(np.concatenate([values for _, values in drawn]), quantity[1])
+    for k, ((label, values), (colour, style)) in enumerate(zip(drawn, lines(), strict=False)):
         look = {"color": colour, "linestyle": style, "linewidth": 1.8 if k == 0 else 1.0}
         axes.plot(times[inside_span] * faster, values * factor, label=label, **look)
     axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
-    columns = min(len(curves), 4)
+    _rescale(axes, times[inside_span], [values for _, values in drawn], factor, logarithmic)
+    columns = min(len(drawn), 4)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
     return dress(axes, f"time, {time}", f"{quantity[0]}, {unit}")
+
+
+def _rescale(
+    axes: Axes,
+    times: np.ndarray,
+    curves: list[np.ndarray],
+    factor: float,
+    logarithmic: bool | None,
+) -> None:
+    """Make the axis of values logarithmic if that is wanted, or suits them."""
+    peaks = np.concatenate([_peaks(values) for values in curves])
+    if len(peaks) == 0 or logarithmic is False:
+        return
+    weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
+    values = np.concatenate(curves)
+    order = np.argsort(values)
+    order = order[values[order] > 0.0]
+    usual = values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights[order].sum())]
+    largest = peaks.max()
+    squeezed = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
+    if logarithmic or squeezed or largest > OVER_USUAL_VALUE * usual:
+        lowest = np.clip(0.3 * min(peaks.min(), usual), largest * 10.0**-DECADES, 0.03 * largest)
+        axes.set_yscale("log")
+        axes.set_ylim(factor * lowest, 1.5 * factor * largest)
+
+
+def _peaks(values: np.ndarray) -> np.ndarray:
+    """The largest value of each stretch of positive ones."""
+    ends = np.flatnonzero(np.diff(np.pad(values > 0.0, 1).astype(int)))
+    return np.array([values[first:last].max() for first, last in ends.reshape(-1, 2)])

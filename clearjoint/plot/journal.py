@@ -8,10 +8,11 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
-from .labels import time_unit
-from .observed import contact, contacts
+from .labels import fitting_unit, time_unit
+from .observed import contact, contacts, without_twins
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines
 
 CrossSection = Mapping[str, ArrayLike]
@@ -23,8 +24,11 @@ XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 >>> plot.XY["X"]
 (1.0, 0.0, 0.0)
 """
-WIDTHS = {"V": 1.6, "W": 0.9}
-"""Of the lines of both bases, the second of which lies on the first in planar motion."""
+WIDTHS = 1.6, 0.9
+"""Of the lines of both bases: the second may lie on the first for a while."""
+PRESSED = 0.05
+"""Largest difference of eccentricity and clearance, over the clearance, of which the difference is
+drawn."""
 OWN = ("the bearing's x", "the bearing's y")
 """What points to the right and upwards in the bearing's own cross-section."""
 SMALLEST_IN_MILLIMETRES = 0.2e-3
@@ -41,8 +45,12 @@ def eccentricities(
 ) -> Axes:
     """Magnitude of the eccentricity of both bases over time (Fig. 16).
 
+    Bases that move alike are one curve. Of a journal that stays at the wall, the difference of
+    eccentricity and clearance is drawn, since its eccentricity can't be told from the clearance.
+
     **Arguments:**
 
+    - `observation`: as of `journal_orbit`.
     - `joint`: name of the clearance joint.
     - `clearance`: radial, m, drawn as the line above which a base touches the wall; that of the
       joint as observed unless given.
@@ -51,25 +59,37 @@ def eccentricities(
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
     >>> scene, state = cj.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
+    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes)
     radius = _radius(observation, joint, clearance)
     factor, unit = length_unit(radius)
     inside_span = inside(observation.times, window)
+    sizes = without_twins(
+        {
+            f"base {base}": np.asarray(contact(observation, joint, base).eccentricity)[inside_span]
+            for base in BASES
+        }
+    )
+    away = np.concatenate([size for _, size in sizes]) - radius
+    zero, quantity = 0.0, "eccentricity"
+    if bool((np.abs(away) <= PRESSED * radius).all()):
+        zero, quantity = radius, "eccentricity − clearance"
+        factor, unit = fitting_unit(away, "m")
     faster, time = time_unit(observation.times[inside_span])
     times = observation.times[inside_span] * faster
-    for base, (colour, style) in zip(BASES, lines(), strict=False):
-        size = np.asarray(contact(observation, joint, base).eccentricity)[inside_span] * factor
-        axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=f"base {base}")
-    axes.axhline(radius * factor, color="black", linewidth=1.0, label="clearance")
+    for (label, size), (colour, style) in zip(sizes, lines(), strict=False):
+        look = {"color": colour, "linestyle": style, "linewidth": 1.5}
+        axes.plot(times, (size - zero) * factor, label=label, **look)
+    level = (radius - zero) * factor
+    axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
-    axes.set_ylim(bottom=0.0)
+    if zero == 0.0:
+        axes.set_ylim(bottom=0.0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
-    return dress(axes, f"time, {time}", f"eccentricity, {unit}")
+    return dress(axes, f"time, {time}", f"{quantity}, {unit}")
 
 
 def eccentricity_vectors(
@@ -107,8 +127,12 @@ def journal_orbit(
 ) -> Axes:
     """Paths of both bases' centres in the bearing's cross-section, within the clearance circle.
 
+    Bases that move alike are one path. Paths join what was observed by straight lines: of accepted
+    steps, which are long in free flight, take ``solution.steps.between()``, as below.
+
     **Arguments:**
 
+    - `observation`: along ``solution.steps.between()``, or at instants that resolve free flights.
     - `joint`: name of the clearance joint.
     - `clearance`: radial, m; that of the joint as observed unless given.
     - `section`: what points to the right and upwards; see `eccentricity_vectors`.
@@ -117,19 +141,23 @@ def journal_orbit(
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
     >>> scene, state = cj.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
+    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
     radius = _radius(observation, joint, clearance)
     factor, _ = length_unit(radius)
     inside_span = inside(observation.times, window)
-    for base, (colour, style) in zip(BASES, lines(), strict=False):
-        orbit = eccentricity_vectors(observation, joint, base, section)[inside_span] * factor
-        look = {"color": colour, "linestyle": style, "linewidth": WIDTHS[base]}
-        axes.plot(*orbit.T, label=f"base {base}", **look)
+    paths = {
+        f"base {base}": eccentricity_vectors(observation, joint, base, section)[inside_span]
+        for base in BASES
+    }
+    looks = zip(lines(), WIDTHS, strict=False)
+    for (label, orbit), look in zip(without_twins(paths), looks, strict=False):
+        (colour, style), width = look
+        look = {"color": colour, "linestyle": style, "linewidth": width}
+        axes.plot(*(orbit * factor).T, label=label, **look)
     return _dress_orbit(axes, radius, section)
 
 
@@ -150,9 +178,8 @@ def orbit_in_contact(
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
     >>> scene, state = cj.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
+    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
@@ -212,5 +239,5 @@ def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> 
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    right, up = OWN if section is None else section
+    right, up = OWN if section is None else map(shown, section)
     return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")

@@ -6,9 +6,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from .style import TimeSpan
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
@@ -22,6 +23,10 @@ SMALLEST_IN_KILONEWTONS = 1e4
 """Forces from this one on, N, are shown in kN by pictures of single runs."""
 LOGARITHMIC = 12.0
 """Largest over smallest value from which on an axis is logarithmic."""
+GEOMETRIC = 1e-6
+"""Largest relative difference of the ratios of neighbouring values in a geometric series."""
+FEW_TICKS = 5.0
+"""Largest over smallest value up to which ticks of a logarithmic axis are at equal distances."""
 MANY_DECADES = 500.0
 """Likewise, from which on ticks are powers of ten."""
 
@@ -45,9 +50,9 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     values = np.asarray(data.values, dtype=float)
     si = data.attrs.get("units", "1")
     exponent, unit = _prefixed(values, si)
-    name = str(data.name).replace("_", " ")
+    name = shown(str(data.name).replace("_", " "))
     if present:
-        names, exponent, unit = _present_unit(present, si)
+        names, exponent, unit = _present_unit(present.replace("\n", " "), si)
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
@@ -69,14 +74,16 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Label of an output of a sweep in a legend: its name, and the values at which other axes of
     the sweep have been selected."""
     places = [c for name, c in dataset.coords.items() if c.ndim == 0 and name != axis]
-    texts = [_at(scaled(place)) for place in places]
-    return ", ".join([variable.replace("_", " "), *texts])
+    texts = [_at(place) for place in places]
+    return ", ".join([shown(variable.replace("_", " ")), *texts])
 
 
-def _at(place: ScaledValues) -> str:
+def _at(place: xr.DataArray) -> str:
     """A coordinate's name, value and unit."""
-    name, _, unit = place.label.partition(", ")
-    return f"{name} {float(place.values):.4g} {unit}".strip()
+    label, value = scaled(place).label, float(scaled(place).values)
+    has_unit = place.attrs.get("units", "1") != "1"
+    name, _, unit = label.rpartition(", ") if has_unit else (label, "", "")
+    return f"{name} {value:.4g} {unit}".strip()
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
@@ -109,18 +116,35 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     return exponent, PREFIXES[exponent] + text
 
 
-def suits_logarithm(values: np.ndarray) -> bool:
-    """Whether values are positive and spread over more than a decade."""
+def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
+    """Whether values are positive and spread over more than a decade; or, of a swept parameter,
+    positive and a geometric series."""
     finite = values[np.isfinite(values)]
-    return finite.size > 0 and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min()
+    if finite.size == 0 or finite.min() <= 0.0:
+        return False
+    wide = bool(finite.max() > LOGARITHMIC * finite.min())
+    return wide or (swept and _is_geometric(finite))
 
 
-def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+def _is_geometric(values: np.ndarray) -> bool:
+    """Whether positive values are spaced by one ratio, and not by one difference."""
+    places = np.unique(values)
+    if len(places) < 3:
+        return False
+    ratios, steps = np.diff(np.log(places)), np.diff(places)
+    equal = np.ptp(ratios) <= GEOMETRIC * ratios.mean()
+    return bool(equal and np.ptp(steps) > GEOMETRIC * steps.mean())
+
+
+def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
     """Make each axis logarithmic if that suits its values, with ticks in plain numbers, or linear
-    if some of them are not positive."""
-    for axis, values in ((axes.xaxis, x), (axes.yaxis, y)):
+    if some of them are not positive.
+
+    **Arguments:** `swept`: the axes of swept parameters, "x", "y" or "xy".
+    """
+    for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
-        if suits_logarithm(values):
+        if suits_logarithm(values, letter in swept):
             scale("log")
             tick_logarithm(axis, values)
         elif bool((values <= 0.0).any()):
@@ -128,9 +152,12 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Ticks at 1, 2, 5 times powers of ten in plain numbers, unless there are too many decades."""
+    """Ticks at 1, 2, 5 times powers of ten in plain numbers, unless there are too many decades; at
+    equal distances where that would be too few."""
     finite = values[np.isfinite(values)]
     if finite.max() < MANY_DECADES * finite.min():
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        few = finite.max() <= FEW_TICKS * finite.min()
+        equal = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
+        axis.set_major_locator(equal if few else LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.set_minor_formatter(NullFormatter())

@@ -50,7 +50,7 @@ def parameter_map(
     values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
     norm = LogNorm() if suits_logarithm(values) else Normalize()
     mesh = axes.pcolormesh(right.values, up.values, values, norm=norm, shading="nearest")
-    scale_axes(axes, right.values, up.values)
+    scale_axes(axes, right.values, up.values, swept="xy")
     bar = axes.figure.colorbar(mesh, ax=axes, label=label)
     if suits_logarithm(values):
         tick_logarithm(bar.ax.yaxis, values)

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from ..simulation.observe import Observation
 from ..simulation.solution import Trajectory
 from .observed import acceleration_of, centre_of
@@ -42,9 +43,8 @@ def position(
         label: (trajectory.times, centre_of(trajectory, body)[:, _number(component)])
         for label, trajectory in trajectories.items()
     }
-    return dress(
-        _over_time(curves, axes, window), "time, s", f"{component}-position of {body}'s centre, m"
-    )
+    label = f"{component}-position of {shown(body)}'s centre, m"
+    return dress(_over_time(curves, axes, window), "time, s", label)
 
 
 def acceleration(
@@ -79,7 +79,7 @@ def acceleration(
     return dress(
         _over_time(curves, axes, window, width=1.0),
         "time, s",
-        f"{component}-acceleration of {body}'s centre, m/s²",
+        f"{component}-acceleration of {shown(body)}'s centre, m/s²",
     )
 
 

@@ -1,12 +1,16 @@
 """Contacts, reactions and bodies of an observation by name, with an error for a wrong one."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from ..fields.checks import require
+from ..fields.drawn_text import shown
 from ..simulation.observe import ContactObservation, Load, Observation
 from ..simulation.solution import Trajectory
+
+ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
+"""Differences up to which curves lie on each other, over their values and over the largest one."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
@@ -60,6 +64,27 @@ def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
     """
     _require_known("body", body, trajectory.states.bodies)
     return np.asarray(trajectory.states.bodies[body].position)
+
+
+def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
+    """Curves with their labels, by names: those that lie on each other are one, with both names in
+    its label. In planar motion both bases of a journal do the same."""
+    scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
+    found: list[tuple[list[str], np.ndarray]] = []
+    for label, values in curves.items():
+        for names, first in found:
+            if np.allclose(values, first, rtol=ALIKE, atol=ALIKE_OF_LARGEST * scale):
+                names.append(label)
+                break
+        else:
+            found.append(([label], values))
+    return [(_joined(names), values) for names, values in found]
+
+
+def _joined(names: list[str]) -> str:
+    if len(names) > 1 and all(name.startswith("base ") for name in names):
+        return "bases " + " and ".join(name.removeprefix("base ") for name in names)
+    return " and ".join(map(shown, names))
 
 
 def _require_known(argument: str, name: str, known: Collection[str]) -> None:

@@ -3,6 +3,7 @@
 import xarray as xr
 from matplotlib.axes import Axes
 
+from ..fields.drawn_text import shown
 from .journal import clearance_circle, length_unit
 from .outcomes import require_names
 from .style import BLUE, TimeSpan, axes_or_new, dress, inside
@@ -48,4 +49,4 @@ def orbit(
     axes.plot(right, up, color=BLUE, linewidth=0.8)
     axes.plot(right[:1], up[:1], "o", color="black", markersize=4)
     clearance_circle(axes, clearance, factor=factor)
-    return dress(axes, *(f"{channel}, {unit}" for channel in channels))
+    return dress(axes, *(f"{shown(channel)}, {unit}" for channel in channels))

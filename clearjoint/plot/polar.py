@@ -9,11 +9,12 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
 from ..fields.checks import require, require_count
+from ..fields.drawn_text import shown
 from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .labels import fitting_unit
-from .observed import contact
+from .observed import contact, without_twins
 from .outcomes import require_names
 from .style import BLUE, DARK, LIGHT, VERMILLION, polar_or_new
 
@@ -41,7 +42,8 @@ def contact_rose(
     - `observation`: along every accepted step, or at instants that resolve the impacts.
     - `joint`: name of the clearance joint.
     - `weight`: "impulse", the time integral of the normal force in each sector, base W upon base
-      V; or "force", the largest normal force there of each base.
+      V; or "force", the largest normal force there of each base. Bases that press alike are one:
+      with the sum of their impulses, or the force of each.
     - `sectors`: their number; the first one begins at what points to the right.
     - `section`: what points to the right and upwards; see `eccentricity_vectors`.
     - `axes`: polar ones.
@@ -66,13 +68,16 @@ def contact_rose(
         for base in BASES
     }
     axes = polar_or_new(axes)
+    alike = dict(without_twins(weights))
     if weight == "force":
-        _bars(weights, ("largest normal force", "N"), False, axes)
+        _bars(alike, ("largest normal force", "N"), False, axes)
     else:
-        _bars(weights, ("impulse", "N s"), True, axes)
+        shared = len(weights) / len(alike)
+        summed = {label: shared * sizes for label, sizes in alike.items()}
+        _bars(summed, ("impulse", "N s"), True, axes)
     if section is not None:
         right, up = section
-        axes.set_xticklabels(_named(axes, right, up))
+        axes.set_xticklabels(_named(axes, shown(right), shown(up)))
     return axes
 
 
@@ -148,7 +153,7 @@ def _bars(
     )
     factor, unit = _fitting(tops, quantity[1])
     bottom = np.zeros(sectors)
-    for (label, sizes), look in zip(weights.items(), LOOKS, strict=True):
+    for (label, sizes), look in zip(weights.items(), LOOKS, strict=False):
         drawn = sizes * factor
         axes.bar(middles, drawn, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
         bottom = bottom + drawn if stacked else bottom

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..fields.drawn_text import shown
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import Horizon
 from .style import DARK, GREY, axes_or_new, dress, lines
@@ -32,7 +33,8 @@ def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     >>> axes = plot.growth(limits)
     """
     axes = axes_or_new(axes)
-    times, labels = horizon.times * 1e3, [*horizon.information.labels, f"{DISTURBANCE}, m/s"]
+    times = horizon.times * 1e3
+    labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
     for k, (label, (colour, style)) in enumerate(zip(labels, lines(), strict=False)):
         size = np.where(horizon.growth[:, k] > 0.0, horizon.growth[:, k], np.nan)
         axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=label)

@@ -2,14 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import fill
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import xarray as xr
 from matplotlib import rc, rc_context
 from matplotlib.figure import Figure, SubFigure
 
 from ..fields.checks import require
+from ..fields.drawn_text import literal, shown
 from ..model.scene import Scene
 from ..quantities.base import Quantity
 from ..simulation.observe import Observation, observe
@@ -33,6 +36,8 @@ MOST_JOINTS, MOST_IMPACTS = 8, 8
 MARGIN = 0.4
 """Around the page, inches."""
 DOTS = 200
+TITLE = 70
+"""Characters in a line of the title."""
 """Pixels per inch of a PNG, and of what is pixels in a PDF."""
 
 
@@ -56,8 +61,8 @@ def report(
 
     - `scene`: the one that was simulated. `solution`: with saved states, best with
       ``Saving(np.linspace(0, end, count), steps=True, impacts=True)`` of a run with
-      ``Settings(ledger=True)``: forces and modes are drawn along the steps, which resolve impacts,
-      if they were kept.
+      ``Settings(ledger=True)``: orbits, forces and modes are drawn along the steps, which resolve
+      impacts, and inside them (`Trajectory.between`), if they were kept.
     - `file`: where to write the page, which ends in ".png" or ".pdf"; nowhere unless given.
     - `title`: in the first line; "Run of" and the names of the bodies unless given.
     - `settings`: those of the run, for the table; what the solution knows of them unless given.
@@ -80,17 +85,26 @@ def report(
         require(ending in ENDINGS, "file", str(file), "with the ending .png or .pdf", remedy)
     kind, remedy = type(solution).__name__, "draw what is left of other runs by single calls"
     require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
-    seen = observe(scene, solution, solution.steps or trajectory_of(solution, None))
+    if solution.steps is not None and len(solution.steps) > 1:
+        path = solution.steps.between()
+        seen = observe(scene, solution, path)
+        # Integrals of the ledger are known at the steps' ends alone.
+        ends = np.isin(seen.times, np.asarray(solution.steps.times))
+        at_ends = jax.tree.map(lambda rows: np.asarray(rows)[ends], seen)
+    else:
+        path = trajectory_of(solution, solution.saved or solution.steps)
+        seen = at_ends = observe(scene, solution, path)
     record = _record(scene, solution, quantity, unit)
     with rc_context():
         rc("font", size=7.0)
         rc("axes", titlesize=7.5, labelsize=7.0, linewidth=0.6)
         rc("hatch", linewidth=0.5)
         figure = Figure(figsize=PAGE, layout="constrained")
-        parts = _parts(scene, solution, settings, seen, record)
+        parts = _parts(scene, solution, settings, Seen(path, seen, at_ends), record)
         heights = [part.height for part in parts]
         page = _inside_margins(figure)
-        page.suptitle(title or f"Run of {', '.join(scene.bodies)}", fontsize=12)
+        names = ", ".join(shown(name) for name in scene.bodies)
+        page.suptitle(fill(literal(title) or f"Run of {names}", TITLE), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)
@@ -107,6 +121,15 @@ def _inside_margins(figure: Figure) -> SubFigure:
     return middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
 
 
+class Seen(NamedTuple):
+    """A run as it is drawn: its states in a smooth `path`, what is observed `along` it, and the
+    part of that `at_ends` of steps."""
+
+    path: Trajectory
+    along: Observation
+    at_ends: Observation
+
+
 class _Part(NamedTuple):
     """A row of the page: its height, inches, and what draws it."""
 
@@ -118,18 +141,18 @@ def _parts(
     scene: Scene,
     solution: Solution,
     settings: Settings | None,
-    seen: Observation,
+    seen: Seen,
     record: xr.DataArray,
 ) -> list[_Part]:
     """The rows of the page from above; those for which the run has something."""
     words, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
     tall = LINE * (len(words) + len(joints) + 2.6)
     parts = [_Part(tall, lambda row: draw_words(row, words, joints))]
-    parts += [_Part(2.6, lambda row: draw_motion(row, scene, solution, seen))]
-    if seen.contacts:
-        tall = 2.4 + 0.2 * len(seen.contacts)
-        parts += [_Part(tall, lambda row: draw_over_time(row, seen))]
-    parts += [_Part(2.5, lambda row: draw_energies(row, seen, record))]
+    parts += [_Part(2.6, lambda row: draw_motion(row, scene, seen.path, seen.along))]
+    if seen.along.contacts:
+        tall = 2.4 + 0.2 * len(seen.along.contacts)
+        parts += [_Part(tall, lambda row: draw_over_time(row, seen.along))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, seen.at_ends, record))]
     if solution.impacts:
         impacts = impact_rows(solution.impacts, MOST_IMPACTS)
         tall = LINE * (len(impacts) + 2.6)

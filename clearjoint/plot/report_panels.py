@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 from matplotlib.transforms import ScaledTranslation
 
+from ..fields.drawn_text import shown
 from ..model.plays.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..simulation.observe import Observation
-from ..simulation.solution import Solution, Trajectory
-from .along import trajectory_of
+from ..simulation.solution import Trajectory
 from .energies import energy_ledger
 from .forces import contact_forces, joint_forces
 from .journal import journal_orbit
@@ -22,6 +22,14 @@ from .style import GREY, dress, hide_legend, lines
 from .timelines import motion_timeline
 
 MOST_ORBITS = 2
+WIDTH = 7.4
+"""Inches, between the margins of the page."""
+LETTER = 0.066
+"""Width of a letter of a table, inches: of bold ones a little more than the usual."""
+LINE_LENGTH = 125
+"""Characters in a line of the page."""
+TITLE = 26
+"""Characters of a name above a panel."""
 LINE = 0.145
 """Height of a line of text, inches."""
 THINNER = 0.6
@@ -32,14 +40,14 @@ HARDLY = 0.02
 """Largest movement of a centre, over the size of the mechanism, of which no path is drawn."""
 NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
 JOINT_PLACES = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
-IMPACT_PLACES = (0.0, 0.15, 0.27, 0.37, 0.49, 0.625, 0.755, 0.875)
+IMPACT_PLACES = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
 
 
 def draw_words(row: SubFigure, words: list[str], joints: list[Cells]) -> None:
     """The scene and the run in words, above a table of joints."""
     axes = row.add_subplot()
     for line, text in enumerate(words):
-        _write(axes, 0.0, line, text)
+        _write(axes, 0.0, line, shown(text, LINE_LENGTH))
     _table(axes, JOINT_COLUMNS, joints, JOINT_PLACES, len(words) + 0.5)
 
 
@@ -60,11 +68,12 @@ def _table(
     """A table from a line of the axes on, its columns at shares of the width; a rule below the
     head."""
     axes.set_axis_off()
+    rooms = [int(WIDTH * wide / LETTER) for wide in np.diff([*places, 1.0])]
     for place, cell in zip(places, head, strict=True):
         _write(axes, place, first, cell, weight="bold")
     for line, row in enumerate(rows):
-        for place, cell in zip(places, row, strict=False):
-            _write(axes, place, first + 1.3 + line, cell)
+        for place, room, cell in zip(places, rooms, row, strict=False):
+            _write(axes, place, first + 1.3 + line, shown(cell, room))
     _rule(axes, first + 1.1)
 
 
@@ -89,21 +98,21 @@ def _write(axes: Axes, place: float, line: float, text: str, weight: str = "norm
     )
 
 
-def draw_motion(row: SubFigure, scene: Scene, solution: Solution, seen: Observation) -> None:
+def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, seen: Observation) -> None:
     """Orbits of the journals that are pressed hardest, and where the first one is pressed; or the
     paths of the bodies."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
-        _bodies(row.add_subplot(), trajectory_of(solution, solution.steps or solution.saved))
+        _bodies(row.add_subplot(), path)
         return
     hardest = sorted(journals, key=lambda name: -_peak(seen, name))[:MOST_ORBITS]
     grid = row.add_gridspec(1, len(hardest) + 1)
     for k, name in enumerate(hardest):
         axes = journal_orbit(seen, name, axes=row.add_subplot(grid[k]))
-        axes.set_title(f"{name}: orbit")
+        axes.set_title(f"{shown(name, TITLE)}: orbit")
         _small(axes)
     axes = contact_rose(seen, hardest[0], axes=row.add_subplot(grid[-1], projection="polar"))
-    axes.set_title(f"{hardest[0]}: directions")
+    axes.set_title(f"{shown(hardest[0], TITLE)}: directions")
     orbits, bars = (some.get_legend_handles_labels() for some in (row.axes[0], axes))
     names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
     handles = [*orbits[0], *bars[0]]
@@ -137,7 +146,7 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
         labels = f"time, {unit}", "spin of the bodies, rad/s"
         axes.margins(x=0.0)
     for (name, (x, y)), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(x, y, color=colour, linestyle=style, label=name)
+        axes.plot(x, y, color=colour, linestyle=style, label=shown(name))
     look = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 3.0}
     axes.legend(frameon=False, **look)
     dress(axes, *labels)

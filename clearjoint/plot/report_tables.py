@@ -31,6 +31,11 @@ IMPACT_COLUMNS = (
 )
 
 
+ALIKE, ALIKE_AT_ONCE = 1e-3, 8
+"""Differences of onsets, over the duration, and of forces up to which impacts are alike; and among
+how many latest impacts others are looked for."""
+
+
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
     """A row of `JOINT_COLUMNS` for each joint, those with play first, `most` of them."""
     joints = sorted(
@@ -124,8 +129,10 @@ def _impacts(impacts: Impacts | None) -> str:
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
-    """A row of `IMPACT_COLUMNS` for each of the impacts of largest peak force, by that."""
-    order = np.argsort(-impacts.peak_force, kind="stable")[:most]
+    """A row of `IMPACT_COLUMNS` for each of the impacts of largest peak force, by that. What
+    several contacts of a joint do alike, such as both bases in planar motion, is one row."""
+    together = _alike(impacts)
+    order = sorted(together, key=lambda k: -impacts.peak_force[k])[:most]
     columns = {
         "onset": (1e3, ".4f"),
         "duration": (1e6, ".1f"),
@@ -137,7 +144,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     return [
         [
             str(impacts.joint[k]),
-            str(impacts.contact[k]),
+            " and ".join(sorted(together[k])),
             *(
                 f"{factor * getattr(impacts, n)[k]:{digits}}"
                 for n, (factor, digits) in columns.items()
@@ -145,3 +152,23 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
         ]
         for k in order
     ]
+
+
+def _alike(impacts: Impacts) -> dict[int, list[str]]:
+    """The first of impacts that contacts of a joint have at one time with one force, by number, and
+    these contacts."""
+    found: dict[int, list[str]] = {}
+    for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
+        same = [
+            j
+            for j in list(found)[-ALIKE_AT_ONCE:]
+            if impacts.joint[j] == impacts.joint[k]
+            and impacts.contact[k] not in found[j]
+            and abs(impacts.onset[j] - impacts.onset[k]) <= ALIKE * impacts.duration[k]
+            and np.isclose(impacts.peak_force[j], impacts.peak_force[k], rtol=ALIKE)
+        ]
+        if same:
+            found[same[0]].append(str(impacts.contact[k]))
+        else:
+            found[int(k)] = [str(impacts.contact[k])]
+    return found

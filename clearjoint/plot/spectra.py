@@ -129,9 +129,10 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     axes = axes_or_new(axes)
     y = scaled(found)
     faster, unit = fitting_unit(found["frequency"].values, "Hz")
-    frequency = found["frequency"].values * faster
-    axes.plot(frequency, y.values, color=BLUE, linewidth=0.9)
-    axes.set_xlim(0.0, frequency[-1])
+    axes.plot(found["frequency"].values * faster, y.values, color=BLUE, linewidth=0.9)
+    times = record["time"].values
+    half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])
+    axes.set_xlim(0.0, float(f"{half_rate * faster:.9g}"))
     largest = y.values.max(initial=0.0)
     if largest > 0.0:
         axes.set_yscale("log")
@@ -210,7 +211,7 @@ def _map(frequency: np.ndarray, up: ScaledValues, colour: ScaledValues, axes: Ax
         shading="nearest",
         rasterized=True,
     )
-    scale_axes(axes, np.zeros(1), up.values)
+    scale_axes(axes, np.zeros(1), up.values, swept="y")
     axes.figure.colorbar(mesh, ax=axes, label=f"amplitude of {colour.label}", extend="min")
     axes.patch.set(**MISSING)
     dress(axes, f"frequency, {unit}", up.label)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.projections.polar import PolarAxes
 
 from ..fields.checks import require
+from ..fields.drawn_text import broken
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, ORANGE = "#56B4E9", "#E69F00"
@@ -70,8 +71,8 @@ def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> P
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
     """Label the axes, draw a faint grid behind the curves, and drop the frame's idle sides."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set_xlabel(broken(x))
+    axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

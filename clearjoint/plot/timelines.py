@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
+from ..fields.drawn_text import shown
 from ..simulation.observe import ContactObservation, Observation
 from . import observed
 from .labels import time_unit
@@ -127,7 +128,7 @@ def motion_timeline(
         axes.text(1.01, row, text, **look)
     look = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
     axes.text(1.01, 1.02, "shares of the time", **look)
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)
     samples = [Patch(label=_called(phase), **look) for phase, (_, look) in LOOKS.items()]

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import equinox as eqx
+import jax
+import numpy as np
+from numpy.typing import ArrayLike
 
 from ..datasets.labelled import Labelled, labelled_dataset
 from ..datasets.provenance import Notes
@@ -15,6 +18,7 @@ from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..results import RESULTS
 from .aliases import Numbers
+from .between_steps import instants_of_smooth_curves, states_between
 from .impact_table import Impacts
 from .sections import Crossings
 from .state_tables import state_arrays, state_labels
@@ -38,6 +42,30 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
     def __len__(self) -> int:
         return self.times.shape[0]
+
+    def between(self, times: ArrayLike | None = None) -> "Trajectory":
+        """The states inside the accepted steps, for smooth curves of flights and of turning bodies.
+
+        Cubic Hermite interpolation of the states at both ends of each step, whose error is far
+        below the clearances. Of `solution.steps` only: between saved states there may be impacts.
+
+        **Arguments:** `times`: (M,) s, rising, between the first and the last of the trajectory.
+        Unless given, the ends of all steps, and instants inside those in which a body moves in a
+        curve.
+
+        **Raises:** `ValueError` for instants outside, and for less than two states.
+
+        >>> scene, state = cj.double_pendulum()
+        >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
+        >>> path = cj.observe(scene, solution, solution.steps.between())
+        >>> axes = plot.journal_orbit(path, "shoulder")
+        """
+        ends = np.asarray(self.times)
+        remedy = "pass save=Saving(steps=True) to simulate(), and take solution.steps"
+        require(len(ends) >= 2, "times", len(ends), "two states of the trajectory or more", remedy)
+        states = jax.tree.map(np.asarray, self.states)
+        wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
+        return Trajectory(wanted, states_between(ends, states, wanted))
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` along "time", "body" and "component", with units: `position`,
