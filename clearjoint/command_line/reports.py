@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..datasets.frames import to_frame
 from ..identification.fit import Fit
+from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
+from ..simulation.impact_table import Impacts
 from ..simulation.observe import observe
 from ..sweeps.store.store import open_sweep
 from . import figures, pages
@@ -39,8 +41,7 @@ def write_run_report(folder: Folder) -> None:
         figures.draw_run(folder, scene, solution, observe(scene, solution))
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
-            hardest = solution.impacts.to_dataframe().sort_values("peak_force [N]", ascending=False)
-            parts.append(pages.table("Hardest impacts", hardest, ROWS))
+            parts.append(_hardest_impacts(solution.impacts))
     write_page(folder, *parts)
 
 
@@ -65,9 +66,18 @@ def write_page(folder: Folder, *parts: str) -> None:
     pictures = [pages.picture(path) for path in folder.pictures()]
     beside = sorted(path.name for path in folder.path.iterdir() if path.is_file())
     files = pages.links("Files", [name for name in beside if name != PAGE])
-    told = {key: value for key, value in summary.items() if key != "title"}
+    told = {key: value for key, value in summary.items() if key != "title" and value != "None"}
     content = [pages.facts(told), *texts, *pictures, *parts, files]
     (folder / PAGE).write_text(pages.page(str(summary["title"]), content), encoding="utf-8")
+
+
+def _hardest_impacts(impacts: Impacts) -> str:
+    """The table of the hardest impacts, in the units in which pictures show them."""
+    import pandas as pd
+
+    rows = impact_rows(impacts, len(impacts))
+    frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
+    return pages.table("Hardest impacts", frame, ROWS)
 
 
 def lane_table(dataset: "xr.Dataset") -> "pd.DataFrame":

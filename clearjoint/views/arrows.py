@@ -11,10 +11,11 @@ from .meshes import pose_at
 from .parts import FORCE, LOAD, DrawnPart, between, recoloured
 from .sketching import SketchingPen
 
-USUAL = 0.9
-"""Share of the forces that are no greater than the one by which the scale is chosen."""
-LENGTH, LONGEST = 0.2, 0.45
-"""Lengths of the arrow of that force, and of the longest one, over the size of the mechanism."""
+LONGEST = 0.3
+"""Length of the longest arrow over the size of the mechanism."""
+USUAL, FAR = 0.5, 5.0
+"""Share of the forces that are no greater than the usual one; and how many times as great the
+greatest may be for lengths to be proportional to forces."""
 WIDTH = 1.1
 """Radius of an arrow's head over that of a bar."""
 MODE_NAMES = {
@@ -26,12 +27,15 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """`parts`, the `scale` that makes lengths of forces, m/N, and the force, N, from which on
-    arrows grow no longer, or ``None`` if no force is as great."""
+    """`parts`, the `scale` that makes a length of the `largest` force, m/N, and the force, N, from
+    which on arrows grow no longer, or ``None`` if no force is as great. Lengths grow as the square
+    `root` of forces, or as the forces."""
 
     parts: list[DrawnPart]
     scale: float
     cut: float | None
+    largest: float
+    root: bool
 
 
 def arrows(
@@ -42,24 +46,35 @@ def arrows(
     scale: float | None,
 ) -> Arrows:
     """Arrows of all contact forces on the second bodies, their tips where these are touched, and of
-    constant loads, their ends where these act."""
+    constant loads, their ends where these act.
+
+    Unless a scale is given, the longest arrow is that of the greatest force. Where this is far
+    above the usual one, such as an impact in a motion that follows the wall, lengths grow as the
+    square root of forces, so that both are seen.
+    """
     pushes = {} if observation is None else _contact_forces(pen, observation)
     everything = [force for _, force in (*pushes.values(), *pen.loads.values())]
     sizes = np.concatenate([np.linalg.norm(f, axis=1) for f in everything] or [np.zeros(1)])
     acting = sizes[sizes > 0.0]
+    largest, longest = float(sizes.max()), LONGEST * size
+    root = False
     if scale is None:
-        scale = LENGTH * size / float(np.quantile(acting, USUAL)) if len(acting) else 1.0
-    longest = LONGEST * size
+        root = len(acting) > 0 and largest > FAR * float(np.quantile(acting, USUAL))
+        scale = longest / largest if len(acting) else 1.0
+    longest *= 1.0 + 1e-9
     cut = longest / scale if bool((sizes * scale > longest).any()) else None
     parts = []
     for family, colour, at_tip in ((pushes, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
             if np.any(forces):
+                if root:
+                    shares = np.linalg.norm(forces, axis=1, keepdims=True) / largest
+                    forces = forces / np.sqrt(np.maximum(shares, 1e-30))
                 vectors = _shortened(forces * scale, longest)
                 starts = points - vectors if at_tip else points
                 spanned = between(starts, starts + vectors, WIDTH * bar)
                 parts.append(DrawnPart(name, meshes.arrow(), _hidden_where_none(spanned), colour))
-    return Arrows(parts, scale, cut)
+    return Arrows(parts, scale, cut, largest, root)
 
 
 def _contact_forces(

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from .parts import DrawnPart, corners
+from .parts import FORCE, LOAD, DrawnPart, corners
 from .proportions import Proportions
 
 FIELD_OF_VIEW, FLAT = 30.0, 0.3
@@ -13,6 +14,10 @@ FIELD_OF_VIEW, FLAT = 30.0, 0.3
 mechanism and the vertical, up to which one looks at it from above."""
 ROOM = 1.1
 """Room around what is seen."""
+INSTANTS = 120
+"""At which it is looked where parts are."""
+ROUNDS = 12
+"""In which the camera finds its place: where it is depends on what seems large from there."""
 WIDE = 1.25
 """Width of a picture over its height, at least."""
 TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
@@ -22,7 +27,7 @@ see it as it is drawn in books and yet in space; of any other; and of one that l
 
 class Camera(NamedTuple):
     """Where the viewer is, the point that is looked at, m, and the direction upwards, (3,) each;
-    and half the height of a picture, m, in which everything is seen from afar."""
+    and half the height of the picture in the plane of that point, m."""
 
     eye: np.ndarray
     target: np.ndarray
@@ -36,15 +41,35 @@ class Camera(NamedTuple):
 
 
 def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
-    """One from which all parts are seen at all of so many instants."""
-    instants = np.unique(np.linspace(0, count - 1, min(count, 30)).astype(int)).tolist()
+    """One from which all parts are seen at all of so many instants, with the mechanism, without the
+    arrows of forces, in the middle of the picture."""
+    instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
-    seen = corners(parts, instants) @ axes.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    target, half = axes.T @ (0.5 * (low + high)), 0.5 * (high - low)
-    reach = ROOM * max(half[1], half[0] / WIDE)
-    distance = reach / np.tan(np.radians(0.5 * FIELD_OF_VIEW)) + half[2]
-    return Camera(target + distance * axes[2], target, axes[1], float(reach))
+    bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
+    mechanism, everything = (corners(some, instants) @ axes.T for some in (bodies, parts))
+    slope = np.tan(np.radians(0.5 * FIELD_OF_VIEW))
+    target = 0.5 * (mechanism.min(axis=0) + mechanism.max(axis=0))
+    high = np.abs(everything - target).max()
+    distance = high / slope + high
+    for _ in range(ROUNDS):
+        seen = in_perspective(mechanism - target, distance)
+        target[:2] += 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+        away = np.abs(in_perspective(everything - target, distance)).max(axis=0)
+        nearest = np.max(everything[:, 2] - target[2])
+        distance = max(ROOM * max(away[1], away[0] / WIDE) / slope, 1.1 * nearest)
+    target = axes.T @ target
+    return Camera(target + distance * axes[2], target, axes[1], float(distance * slope))
+
+
+def in_perspective(
+    corners: Float[np.ndarray, "*N 3"], distance: float
+) -> Float[np.ndarray, "*N 2"]:
+    """Where points are seen in the plane of the target, m to the right and upwards.
+
+    **Arguments:** `corners`: m from the target, to the right, upwards and to the viewer, who stands
+    at the `distance`, m.
+    """
+    return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 
 def _direction(proportions: Proportions) -> np.ndarray:

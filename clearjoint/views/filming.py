@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ..fields.checks import require
-from .camera import WIDE, Camera
+from ..fields.drawn_text import literal, shown
+from .camera import WIDE, Camera, in_perspective
 from .meshes import Mesh, needed
 from .page import Legend
 from .parts import DrawnPart
@@ -27,6 +28,8 @@ BESIDE = 0.28
 """Share of the width that the legend takes."""
 LONGEST_EDGE = 0.3
 """Of a triangle, over half the height of the picture."""
+TITLE = 24
+"""Characters in a line of the title."""
 DOTS = 100
 FRAMES_PER_SECOND = 25
 
@@ -48,6 +51,7 @@ class Film:
         self._times = times
         self._parts = [_divided(part, LONGEST_EDGE * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
+        self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=size, dpi=DOTS)
         self._axes = self.figure.add_axes((BESIDE, 0.0, 1.0 - BESIDE, 1.0))
         self._axes.set_axis_off()
@@ -67,7 +71,8 @@ class Film:
             triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             sizes = np.linalg.norm(normals, axis=1)
-            facing = normals[:, 2] > 1e-9 * np.maximum(sizes, 1e-30)
+            towards = (0.0, 0.0, self._distance) - triangles[:, 0]
+            facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
             normals = normals[facing] / sizes[facing, None]
             light = SHADE + (1.0 - SHADE) * np.clip(normals @ LIGHT, 0.0, 1.0)
             base = np.array(to_rgb(part.colour_at(k)))
@@ -77,7 +82,7 @@ class Film:
             corners.append(triangles[facing])
         everything, painted = np.concatenate(corners), np.concatenate(colours)
         order = np.argsort(everything[:, :, 2].mean(axis=1))
-        self._triangles.set_verts([*everything[order, :, :2]])
+        self._triangles.set_verts([*in_perspective(everything[order], self._distance)])
         self._triangles.set_facecolor([*painted[order]])
         seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
         self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
@@ -109,18 +114,18 @@ class Film:
 
     def _describe(self, legend: Legend) -> None:
         patches = [
-            Patch(facecolor=c, edgecolor="#777777", label=name) for c, name in legend.entries
+            Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
         ]
         self.figure.legend(
             handles=patches,
-            title=legend.title,
+            title=fill(literal(legend.title), TITLE),
             title_fontproperties={"weight": "bold"},
             loc="upper left",
             fontsize=9,
             frameon=False,
             alignment="left",
         )
-        notes = "\n".join(fill(note, 30) for note in legend.notes)
+        notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
         self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
 
 

@@ -30,6 +30,7 @@ from .meshes import needed
 from .parts import MODES, DrawnPart
 
 SCRIPT = Path(__file__).with_name("page.js")
+WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
 LASTS = 8.0
 """Time that a motion takes to play once, s."""
 
@@ -80,7 +81,10 @@ def page(
             "lasts": LASTS,
         }
         script = SCRIPT.read_text(encoding="utf-8")
-        return plot.get_snapshot(additional_js_code=script.replace("SAID", _as_script(said)))
+        text = plot.get_snapshot(additional_js_code=script.replace("SAID", _as_script(said)))
+    # k3d never calls the script above where there is no WebGL, so this one stands by itself.
+    before, end, after = text.rpartition("</body>")
+    return f"{before}<script>{WITHOUT_WEBGL.read_text(encoding='utf-8')}</script>{end}{after}"
 
 
 def _drawable(part: DrawnPart, k3d):

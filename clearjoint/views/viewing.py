@@ -38,6 +38,8 @@ Viewable = State | Solution | NonsmoothSolution | Trajectory
 ODD_SIZE = 50.0
 """Size of a given mesh over that of the mechanism, or the inverse, beyond which a unit is wrong."""
 PICTURES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
+MISSED = 1.1
+"""Peak of an impact over the largest force of the frames, from which on it is noted."""
 FILMED = 100
 """Frames of an animation."""
 
@@ -48,7 +50,8 @@ class View:
     - `parts`: the solids it is made of. `times`: (N,) s of its frames, or ``None``. `legend`: what
       is said beside it: `title`, `entries` of a colour and its meaning, and `notes`.
     - `clearance_scale`, `bearing_scale`: how many times as wide as they are clearances are drawn,
-      and as large bearings. `force_scale`: length of arrows, m/N.
+      and as large bearings. `force_scale`: length of the arrow of the largest force over that
+      force, m/N.
 
     >>> four_bar = cj.view(*cj.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -176,7 +179,9 @@ def view(
       trimesh reads, an object with `vertices` and `faces`, or a pair of such arrays.
     - `clearance_scale`, `bearing_scale`: how many times as wide as they are to draw clearances, and
       as large bearings; 1.0 for both is the truth. Chosen to be seen unless given.
-    - `force_scale`: length of arrows, m/N; chosen unless given.
+    - `force_scale`: length of arrows, m/N. Unless given, the largest force has the longest arrow;
+      where it is far above the usual ones, such as an impact, lengths grow as the square root of
+      forces, which the picture says.
     - `centres_of_mass`, `inertias`: whether to add a black ball at each centre of mass, and the
       solid of each body's mass and inertia.
     - `title`; `height` in a notebook, pixels.
@@ -200,7 +205,7 @@ def view(
         parts, modes = coloured_by_mode(parts, seen)
     parts += pushes.parts
     where = camera(parts, sizes, poses.count)
-    notes = [*note, *_notes(bool(noted.bores), sizes, pushes)]
+    notes = [*note, *_notes(bool(noted.bores), sizes, pushes), *_missed(motion, seen)]
     legend = Legend(title, tuple(_entries(scene, pen, modes, pushes)), tuple(notes))
     scales = sizes.clearance_scale, sizes.bearing_scale, pushes.scale
     return View(parts, where, legend, poses.times, scales, height)
@@ -224,6 +229,9 @@ def _where(
         require_bodies(motion, scene.bodies)
         return standing(motion), None, []
     trajectory = _trajectory(motion)
+    if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
+        ends = np.asarray(trajectory.times)
+        trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
     require_bodies(trajectory.states, scene.bodies)
     times = np.asarray(trajectory.times)
     require_instants(trajectory)
@@ -300,9 +308,25 @@ def _notes(has_play: bool, sizes: Proportions, pushes: Arrows) -> list[str]:
             notes.append(f"bearings drawn {sizes.bearing_scale:g} × as large")
     if pushes.parts:
         cut = "" if pushes.cut is None else f", cut at {_newtons(pushes.cut)}"
-        tenth = 0.1 * sizes.size / pushes.scale
-        notes.append(f"arrows: {0.1 * sizes.size:.2g} m for {_newtons(tenth)}{cut}")
+        length, force = 0.1 * sizes.size, 0.1 * sizes.size / pushes.scale
+        if pushes.root:
+            length, force = pushes.scale * pushes.largest, pushes.largest
+            cut = ", lengths as the square root of forces"
+        notes.append(f"arrows: {length:.2g} m for {_newtons(force)}{cut}")
     return notes
+
+
+def _missed(motion: Viewable | None, seen: Observation | None) -> list[str]:
+    """That impacts between the frames have larger forces than the frames show."""
+    impacts = motion.impacts if isinstance(motion, Solution) else None
+    if seen is None or impacts is None or len(impacts) == 0:
+        return []
+    bases = [contact for family in seen.contacts.values() for contact in family.values()]
+    shown = max((float(np.max(one.normal_force)) for one in bases), default=0.0)
+    peak = float(impacts.peak_force.max())
+    if peak <= MISSED * shown:
+        return []
+    return [f"largest contact force of the run, between frames: {_newtons(peak)}"]
 
 
 def _newtons(force: float) -> str:
