@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..datasets.provenance import Notes
+from ..datasets.tabular import write_netcdf
 from ..dynamics.formulation import Formulation
 from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
@@ -94,7 +95,7 @@ class Folder:
         """Write a dataset as netCDF, and as CSV."""
         from ..datasets.frames import to_frame
 
-        table.to_netcdf(self / f"{name}.nc", engine="scipy", format="NETCDF3_64BIT")
+        write_netcdf(table, self / f"{name}.nc")
         if csv:
             to_frame(table).to_csv(self / f"{name}.csv")
 
@@ -103,7 +104,10 @@ class Folder:
         import xarray as xr
 
         path = self / f"{name}.nc"
-        return xr.load_dataset(path, engine="scipy") if path.exists() else None
+        if not path.exists():
+            return None
+        found = xr.load_dataset(path, engine="scipy")
+        return found.rename({n: v.attrs.get("original_name", n) for n, v in found.items()})
 
 
 def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:

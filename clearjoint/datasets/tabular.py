@@ -4,6 +4,7 @@ import abc
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from ..fields.checks import require
 from .frames import to_frame
 
 if TYPE_CHECKING:
@@ -45,6 +46,27 @@ class AbstractTabular(abc.ABC):
         """Write `to_xarray` to a netCDF file (classic format, 64-bit offsets), which
         `xarray.open_dataset` reads with the same numbers to the last bit.
 
+        Names of variables with characters that Latin-1 lacks, which this format's writer can't
+        write, have escapes in their place ("\\u8f74"); the name is their attribute
+        "original_name".
+
         **Arguments:** `path`: overwritten if it exists.
         """
-        self.to_xarray().to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
+        write_netcdf(self.to_xarray(), path)
+
+
+def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
+    """Write a dataset as `AbstractTabular.to_netcdf` does.
+
+    **Raises:** `ValueError` for a variable without a name.
+    """
+    escaped = {}
+    for name in map(str, (*dataset.variables, *dataset.sizes)):
+        require(name != "", "name", name, "one character at least, of each variable", "name it")
+        written = name.encode("latin-1", "backslashreplace").decode("latin-1")
+        if written != name:
+            escaped[name] = written
+    for name in escaped:
+        if name in dataset.variables:
+            dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
+    dataset.rename(escaped).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")

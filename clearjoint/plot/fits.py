@@ -15,6 +15,8 @@ from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
 
+LETTER = 0.08
+"""Width of a letter of a name, inches."""
 ROW = 1.9
 """Height of a series with its residuals, inches."""
 
@@ -133,8 +135,10 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     ... )
     >>> axes = plot.correlations(fit)
     """
-    axes = axes_or_new(axes, (1.6 + 1.0 * len(fit.parameters), 1.2 + 0.9 * len(fit.parameters)))
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
+    beside = LETTER * max(map(len, names), default=0)
+    width, height = 1.0 + 1.0 * len(names) + beside, 0.9 + 0.9 * len(names) + 0.5 * beside
+    axes = axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
         colour = "white" if abs(number) > 0.6 else "black"

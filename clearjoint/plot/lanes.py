@@ -9,6 +9,9 @@ from .labels import legend_label, scale_axes, scaled
 from .outcomes import ended_well, mark_failed, of_lanes, only_axis
 from .style import axes_or_new, dress, next_colour
 
+LONG = 40
+"""Characters of a label of which two stand above each other in a legend."""
+
 
 def against(
     dataset: xr.Dataset,
@@ -67,8 +70,10 @@ def against(
         axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")
     scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, ended_well(dataset).values, colour)
-    if len(axes.get_legend_handles_labels()[0]) > 1:
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+    labels = axes.get_legend_handles_labels()[1]
+    if len(labels) > 1:
+        columns = 1 if max(map(len, map(str, labels))) > LONG else 2
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
     return dress(axes, x.label, y.label)
 
 

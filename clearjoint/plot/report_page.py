@@ -33,6 +33,8 @@ PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 ENDINGS = (".png", ".pdf")
 MOST_JOINTS, MOST_IMPACTS = 8, 8
+HEAD = 0.4
+"""Height of the title, inches."""
 MARGIN = 0.4
 """Around the page, inches."""
 DOTS = 200
@@ -101,7 +103,7 @@ def report(
         rc("hatch", linewidth=0.5)
         figure = Figure(figsize=PAGE, layout="constrained")
         parts = _parts(scene, solution, settings, Seen(path, seen, at_ends), record)
-        heights = [part.height for part in parts]
+        heights = _heights(parts)
         page = _inside_margins(figure)
         names = ", ".join(shown(name) for name in scene.bodies)
         page.suptitle(fill(literal(title) or f"Run of {names}", TITLE), fontsize=12)
@@ -131,10 +133,20 @@ class Seen(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A row of the page: its height, inches, and what draws it."""
+    """A row of the page: its height, inches, what draws it, and whether it is a table, which is as
+    high as its lines; pictures share what tables leave."""
 
     height: float
     draw: Callable[[SubFigure], None]
+    is_table: bool = False
+
+
+def _heights(parts: list[_Part]) -> list[float]:
+    """Heights of the rows, inches, that fill the page."""
+    tables = sum(part.height for part in parts if part.is_table)
+    pictures = sum(part.height for part in parts if not part.is_table)
+    stretch = (PAGE[1] - 2.0 * MARGIN - HEAD - tables) / pictures
+    return [part.height * (1.0 if part.is_table else stretch) for part in parts]
 
 
 def _parts(
@@ -147,7 +159,7 @@ def _parts(
     """The rows of the page from above; those for which the run has something."""
     words, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
     tall = LINE * (len(words) + len(joints) + 2.6)
-    parts = [_Part(tall, lambda row: draw_words(row, words, joints))]
+    parts = [_Part(tall, lambda row: draw_words(row, words, joints), True)]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, seen.path, seen.along))]
     if seen.along.contacts:
         tall = 2.4 + 0.2 * len(seen.along.contacts)
@@ -156,7 +168,7 @@ def _parts(
     if solution.impacts:
         impacts = impact_rows(solution.impacts, MOST_IMPACTS)
         tall = LINE * (len(impacts) + 2.6)
-        parts += [_Part(tall, lambda row: draw_impacts(row, impacts))]
+        parts += [_Part(tall, lambda row: draw_impacts(row, impacts), True)]
     return parts
 
 

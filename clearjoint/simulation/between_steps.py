@@ -22,10 +22,11 @@ MOST = 64
 """Parts of a step at most."""
 
 Times = Float[np.ndarray, " N"]
-Rows = Int[np.ndarray, " N"]
+Wanted = Float[np.ndarray, " M"]
+Rows = Int[np.ndarray, " M"]
 
 
-def instants_of_smooth_curves(times: Times, states: State) -> Times:
+def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     """The ends of all steps, (N,) s, and instants inside those in which a body moves in a curve."""
     lengths = np.diff(times)
     bend, turn = np.zeros(len(lengths)), np.zeros(len(lengths))
@@ -43,7 +44,7 @@ def instants_of_smooth_curves(times: Times, states: State) -> Times:
     return np.append(inside, times[-1:])
 
 
-def states_between(times: Times, states: State, wanted: Times) -> State:
+def states_between(times: Times, states: State, wanted: Wanted) -> State:
     """The states at instants between the first and the last of the steps' ends.
 
     Memories of contacts are those at a step's start; deflections of bristles and integrals of the

@@ -264,6 +264,7 @@ def swept() -> xr.Dataset:
             "probe_time": (number, np.broadcast_to(times, rows.shape), {"units": "s"}),
             "probe_x": (number, rows, {"units": "m"}),
             "top_count": (lane, np.full(5, 3)),
+            "top_time": (("clearance", "top_number"), hits, {"units": "s"}),
             "top_x": (("clearance", "top_number"), hits, {"units": "m"}),
             "top_y": (("clearance", "top_number"), 2e3 * hits, {"units": "m/s"}),
             **volumes,
@@ -357,7 +358,7 @@ def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumblin
     settings = cj.Settings(rtol=1e-7)
     page = plot.report(scene, solution, tmp_path / "page.png", title="Round", settings=settings)
     assert (tmp_path / "page.png").stat().st_size > 50_000
-    texts = [text.get_text() for text in page.findobj(plt.Text)]
+    texts = [text.get_text().replace("\n", " ") for text in page.findobj(plt.Text)]
     for text in (
         "Round",
         "500 µm",

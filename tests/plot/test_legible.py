@@ -1,0 +1,222 @@
+"""What makes pictures legible: smooth paths, scales that show all, no curve below another."""
+
+import dataclasses
+
+import equinox as eqx
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint import plot
+from clearjoint.plot.report_tables import impact_rows
+from tests.plot.test_pictures import CODES, labels, record, seen_contact
+from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
+
+
+def thrown(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of a body in free flight, which spins about z at 30 rad/s."""
+    start, gravity = np.array([1.0, 2.0, 3.0]), np.array([0.0, -9.81, 0.0])
+    t = times[:, None]
+    velocity = start + gravity * t
+    return start * t + 0.5 * gravity * t**2, velocity
+
+
+def flight(times: np.ndarray) -> cj.State:
+    position, velocity = thrown(times)
+    spin = np.tile((0.0, 0.0, 30.0), (len(times), 1))
+    turn = Rotation.from_rotvec(spin * times[:, None]).as_quat(scalar_first=True)
+    turn[1::2] *= -1.0  # the same rotations
+    return cj.State({"ball": cj.BodyState(position, turn, velocity, spin)})
+
+
+def test_free_flight_inside_a_step_is_a_parabola_and_spins_on():
+    ends = np.array([0.0, 0.01, 0.013, 0.013, 0.04])
+    steps = cj.Trajectory(ends, flight(ends))
+    wanted = np.linspace(0.0, 0.04, 37)
+    found = steps.between(wanted).states.bodies["ball"]
+    exact = flight(wanted).bodies["ball"]
+    np.testing.assert_allclose(found.position, exact.position, atol=1e-15)
+    np.testing.assert_allclose(found.velocity, exact.velocity, atol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(found.orientation, axis=1), 1.0, rtol=1e-14)
+    turned = np.abs(np.sum(found.orientation * exact.orientation, axis=1))
+    angle = 2.0 * np.arccos(np.minimum(turned, 1.0))
+    assert angle.max() < 2e-4  # of 0.81 rad in the longest step
+    np.testing.assert_allclose(found.spin, exact.spin, atol=0.02)
+    at_ends = steps.between(ends).states.bodies["ball"]
+    np.testing.assert_array_equal(at_ends.position, steps.states.bodies["ball"].position)
+    with pytest.raises(ValueError, match="`times` must be between"):
+        steps.between([0.0, 0.05])
+    with pytest.raises(ValueError, match="two states of the trajectory or more"):
+        cj.Trajectory(ends[:1], flight(ends[:1])).between()
+
+
+def test_steps_are_divided_where_bodies_move_in_curves():
+    ends = np.array([0.0, 0.02, 0.02 + 1e-5, 0.02 + 2e-5])
+    dense = cj.Trajectory(ends, flight(ends)).between()
+    assert set(ends) <= set(dense.times.tolist())
+    assert np.diff(dense.times).max() <= 0.05 / 30.0 * (1.0 + 1e-9)
+    assert len(dense) == 12 + 4 + 3  # 16 parts by the bend, and the short steps as they are
+
+
+def in_flight(tumbling, times) -> cj.Trajectory:
+    """The journal thrown in a bearing at rest, from its middle to the wall."""
+    states = tumbling.solution.saved.states.bodies
+    still, count = np.zeros((len(times), 3)), len(times)
+    bearing = cj.BodyState(
+        still, np.tile(states["bearing"].orientation[0], (count, 1)), still, still
+    )
+    velocity, bend = 20e-3 * SIDEWAYS, -4.0 * np.cross(AXIS, SIDEWAYS)
+    t = times[:, None]
+    centre = np.array([0.2, -0.1, 0.3]) + velocity * t + 0.5 * bend * t**2
+    journal = cj.BodyState(centre, bearing.orientation, velocity + bend * t, still)
+    return cj.Trajectory(times, cj.State({"bearing": bearing, "journal": journal}))
+
+
+AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
+SIDEWAYS = np.cross(AXIS, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(AXIS, (0.0, 0.0, 1.0)))
+
+
+def test_a_report_draws_a_flight_between_two_steps_as_a_curve(tumbling):
+    times = np.array([0.0, 0.01])
+    steps = in_flight(tumbling, times)
+    solution = dataclasses.replace(solution_of(steps), steps=steps)
+    page = plot.report(tumbling.scene, solution)
+    orbit = next(axes for axes in page.findobj(plt.Axes) if axes.get_title() == "pin: orbit")
+    x, y = orbit.get_lines()[0].get_data()
+    drawn = x + 1j * y
+    t = np.linspace(0.0, 0.01, 101)
+    exact = 1e3 * (20e-3 * t - 0.5j * 4.0 * t**2)
+    exact = exact * (drawn[-1] / exact[-1])  # the picture's axes are turned
+    between = np.interp(t, times[-1] * np.linspace(0.0, 1.0, len(drawn)), drawn)
+    assert np.abs(between - exact).max() < 2e-3 * 1e3 * CLEARANCE
+    assert [text.get_text() for text in page.legends[0].get_texts()][:1] == [
+        "bases V and W"
+    ] or any("bases V and W" in text.get_text() for text in page.findobj(plt.Text))
+
+
+def alike(seen: cj.Observation) -> cj.Observation:
+    """Both bases do what base V does."""
+    return eqx.tree_at(lambda s: s.contacts["pin"]["W"], seen, seen.contacts["pin"]["V"])
+
+
+DEPTHS = 1e-6 * np.array([1.0, 2.0, 3.0, 2.0, 1.5])
+
+
+def test_bases_that_do_the_same_are_one_curve_that_says_so():
+    seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
+    for draw in (plot.journal_orbit, plot.eccentricities, plot.contact_forces):
+        axes = draw(seen, "pin")
+        names = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert names[0] == "bases V and W" and "base W" not in names
+    rose = plot.contact_rose(seen, "pin")
+    (bars,) = rose.containers
+    assert bars.get_label() == "bases V and W"
+    total = 2.0 * np.trapezoid(1e6 * DEPTHS, seen.times)
+    assert sum(bar.get_height() for bar in bars) == pytest.approx(1e3 * total)
+    (bars,) = plot.contact_rose(seen, "pin", weight="force").containers
+    assert max(bar.get_height() for bar in bars) == pytest.approx(3.0)
+
+
+def test_a_journal_at_the_wall_shows_how_deep_it_is():
+    seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
+    axes = plot.eccentricities(seen, "pin")
+    assert labels(axes)[1] == "eccentricity − clearance, µm"
+    np.testing.assert_allclose(axes.get_lines()[0].get_ydata(), 1e6 * DEPTHS, rtol=1e-6)
+    assert axes.get_ylim()[1] < 4.0
+    flying = plot.eccentricities(seen_contact(DEPTHS, np.zeros(5), DEPTHS), "pin")
+    assert labels(flying)[1] == "eccentricity, mm"
+
+
+@pytest.mark.parametrize(("first", "scale"), [(1000.0, "log"), (12.0, "linear")])
+def test_small_forces_are_seen_beside_a_large_one(first, scale):
+    force = np.array([0.0, first, 0.0, 10.0, 0.0, 9.0, 0.0, 11.0, 0.0, 10.0, 0.0])
+    seen = seen_contact(1e-7 * force - 1e-9, np.zeros(11), force)
+    axes = plot.contact_forces(seen, "pin")
+    assert axes.get_yscale() == scale
+    low, high = axes.get_ylim()
+    assert low < 9.0 and high > first
+    share = axes.transAxes.inverted().transform(axes.transData.transform((0.0, 9.0)))[1]
+    assert share > 0.15
+    assert plot.contact_forces(seen, "pin", logarithmic=False).get_yscale() == "linear"
+    assert plot.joint_forces(seen, logarithmic=True).get_yscale() == "log"
+
+
+def test_steady_contact_after_one_large_impact_is_seen():
+    force = np.r_[0.0, 500.0, np.full(20, 2.0)]
+    seen = seen_contact(1e-8 * force, np.zeros(22), force)
+    assert plot.contact_forces(seen, "pin").get_yscale() == "log"
+
+
+def test_impacts_that_both_bases_have_alike_are_one_row():
+    row = (0.01, 0.0101, 1e-4, 0.1, 0.09, 100.0, 0.0, 1e-6)
+    later = (0.02, 0.0201, 1e-4, 0.1, 0.09, 90.0, 0.0, 1e-6)
+    stronger = (0.02, 0.0201, 1e-4, 0.1, 0.09, 95.0, 0.0, 1e-6)
+    rows = [("pin", "W", *row), ("pin", "V", *row), ("pin", "V", *later), ("pin", "W", *stronger)]
+    found = impact_rows(cj.Impacts.of_rows([*rows, ("other", "V", *row)]), 8)
+    assert sorted(cells[:2] for cells in found) == [
+        ["other", "V"], ["pin", "V"], ["pin", "V and W"], ["pin", "W"]
+    ]  # fmt: skip
+
+
+def crossed() -> tuple[cj.Crossings, cj.Section]:
+    channels = {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m")}
+    values = {"x": CLEARANCE * np.cos(TIMES), "y": CLEARANCE * np.sin(TIMES)}
+    return cj.Crossings(TIMES, values), cj.Section(lambda now: now.time, channels, 99)
+
+
+def test_a_section_has_equal_scales_a_circle_a_bar_and_no_transient_if_wished():
+    crossings, section = crossed()
+    axes = plot.poincare_section(crossings, section, clearance=CLEARANCE, after=0.03)
+    assert labels(axes) == ("x, µm", "y, µm") and axes.get_aspect() == 1.0
+    np.testing.assert_allclose(np.hypot(*axes.get_lines()[0].get_data()), 1e6 * CLEARANCE)
+    kept = TIMES >= 0.03
+    np.testing.assert_allclose(
+        axes.collections[0].get_offsets()[:, 1], 1e6 * CLEARANCE * np.sin(TIMES[kept])
+    )
+    bar = next(other for other in axes.figure.axes if other is not axes)
+    assert bar.get_ylabel() == "number of the crossing"
+    np.testing.assert_array_equal(axes.collections[0].get_array(), 1 + np.flatnonzero(kept))
+    assert axes.get_title(loc="right") == f"{kept.sum()} of {len(TIMES)} crossings, from 0.03 s on"
+    assert plot.poincare_section(crossings, section).get_aspect() == 1.0
+    with pytest.raises(ValueError, match="`after` must be at most that of the last crossing"):
+        plot.poincare_section(crossings, section, after=1.0)
+    speeds = cj.Section(lambda now: now.time, dict.fromkeys("xy", (section.crossing, "m/s")), 9)
+    with pytest.raises(ValueError, match="`clearance` must be None for channels"):
+        plot.poincare_section(crossings, speeds, clearance=CLEARANCE)
+
+
+def test_a_spectrum_ends_at_half_the_sampling_rate_with_its_tick():
+    axes = plot.spectrum_of(record(1.0, 20, count=3001, end=0.3001))
+    assert axes.get_xlim() == (0.0, 5.0)
+    axes.figure.canvas.draw()
+    assert 5.0 in axes.get_xticks()
+    long = record(1.0, 20).rename("velocity of the second rocker of the left mechanism y")
+    axes = plot.spectrum_of(long)
+    assert "\n" in axes.get_ylabel()
+    axes.figure.canvas.draw()
+    box = axes.yaxis.label.get_window_extent()
+    assert box.y0 >= 0.0 and box.y1 <= axes.figure.bbox.height
+
+
+@pytest.mark.parametrize(
+    ("values", "scale"),
+    [(np.geomspace(1e-4, 4e-4, 5), "log"), (np.linspace(1e-4, 4e-4, 5), "linear")],
+)
+def test_geometric_axes_of_sweeps_are_logarithmic(values, scale):
+    data = xr.Dataset(
+        {
+            "result": (("clearance",), np.zeros(5, "int8"), CODES),
+            "force": (("clearance",), np.geomspace(1.0, 4.0, 5), {"units": "N"}),
+        },
+        {"clearance": (("clearance",), values, {"units": "m"})},
+    )
+    axes = plot.against(data, "force")
+    assert (axes.get_xscale(), axes.get_yscale()) == (scale, "linear")
+    axes.figure.canvas.draw()
+    shown = [tick for tick in axes.get_xticks() if 100.0 <= tick <= 400.0]
+    assert len(shown) >= 3
+    wide = xr.concat([data, data], dim="e").assign_coords(e=[0.1, 0.2])
+    assert plot.parameter_map(wide, "force", "clearance", "e").get_xscale() == scale
