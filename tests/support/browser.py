@@ -28,6 +28,8 @@ OPTIONS = (
     "--hide-scrollbars",
     "--remote-debugging-pipe",
 )
+READY = "document.body && document.body.dataset.ready"
+"""What is true in a page once its script has run."""
 PATIENCE = 90.0
 """Time to wait for anything, s."""
 
@@ -38,11 +40,11 @@ class Browser:
     - `errors`: what its console said of errors.
     """
 
-    def __init__(self, folder: Path, size: tuple[int, int]):
+    def __init__(self, folder: Path, size: tuple[int, int], options: tuple[str, ...] = OPTIONS):
         assert FOUND is not None
         (its_input, self._output), (self._input, its_output) = os.pipe(), os.pipe()
         given = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 20) for end in (its_input, its_output)]
-        options = (*OPTIONS, f"--user-data-dir={folder}", "--window-size={},{}".format(*size))
+        options = (*options, f"--user-data-dir={folder}", "--window-size={},{}".format(*size))
         nothing = os.open(os.devnull, os.O_RDWR)
         actions = [(os.POSIX_SPAWN_DUP2, end, 3 + k) for k, end in enumerate(given)]
         actions += [(os.POSIX_SPAWN_DUP2, nothing, k) for k in range(3)]
@@ -59,10 +61,10 @@ class Browser:
         for domain in ("Page", "Runtime", "Log"):
             self._call(f"{domain}.enable")
 
-    def open(self, address: str) -> None:
-        """Open an address, and wait until its script says that all is ready."""
+    def open(self, address: str, ready: str = READY) -> None:
+        """Open an address, and wait until an expression in the page is true."""
         self._call("Page.navigate", url=address)
-        self.wait("document.body && document.body.dataset.ready")
+        self.wait(ready)
 
     def ask(self, script: str) -> Any:
         """The value of an expression in the page."""

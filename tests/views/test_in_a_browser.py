@@ -6,7 +6,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.views.parts import CLEAR
 from tests.support import recorded_journal as recorded
-from tests.support.browser import FOUND, MISSING, Browser
+from tests.support.browser import FOUND, MISSING, OPTIONS, Browser
 
 SIZE = 700, 440
 HIGH, LEFT = 300, 285
@@ -65,6 +65,20 @@ def test_a_mechanism_moves_with_the_slider_and_plays(browser, tmp_path):
     browser.wait("+document.body.dataset.frame != 30")
     assert browser.ask("document.getElementById('play').textContent") == "Pause"
     assert browser.errors == []
+
+
+@pytest.mark.slow
+def test_a_browser_without_webgl_says_so(tmp_path):
+    view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False, frames=2)
+    page = view.save(tmp_path / "arm.html").as_uri()
+    flat = tuple(option for option in OPTIONS if "gl" not in option)
+    browser = Browser(tmp_path / "profile", SIZE, (*flat, "--disable-gpu", "--disable-3d-apis"))
+    try:
+        browser.open(page, "document.body && document.body.dataset.failed")
+        said = browser.ask("document.getElementById('no-webgl').textContent")
+        assert "this browser has no WebGL" in said and "view.png" in said
+    finally:
+        browser.close()
 
 
 @pytest.mark.slow

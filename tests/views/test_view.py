@@ -1,9 +1,11 @@
 """Views: what is drawn where, how large, and what is said of it."""
 
+import dataclasses
 import re
 import shutil
 import sys
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -13,10 +15,11 @@ from PIL import Image
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
 from clearjoint.views.journals import WALL
-from clearjoint.views.parts import FORCE, METAL, MODES
+from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
 from clearjoint.views.placing import placed
 from clearjoint.views.survey import equivalent_solid
 from tests.support import recorded_journal as recorded
+from tests.support.tumbling_bearing import solution_of
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -119,6 +122,64 @@ def test_an_arrow_is_cut_where_a_given_scale_makes_it_too_long(seen):
     longest = np.linalg.norm(part.poses[:, :3, 2], axis=1).max()
     assert longest == pytest.approx(LONGEST * 0.4, rel=0.1)
     assert "cut at" in long.legend.notes[-1]
+
+
+def pressed(peak: float) -> cj.Observation:
+    """The observation with a far larger force, N, at one instant."""
+    force = recorded.observed().contacts["pin"]["V"].normal_force.copy()
+    force[-1] = peak
+    return eqx.tree_at(
+        lambda seen: seen.contacts["pin"]["V"].normal_force, recorded.observed(), force
+    )
+
+
+@pytest.mark.parametrize(("peak", "exponent"), [(800.0, 1.0), (80.0 * recorded.FORCE, 0.5)])
+def test_the_largest_force_has_the_longest_arrow_and_others_are_seen(peak, exponent):
+    scene, motion = recorded.arm_in_bearing(), recorded.motion()
+    view = cj.view(scene, motion, observation=pressed(peak))
+    (part,) = [part for part in view.parts if part.name == "pin V" and part.colour == FORCE]
+    lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)[recorded.TOUCHING]
+    assert lengths[-1] == pytest.approx(LONGEST * 0.4, rel=0.1)
+    assert lengths[0] / lengths[-1] == pytest.approx((recorded.FORCE / peak) ** exponent)
+    note = view.legend.notes[-1]
+    assert "cut" not in note and ("square root" in note) == (exponent == 0.5)
+    assert view.force_scale * peak == pytest.approx(lengths[-1])
+
+
+def test_impacts_between_the_frames_are_noted():
+    saved, rows = recorded.motion(), [("pin", "V", 0.01, 0.011, 1e-3, 0.1, 0.1, 9e3, 0.01, 1e-6)]
+    solution = solution_of(saved, cj.Impacts.of_rows(rows))
+    view = cj.view(recorded.arm_in_bearing(), solution, observation=recorded.observed())
+    assert view.legend.notes[-1] == "largest contact force of the run, between frames: 9 kN"
+
+
+def test_the_motion_is_in_the_middle_of_the_picture(seen):
+    for view in (seen, cj.view(*cj.slider_crank()[:2]), cj.view(*cj.robot_arm()[:2])):
+        camera = view._camera
+        bodies = [part for part in view.parts if part.colour not in (FORCE, LOAD)]
+        count = 1 if view.times is None else len(view.times)
+        places = (corners(bodies, range(count)) - camera.target) @ camera.axes().T
+        distance = np.linalg.norm(camera.eye - camera.target)
+        # As a camera sees it: the farther away, the smaller.
+        across = places[:, :2] / (distance - places[:, 2:]) / np.tan(np.radians(15.0))
+        low, high = across.min(axis=0), across.max(axis=0)
+        np.testing.assert_allclose(low, -high, atol=0.03)
+        assert high[1] < 1.0 and high[0] < 1.25
+        assert max(high[1], high[0] / 1.25) > 0.6
+
+
+def test_a_run_that_kept_steps_alone_is_shown_at_even_times():
+    steps = recorded.motion()
+    times = np.r_[0.0, 1e-6, 2e-6, 0.02]
+    steps = cj.Trajectory(times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states))
+    solution = dataclasses.replace(solution_of(steps), saved=None, steps=steps)
+    view = cj.view(recorded.arm_in_bearing(), solution, forces=False, frames=5)
+    np.testing.assert_allclose(view.times, np.linspace(0.0, 0.02, 5))
+
+
+def test_a_page_says_where_there_is_no_webgl(seen):
+    tail = seen.html.rpartition("<script>")[2]
+    assert "WebGL" in tail and "K3DInstance" not in tail
 
 
 def test_modes_colour_the_journal_and_stand_in_the_legend(seen):
