@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 import matplotlib
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 DOTS = 150
 """Dots an inch."""
+LONGEST_FILE = 200
+"""Bytes of a file's name, without its ending; file systems take 255."""
 MOST_LINES = 6
 """Values of a second axis for which a curve each is drawn; beyond, a map is."""
 
@@ -171,5 +174,7 @@ def _save(folder: Folder, name: str, figure: "Figure") -> None:
     from matplotlib import pyplot
 
     file = name.replace(" ", "_").replace("/", "_")
+    if len(file.encode()) > LONGEST_FILE:
+        file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
     figure.savefig(folder.figures / f"{file}.png", dpi=DOTS)
     pyplot.close(figure)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +17,8 @@ body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto
   color: #1a1a1a; background: #fff; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: block;
   overflow-x: auto; }
-th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right; }
+th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right;
+  overflow-wrap: anywhere; }
 th { text-align: left; } td.text { text-align: left; }
 figure { display: inline-block; margin: .5rem; vertical-align: top; }
 figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
@@ -66,5 +68,5 @@ def text(title: str, content: str) -> str:
 
 def links(title: str, names: Sequence[str]) -> str:
     """Files beside the page."""
-    items = "".join(f'<li><a href="{escape(name)}">{escape(name)}</a></li>' for name in names)
+    items = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     return f"<h2>{escape(title)}</h2><ul>{items}</ul>"

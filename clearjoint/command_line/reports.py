@@ -1,5 +1,6 @@
 """`clearjoint report`: figures and the page of a folder of results."""
 
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -67,8 +68,14 @@ def write_page(folder: Folder, *parts: str) -> None:
     beside = sorted(path.name for path in folder.path.iterdir() if path.is_file())
     files = pages.links("Files", [name for name in beside if name != PAGE])
     told = {key: value for key, value in summary.items() if key != "title" and value != "None"}
+    told = {key: _without_nothing(value) for key, value in told.items()}
     content = [pages.facts(told), *texts, *pictures, *parts, files]
     (folder / PAGE).write_text(pages.page(str(summary["title"]), content), encoding="utf-8")
+
+
+def _without_nothing(value: object) -> object:
+    """A setting's text without the options of a class that are not set: "Tsit5(scan_kind=None)"."""
+    return re.sub(r"\((\w+=None(, )?)+\)", "", value) if isinstance(value, str) else value
 
 
 def _hardest_impacts(impacts: Impacts) -> str:
