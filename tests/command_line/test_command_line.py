@@ -332,7 +332,7 @@ def test_a_run_leaves_tables_figures_and_a_page(folder):
     assert len(out.pictures()) == 5
     page = (out / "index.html").read_text()
     assert "<th>penetration, µm</th>" in page and "largest_penetration" not in page
-    assert "None" not in page
+    assert ">None<" not in page and "=None" not in page
     assert page.count("data:image/png;base64") == 5 and "http" not in page
     before = {path.name: path.read_bytes() for path in out.pictures()}
     for path in out.pictures():
