@@ -64,6 +64,7 @@ def test_a_report_and_its_tables_take_any_name(renamed):
         assert box.x0 >= 0.0 and box.x1 <= width, cell.get_text()
 
 
+@pytest.mark.slow
 def test_pictures_of_a_run_take_any_name(renamed):
     scene, solution, seen = renamed
     position = cj.quantities.Position(BODIES[0], "x")
@@ -76,6 +77,7 @@ def test_pictures_of_a_run_take_any_name(renamed):
         drawn(axes.figure)
 
 
+@pytest.mark.slow
 def test_a_view_takes_any_name(renamed, tmp_path):
     scene, solution, _ = renamed
     view = cj.view(scene, solution, forces=False, frames=2, title="$a^$ \\frac{ 5%")
