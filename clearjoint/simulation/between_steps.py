@@ -5,6 +5,9 @@ needed. In a step of length h the error is h^4/384 times the fourth derivative, 
 clearances: free flight under gravity alone is exact.
 """
 
+# Hermite's polynomials are declared for scalars; they are elementwise in arrays.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 import jax
 import numpy as np
 from jaxtyping import Float, Int
