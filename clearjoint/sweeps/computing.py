@@ -1,18 +1,24 @@
 """The lanes that a store lacks, computed and written to it chunk by chunk."""
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 from tqdm import tqdm
 
 from ..runtime import Device
+from ..simulation.batch.scheduler import Running
 from .executors import AbstractSubmitter, run_chunks
 from .layout import LaneArrays
-from .progress import lane_progress
+from .progress import lane_progress, show_running
 from .store.store import SweepMemory, SweepStore
 from .work import Chunks, Work, joined
 
 Tracer = Callable[[], Mapping[str, str]]
 """Returns digests of the programs that the process that calls it would run."""
+WRITE_PERIOD = 10.0
+"""Longest time, s, that a lane which has ended waits for its chunk before it is written alone."""
+WRITE_SHARE = 0.1
+"""Largest share of the time that writing such lanes may take."""
 
 
 def compute_missing(
@@ -56,21 +62,61 @@ def _by_devices(
     devices: Sequence[Device] | None,
     bar: tqdm,
 ) -> None:
-    """Run lanes on this process's devices, and write each chunk when its last lane has ended."""
-    chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
-    collected: dict[int, dict[int, LaneArrays]] = {chunk: {} for chunk in missing}
-    done = len(work) - len(chunk_of)
+    """Run lanes on this process's devices, and write them to the store while others run."""
+    writer = _Writer(missing, store, bar)
 
-    def on_ended(lane: int, results: LaneArrays) -> None:
-        nonlocal done
-        done += 1
-        chunk = chunk_of[lane]
-        collected[chunk][lane] = results
-        if len(collected[chunk]) == len(missing[chunk]):
-            rows = collected.pop(chunk)
-            store.write(chunk, missing[chunk], joined([rows[k] for k in missing[chunk]]))
+    def on_progress(running: Running) -> None:
+        writer.write_if_due()
+        show_running(bar, running)
 
-    def on_progress(lanes: float) -> None:
-        bar.update(int(done + lanes) - bar.n)
+    try:
+        lanes = [lane for lanes in missing.values() for lane in lanes]
+        work.run(lanes, writer.add, devices=devices, on_progress=on_progress)
+    finally:
+        writer.write_all()
 
-    work.run(list(chunk_of), on_ended, devices=devices, on_progress=on_progress)
+
+class _Writer:
+    """Writes each chunk when its last lane has ended; and lanes of chunks that are not complete
+    when as many of them wait as a chunk has, or for longer than `WRITE_PERIOD`."""
+
+    def __init__(
+        self, missing: Mapping[int, Sequence[int]], store: SweepMemory | SweepStore, bar: tqdm
+    ):
+        self._store, self._bar = store, bar
+        self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
+        self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
+        self._waiting: dict[int, dict[int, LaneArrays]] = {}
+        self._written = time.monotonic()
+        self._seconds = 0.0
+
+    def add(self, lane: int, results: LaneArrays) -> None:
+        """Take a lane that has ended."""
+        chunk = self._chunk_of[lane]
+        self._waiting.setdefault(chunk, {})[lane] = results
+        if len(self._waiting[chunk]) == self._unwritten[chunk]:
+            self._write(chunk)
+        else:
+            self.write_if_due()
+
+    def write_if_due(self) -> None:
+        """Write the lanes of chunks that are not complete, if they are many or have waited long."""
+        since = time.monotonic() - self._written
+        many = sum(map(len, self._waiting.values())) >= self._store.layout.chunk
+        if since > self._seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
+            self.write_all()
+
+    def write_all(self) -> None:
+        """Write all lanes that wait."""
+        begun = time.monotonic()
+        for chunk in list(self._waiting):
+            self._write(chunk)
+        self._written = time.monotonic()
+        self._seconds = self._written - begun
+
+    def _write(self, chunk: int) -> None:
+        rows = self._waiting.pop(chunk)
+        lanes = list(rows)
+        self._store.write(chunk, lanes, joined([rows[lane] for lane in lanes]))
+        self._unwritten[chunk] -= len(lanes)
+        self._bar.update(len(lanes))
