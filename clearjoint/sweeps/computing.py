@@ -2,44 +2,61 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
 from ..runtime import Device
 from ..simulation.batch.scheduler import Running
 from .executors import AbstractSubmitter, run_chunks
-from .layout import LaneArrays
+from .layout import PENDING, RESULT, LaneArrays
 from .progress import lane_progress, show_running
 from .store.store import SweepMemory, SweepStore
 from .work import Chunks, Work, joined
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 Tracer = Callable[[], Mapping[str, str]]
 """Returns digests of the programs that the process that calls it would run."""
+ROUNDS = 3
+"""How often lanes are run that the store lacks."""
 WRITE_PERIOD = 10.0
 """Longest time, s, that a lane which has ended waits for its chunk before it is written alone."""
 WRITE_SHARE = 0.1
 """Largest share of the time that writing such lanes may take."""
 
 
-def compute_missing(
+def computed(
     work: Work,
     store: SweepMemory | SweepStore,
     trace: Tracer | None,
     executor: AbstractSubmitter | None,
     devices: Sequence[Device] | None,
     progress: bool,
-) -> None:
-    """Run the lanes that the store lacks, and write their results to it.
+) -> "xr.Dataset":
+    """Run the lanes that the store lacks, and write their results to it; its results then.
+
+    Lanes that are still missing afterwards, since another process has written to the same chunks or
+    has damaged them, are run again.
 
     **Arguments:** `trace` as in `Chunks`; the others but `store` as in `sweep`.
     """
-    missing = store.missing()
-    done = len(work) - sum(map(len, missing.values()))
-    with lane_progress(len(work), done, progress) as bar:
-        if executor is not None:
-            _by_executor(Chunks(work, missing, trace), store, executor, bar)
-        elif missing:
-            _by_devices(work, missing, store, devices, bar)
+    try:
+        for _ in range(ROUNDS):
+            missing = store.missing()
+            done = len(work) - sum(map(len, missing.values()))
+            with lane_progress(len(work), done, progress) as bar:
+                if executor is not None:
+                    _by_executor(Chunks(work, missing, trace), store, executor, bar)
+                elif missing:
+                    _by_devices(work, missing, store, devices, bar)
+            results = store.dataset()
+            if not (results[RESULT] == PENDING).any():
+                break
+        return results
+    finally:
+        store.write_grid()
 
 
 def _by_executor(
