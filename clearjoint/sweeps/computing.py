@@ -1,5 +1,6 @@
 """The lanes that a store lacks, computed and written to it chunk by chunk."""
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from ..runtime import Device
 from ..simulation.batch.scheduler import Running
 from .executors import AbstractSubmitter, run_chunks
 from .layout import PENDING, RESULT, LaneArrays
-from .progress import lane_progress, show_running
+from .progress import STORED, lane_progress, show_running
 from .store.store import SweepMemory, SweepStore
 from .work import Chunks, Work, joined
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 Tracer = Callable[[], Mapping[str, str]]
 """Returns digests of the programs that the process that calls it would run."""
+_LOG = logging.getLogger(__name__)
+LONG_START = 20.0
+"""Seconds without a result of any worker that are logged where no progress is shown."""
 ROUNDS = 3
 """How often lanes are run that the store lacks."""
 WRITE_PERIOD = 10.0
@@ -67,9 +71,19 @@ def _by_executor(
 
     def on_done(chunk: int, results: LaneArrays) -> None:
         store.write(chunk, missing[chunk], results)
+        bar.set_description_str(STORED, refresh=False)
         bar.update(len(missing[chunk]))
 
-    run_chunks(chunks, missing, executor, on_done)
+    def on_start(seconds: float) -> None:
+        bar.set_description_str(f"workers start and compile, {seconds:.0f} s")
+        if bar.disable and seconds > LONG_START and not said:
+            said.append(seconds)
+            _LOG.warning(
+                "the workers of a sweep have been starting and compiling for %.0f s", seconds
+            )
+
+    said: list[float] = []
+    run_chunks(chunks, missing, executor, on_done, on_start)
 
 
 def _by_devices(

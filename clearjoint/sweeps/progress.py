@@ -8,6 +8,9 @@ from tqdm import tqdm
 from ..simulation.batch.scheduler import Running
 from ..simulation.progress_bars import ProgressBar, telling_of_compiling
 
+STORED = "stored"
+"""Description of a bar."""
+
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
     """A bar with the lanes stored and the time left, shown after two seconds, or while it compiles.
@@ -21,7 +24,7 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
     bar = ProgressBar(
         total=lanes,
         initial=done,
-        desc="stored",
+        desc=STORED,
         bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]",
         delay=2.0,
         leave=False,
