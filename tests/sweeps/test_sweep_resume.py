@@ -19,6 +19,7 @@ from clearjoint.model.bodies import Wrench
 from clearjoint.sweeps import sweep as sweeping
 from clearjoint.sweeps.store.store import SweepStore
 from clearjoint.sweeps.work import Work
+from tests.support.fake_sweep import layout
 from tests.support.rotor import (
     END,
     INERTIA,
@@ -123,6 +124,17 @@ def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
     xr.testing.assert_identical(cj.open_sweep(path), found)
 
 
+def test_results_go_into_netcdf(few, path):
+    """Of format 3, in whose names there are neither quotes nor slashes."""
+    file = path.with_suffix(".nc")
+    few.to_netcdf(file, engine="scipy")
+    with xr.open_dataset(file, engine="scipy") as found:
+        xr.testing.assert_equal(found.load(), few)
+        assert found.attrs["scene.bodies.rotor.mass"] == "1.0"
+    noted = layout(notes={"output a/b of 'arm' ": "x"})
+    assert list(noted.notes) == ["output a_b of _arm_"]
+
+
 GAIN = 1.0
 
 
@@ -217,7 +229,7 @@ def other_scene(options):
         ),
         (
             lambda **options: other_scene({"zipped": True, "progress": False, **options}),
-            r"bodies\['rotor'\]\.mass: stored 1\.0, now 2\.0",
+            r"bodies\.rotor\.mass: stored 1\.0, now 2\.0",
         ),
         (
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),

@@ -268,6 +268,7 @@ WRONG_LAYOUTS = {
     "variables: x": {"variables": {**layout().variables, "x": Variable(("time",), (6,))}},
     "variables: y": {"variables": {**layout().variables, "y": Variable(dtype="<U3")}},
     "time": {"axes": (Coordinate("time", [1.0]),)},
+    "by_lane": {"axes": (Coordinate("by_lane", [1.0]),)},
     "axes": {"axes": ()},
     "zipped": {"axes": (Coordinate("a", [1.0]), Coordinate("b", [1.0, 2.0])), "zipped": True},
     "row": {"axes": (Coordinate("a", 1.0),)},

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..layout import RESULT
+from ..layout import BY_LANE, RESULT
 
 if TYPE_CHECKING:
     import xarray as xr
 
-BY_LANE = Path("by_lane")
-"""Folder of the lanes in a store."""
 ROOT = "zarr.json"
 """File with the metadata of a group."""
 
@@ -59,7 +57,7 @@ def remove_grid(path: Path) -> None:
     """Remove the labelled results from the store at a path."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
-        if entry.name != BY_LANE.name and entry.is_dir():
+        if entry.name != BY_LANE and entry.is_dir():
             shutil.rmtree(entry)
 
 

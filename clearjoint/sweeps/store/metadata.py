@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...fields.checks import require
-from ..layout import LANE, Coordinate, Layout, Variable, dataset
+from ..layout import BY_LANE, LANE, Coordinate, Layout, Variable, dataset
 from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .fingerprint import digest
-from .grid import BY_LANE, ROOT, remove_grid, unfinished, write_grid
+from .grid import ROOT, remove_grid, unfinished, write_grid
 from .identity import Identity
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def extend(path: Path, contents: Contents) -> None:
     """
     with _new_store(path, contents) as store:
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
-        for file in sorted(files, key=lambda file: file == BY_LANE / ROOT):
+        for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
             _move(store / file, path / file)
     remove_grid(path)
 

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..layout import PENDING, RESULT, Layout, dataset
+from ..layout import BY_LANE, PENDING, RESULT, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .differences import differences
-from .grid import BY_LANE, grid_shows, write_grid
+from .grid import grid_shows, write_grid
 from .identity import Identity, places
 from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_remains
 from .program import RUN
