@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, TextIO
+from typing import TextIO
 
 from tqdm import tqdm
 
@@ -34,13 +34,10 @@ class ProgressBar(tqdm):
     # Locks of tqdm's own are semaphores of the system, which killed processes leave behind.
     _lock = threading.RLock()
     seconds_left: float | None = None
-
-    def __init__(self, *arguments: Any, **options: Any):
-        self._begun = self._latest_line = time.monotonic()
-        super().__init__(*arguments, **options)
+    _latest_line: float | None = None
 
     @property
-    def format_dict(self) -> dict[str, Any]:
+    def format_dict(self) -> dict[str, object]:
         """What the text is made of."""
         fields = super().format_dict
         left = self.seconds_left
@@ -50,8 +47,9 @@ class ProgressBar(tqdm):
         """Show the text; in a log file, if the latest line is old enough."""
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
-        now = time.monotonic()
-        if msg == "" or now - self._latest_line < LINE_PERIOD:
+        now = time.time()
+        latest = self._latest_line or getattr(self, "start_t", now)
+        if msg == "" or now - latest < LINE_PERIOD:
             return False
         self._latest_line = now
         print(str(self) if msg is None else msg, file=sys.stderr, flush=True)

@@ -2,9 +2,11 @@
 
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -206,6 +208,48 @@ def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
     assert 3 * CHUNK <= done < len(STIFFNESS)
     found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
     xr.testing.assert_identical(found, few)
+
+
+KILLED_AT_ANY_MOMENT = """
+import sys
+sys.path.insert(0, ".")
+import tests.conftest
+from tests.sweeps.test_sweep_resume import long_lanes
+from clearjoint.sweeps import computing
+add = computing._Writer.add
+def told(writer, lane, results):
+    print(lane, flush=True)
+    add(writer, lane, results)
+computing._Writer.add = told
+long_lanes(sys.argv[1])
+"""
+
+
+def long_lanes(path):
+    """Eighty lanes, the slowest of which take several seconds, in chunks of eight."""
+    return swept(np.geomspace(1.0, 1e4, 80), chunk=8, outputs=FEW, end_time=LONG, path=path)
+
+
+LONG = 300.0
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_a_sweep_loses_at_most_a_chunk_of_lanes_that_had_ended(path):
+    rng, root, kills = np.random.default_rng(), Path(__file__).parents[2], 0
+    while kills < 10:
+        command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
+        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+            begun = process.stdout.readline()
+            time.sleep(rng.uniform(0.0, 2.0))
+            process.kill()
+            ended = [int(lane) for lane in [begun, *process.stdout] if lane.strip()]
+        codes = cj.open_sweep(path)["result"].values
+        assert len(ended) - (codes[ended] == 0).sum() <= 8
+        kills += 1
+        if not (codes < 0).any():
+            shutil.rmtree(path)
+    found = long_lanes(path)
+    xr.testing.assert_identical(found, long_lanes(path.with_name("whole.zarr")))
 
 
 def other_scene(options):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from .fingerprint import DIGITS, digest
 
 if TYPE_CHECKING:
     import zarr
+    from zarr.abc.store import ByteRequest
+    from zarr.core.buffer import Buffer, BufferPrototype
     from zarr.storage import LocalStore
 
 MISSING, DAMAGED = "missing", "damaged"
@@ -39,7 +41,12 @@ def checked_files() -> "type[LocalStore]":
     from zarr.storage import LocalStore
 
     class CheckedFiles(LocalStore):
-        async def get(self, key: str, prototype: Any = None, byte_range: Any = None) -> Any:
+        async def get(
+            self,
+            key: str,
+            prototype: "BufferPrototype | None" = None,
+            byte_range: "ByteRequest | None" = None,
+        ) -> "Buffer | None":
             assert byte_range is None
             prototype = prototype or default_buffer_prototype()
             found = await super().get(key, prototype)
@@ -51,7 +58,7 @@ def checked_files() -> "type[LocalStore]":
                 raise ValueError(f"The checksum of {key} does not agree.")
             return prototype.buffer.from_bytes(value)
 
-        async def set(self, key: str, value: Any) -> None:
+        async def set(self, key: str, value: "Buffer") -> None:
             if not _is_metadata(key):
                 content = value.to_bytes()
                 value = type(value).from_bytes(content + digest(key, content).encode())
