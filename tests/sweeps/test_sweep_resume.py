@@ -10,6 +10,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -18,7 +19,9 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint.model.bodies import Wrench
+from clearjoint.sweeps import computing
 from clearjoint.sweeps import sweep as sweeping
+from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepStore
 from clearjoint.sweeps.work import Work
 from tests.support.fake_sweep import layout
@@ -208,6 +211,44 @@ def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
     assert 3 * CHUNK <= done < len(STIFFNESS)
     found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
     xr.testing.assert_identical(found, few)
+
+
+def test_a_sweep_that_is_interrupted_stores_the_lanes_that_have_ended(path, few, monkeypatch):
+    """Ctrl-C between two segments, while a third one runs."""
+
+    def interrupted(bar, running):
+        assert running.lanes <= len(STIFFNESS) and running.earliest <= running.latest
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(computing, "show_running", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    done = cj.open_sweep(path)
+    assert (done["result"] == 0).any()
+    with xr.open_zarr(path, chunks=None) as plain:
+        xr.testing.assert_equal(plain, done)
+    monkeypatch.undo()
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path), few)
+
+
+def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
+    """As soon as there are as many as a chunk has, or after some seconds."""
+    written = []
+    store = SimpleNamespace(layout=SimpleNamespace(chunk=3))
+    store.write = lambda chunk, lanes, results: written.append((chunk, lanes))
+    monkeypatch.setattr(computing, "WRITE_PERIOD", 0.5)
+    with lane_progress(12, 0, False) as bar:
+        lanes = {k: range(3 * k, 3 * k + 3) for k in range(4)}
+        writer = computing._Writer(lanes, store, bar)
+        for lane in (0, 3, 1, 2, 4):
+            writer.add(lane, {"result": np.zeros(())})
+        assert written == [(0, [0, 1]), (1, [3]), (0, [2])]
+        time.sleep(0.6)
+        writer.write_if_due()
+        assert written[3:] == [(1, [4])]
+        writer.add(5, {"result": np.zeros(())})
+        assert written[4:] == [(1, [5])]
 
 
 KILLED_AT_ANY_MOMENT = """

@@ -432,6 +432,10 @@ def test_a_chunk_that_is_written_again_never_reads_as_pending(path, monkeypatch)
 
 
 def test_a_store_that_is_read_only_is_read(partial, path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "access", lambda *_: False)
+        with pytest.raises(PermissionError, match="Lanes are missing .*by_lane"):
+            partial.missing()
     compute(partial)
     partial.write_grid()
     monkeypatch.setattr(chunks, "_LOCK", "absent/lock")

@@ -43,8 +43,9 @@ ACROSS = PartitionSpec("lanes")
 UNKNOWN_WORK = 500.0
 """Attempts, and share of the run, from which on a lane's progress tells what it has left."""
 UNKNOWN_SHARE = 0.02
-IN_ORDER = 0.75
-"""Share of the places that go to the lanes that come first."""
+IN_ORDER = 0.5
+"""Share of the places that go to the lanes that come first. With more, long lanes are left alone at
+the end; with none, a few hundred lanes end all at about the same time."""
 
 
 class Extent(eqx.Module):

@@ -32,7 +32,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     """Write labelled results into the store at a path, in the place of those there.
 
     The file that names the arrays goes first and comes last, unless it stays the same: who opens
-    the grid meanwhile finds none, but no mixture of two.
+    the grid meanwhile finds none, but no mixture of two. Result codes come after all other arrays,
+    so that no lane is shown as done before its numbers are there.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -42,11 +43,18 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Texts and consolidated metadata are drafts.
             encoding = {str(name): codecs for name in results.variables}
-            results.to_zarr(new, mode="w", zarr_format=3, consolidated=True, encoding=encoding)
+            results.to_zarr(
+                new,
+                mode="w",
+                zarr_format=3,
+                consolidated=True,
+                encoding=encoding,
+                write_empty_chunks=True,  # Each takes the place of a file that may be there.
+            )
         if not _same(new / ROOT, path / ROOT):
             remove_grid(path)
         files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
-        for file in sorted(files, key=lambda file: file == Path(ROOT)):
+        for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
             (path / file).parent.mkdir(parents=True, exist_ok=True)
             (new / file).replace(path / file)
     finally:

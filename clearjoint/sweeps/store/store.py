@@ -15,6 +15,7 @@ numbers that they start from, and variables by the programs that compute them. N
 changes after creation.
 """
 
+import errno
 import os
 import time
 import warnings
@@ -101,10 +102,18 @@ class SweepStore:
         return cls(path, wanted)
 
     def missing(self) -> dict[int, list[int]]:
-        """By chunk the lanes that are not done."""
+        """By chunk the lanes that are not done.
+
+        **Raises:** `PermissionError` if there are any and the store can't be written to, before
+        anybody computes them.
+        """
         group = opened_group(self._folder, "r")
         codes = _arrays(self.path, group, self._contents)[RESULT]
-        return _missing(codes, self._contents.order, self.layout.chunk)
+        missing = _missing(codes, self._contents.order, self.layout.chunk)
+        if missing and not os.access(self._folder, os.W_OK):
+            text = "Lanes are missing in this store, which can't be written to"
+            raise PermissionError(errno.EACCES, text, str(self._folder))
+        return missing
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
         """Put results of lanes of a chunk on disk; when this returns they are done."""
