@@ -293,6 +293,20 @@ def test_killed_at_any_moment_a_sweep_loses_at_most_a_chunk_of_lanes_that_had_en
     xr.testing.assert_identical(found, long_lanes(path.with_name("whole.zarr")))
 
 
+@pytest.mark.slow
+def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(path):
+    """Not by a segmentation fault, as if a device still computed."""
+    command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
+    root = Path(__file__).parents[2]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+        begun = process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        ended = [int(lane) for lane in [begun, *process.stdout]]
+    assert process.returncode == -signal.SIGINT
+    codes = cj.open_sweep(path)["result"].values
+    assert (codes < 0).any() and set(np.flatnonzero(codes == 0)) == set(ended)
+
+
 def other_scene(options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()

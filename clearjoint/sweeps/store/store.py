@@ -121,7 +121,9 @@ class SweepStore:
         with locked(self._folder):
             # Opened anew, since another process may have extended the store.
             group = opened_group(self._folder, "r+")
-            for name in set(group.attrs[ADDED]) - set(results):
+            added = group.attrs[ADDED]
+            assert isinstance(added, list)
+            for name in set(map(str, added)) - set(results):
                 # Of these lanes, this process has no values of a variable that another one added.
                 chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
             first, size = chunk * self.layout.chunk, self.layout.chunk
