@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 LANE = "lane"
 RESULT = "result"
+BY_LANE = "by_lane"
+"""What a store has of its own beside variables and axes."""
 PENDING = -1
 """Result code of a lane that has not been computed."""
 LaneArrays = dict[str, np.ndarray]
@@ -97,7 +99,8 @@ class Layout:
 
     def __post_init__(self) -> None:
         for part in ("settings", "notes"):
-            plain = {name: _setting(name, value) for name, value in getattr(self, part).items()}
+            given = getattr(self, part)
+            plain = {_netcdf_name(name): _setting(name, v) for name, v in given.items()}
             object.__setattr__(self, part, plain)
         object.__setattr__(self, "axes", tuple(map(_labels, self.axes)))
         object.__setattr__(self, "coordinates", tuple(map(_labels, self.coordinates)))
@@ -114,6 +117,8 @@ class Layout:
         further = {dim for v in self.variables.values() for dim in v.dims}
         further -= {c.name for c in self.coordinates}
         names = [LANE, *(c.name for c in labelled), *self.variables, *further]
+        free = BY_LANE not in names
+        require(free, "axes and outputs", BY_LANE, "of other names", "rename this one")
         twice = sorted({name for name in names if names.count(name) > 1})
         require_array_names("variables", self.variables, "name every result")
         require(not twice, "axes", twice, "names that occur once", "rename the axis")
@@ -237,6 +242,11 @@ def _with_pending(code: Variable) -> Variable:
         "flag_meanings": f"pending {meanings}".strip(),
     }
     return code._replace(attrs={**code.attrs, **flags})
+
+
+def _netcdf_name(name: str) -> str:
+    """The name of an attribute, without what names in netCDF may not have."""
+    return name.translate({ord(c): "_" for c in "/'"}).rstrip()
 
 
 def _setting(name: str, value: Any) -> Note:

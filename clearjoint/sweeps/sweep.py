@@ -15,7 +15,7 @@ from ..simulation.run_checks import check_numbers, check_precision
 from ..simulation.saving import Saving, saving_or_nothing
 from ..simulation.settings import Settings, settings_or
 from .axes import Axis, lanes_of
-from .computing import compute_missing
+from .computing import computed
 from .descriptions import decisive, informative
 from .executors import AbstractSubmitter
 from .layout import Coordinate, Layout
@@ -76,7 +76,9 @@ def sweep(
     - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
       computes only what is missing or damaged, so that values of axes, axes and outputs can be
       added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
-      texts or names. `open_sweep(path)` reads it, finished or not.
+      texts or names. `open_sweep(path)` reads it, finished or not, and so does
+      ``xarray.open_zarr(path)``. Lanes are stored while others run: a process that is killed loses
+      those that run, and of those that have ended a chunk or the last ten seconds.
     - `executor`: a `concurrent.futures.Executor` (of processes that are spawned, not forked; a
       script that makes one stands behind ``if __name__ == "__main__":``) or a
       `dask.distributed.Client` (of clusters: ``pip install 'clearjoint[cluster]'``), to which
@@ -123,8 +125,7 @@ def sweep(
         common = replace(common, programs=tuple(digests.items()))
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
-    compute_missing(work, store, trace, executor, devices, progress)
-    results = store.dataset()
+    results = computed(work, store, trace, executor, devices, progress)
     report_failures(results, lanes)
     report_journals_outside(results, lanes)
     return results

@@ -3,6 +3,8 @@ to what the library gives."""
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import jsonschema
@@ -395,3 +397,28 @@ def test_a_fit_finds_what_made_the_data(folder):
     assert float(cj.load(out / "fitted.toml")[0].joints["pin"].clearance) == pytest.approx(
         table["estimate"]["clearance"], rel=1e-12
     )
+
+
+INTERRUPTED = """
+import signal, sys
+import clearjoint_command
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "jax":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+clearjoint_command.main()
+"""
+
+
+def test_ctrl_c_while_the_program_is_imported_ends_it_with_a_word():
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")

@@ -235,4 +235,4 @@ def test_result_is_labelled_with_units_and_settings(grid):
     codes = dict(zip(meanings, grid.result.attrs["flag_values"], strict=True))
     assert codes["pending"] == -1 and codes["successful"] == 0 and "bad_parameters" in codes
     assert grid.attrs["rtol"] == "1e-06"
-    assert grid.attrs["scene.bodies['arm 2'].mass"] == "7.02"
+    assert grid.attrs["scene.bodies.arm 2.mass"] == "7.02"

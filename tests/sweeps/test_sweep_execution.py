@@ -16,12 +16,14 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 
 import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.runtime import busy_devices, program_kind
+from clearjoint.sweeps import computing, executors
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
 from clearjoint.sweeps.progress import lane_progress
@@ -177,6 +179,65 @@ def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
     script.write_text(UNGUARDED)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
     assert 'behind `if __name__ == "__main__":`' in done.stdout
+
+
+KILLED = """
+import os, sys, threading, time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+sys.path.insert(0, ".")
+from clearjoint.sweeps.executors import run_chunks
+
+def task(chunk):
+    print(os.getpid(), flush=True)
+    time.sleep(0 if chunk == 0 else 600)
+
+if __name__ == "__main__":
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        run_chunks(task, range(4), executor, lambda *done: print("stored", flush=True))
+"""
+
+
+def test_workers_of_a_process_that_is_killed_end_too(tmp_path):
+    """After the first chunk."""
+    script = tmp_path / "script.py"
+    script.write_text(KILLED)
+    command, root = [sys.executable, script], Path(__file__).parents[2]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+        lines = [process.stdout.readline().strip() for _ in range(4)]
+        process.kill()
+        assert process.stdout.read() == ""  # It ends when no process is left that can write.
+    pids = [int(line) for line in lines if line != "stored"]
+    assert "stored" in lines and len(set(pids)) == 2
+    for pid in filter(psutil.pid_exists, pids):
+        assert psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
+def test_a_pool_says_that_it_starts_and_compiles(caplog, monkeypatch):
+    monkeypatch.setattr(executors, "TICK", 0.01)
+    monkeypatch.setattr(computing, "LONG_START", 0.05)
+
+    def task(chunk):
+        time.sleep(0.2)
+        return results_of(chunk)
+
+    memory = SweepMemory(MANY)
+    with ThreadPoolExecutor(2) as threads, lane_progress(MANY.lanes, 0, False) as bar:
+        computing._by_executor(Stored(task, memory.missing()), memory, threads, bar)
+    assert [record.getMessage() for record in caplog.records] == [
+        "the workers of a sweep have been starting and compiling for 0 s"
+    ]
+    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+
+
+class Stored:
+    """As `Chunks`: a task, and the lanes of each chunk."""
+
+    def __init__(self, task, lanes):
+        self.task, self.lanes = task, lanes
+
+    def __call__(self, chunk):
+        return self.task(chunk)
 
 
 class OwnError(Exception):
@@ -373,14 +434,6 @@ def test_worker_where_jax_runs_with_other_floats_is_refused():
     floats, devices = done.stdout.splitlines()
     assert "jax_enable_x64" in floats and "fresh workers" in floats
     assert "jax_num_cpu_devices" in devices and "fresh workers" in devices
-
-
-def test_progress_counts_lanes_and_tells_the_time_left():
-    with lane_progress(100, 40, True) as bar:
-        bar.start_t -= 10
-        bar.update(20)
-        said = str(bar)
-    assert "60/100" in said and "[00:10<00:20,  2.00 lanes/s]" in said
 
 
 @pytest.fixture(scope="module")

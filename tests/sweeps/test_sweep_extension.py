@@ -43,7 +43,7 @@ FURTHER = {
 @pytest.mark.parametrize("further", FURTHER.values(), ids=FURTHER)
 def test_further_values_leave_the_lanes_there_are(path, further):
     before = open_sweep(path)
-    files = {file: file.read_bytes() for file in path.glob("position/c/*/*/*")}
+    files = {file: file.read_bytes() for file in path.glob("by_lane/position/c/*/*/*")}
     wanted = layout(**further)
     store = opened(path, wanted)
     missing = sorted(lane for lanes in store.missing().values() for lane in lanes)
@@ -150,3 +150,17 @@ def test_who_writes_as_before_while_the_store_is_extended_writes_the_same_lanes(
     compute(new)
     expected = complete(layout())
     same_lanes(open_sweep(path), expected)
+
+
+def test_lanes_of_who_lacks_a_variable_are_pending_with_it(tmp_path):
+    """Two processes write to a chunk, of which one has added a variable to the store."""
+    path = tmp_path / "sweep.zarr"
+    old = opened(path, layout())
+    new = opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"})
+    new.write(0, [0, 1], with_energy(new, [0, 1]))
+    assert old.missing()[0] == new.missing()[0] == [2, 3, 4]
+    old.write(0, [2, 3, 4], results(old.layout, [2, 3, 4]))
+    assert 0 not in old.missing() and new.missing()[0] == [0, 1, 2, 3, 4]
+    new.write(0, range(5), with_energy(new, range(5)))
+    assert 0 not in new.missing()
+    assert open_sweep(path)["energy"].values.ravel()[:5].tolist() == [0, 1, 2, 3, 4]

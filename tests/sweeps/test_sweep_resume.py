@@ -2,12 +2,15 @@
 
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -16,9 +19,12 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint.model.bodies import Wrench
+from clearjoint.sweeps import computing
 from clearjoint.sweeps import sweep as sweeping
+from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepStore
 from clearjoint.sweeps.work import Work
+from tests.support.fake_sweep import layout
 from tests.support.rotor import (
     END,
     INERTIA,
@@ -123,6 +129,17 @@ def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
     xr.testing.assert_identical(cj.open_sweep(path), found)
 
 
+def test_results_go_into_netcdf(few, path):
+    """Of format 3, in whose names there are neither quotes nor slashes."""
+    file = path.with_suffix(".nc")
+    few.to_netcdf(file, engine="scipy")
+    with xr.open_dataset(file, engine="scipy") as found:
+        xr.testing.assert_equal(found.load(), few)
+        assert found.attrs["scene.bodies.rotor.mass"] == "1.0"
+    noted = layout(notes={"output a/b of 'arm' ": "x"})
+    assert list(noted.notes) == ["output a_b of _arm_"]
+
+
 GAIN = 1.0
 
 
@@ -196,6 +213,100 @@ def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
     xr.testing.assert_identical(found, few)
 
 
+def test_a_sweep_that_is_interrupted_stores_the_lanes_that_have_ended(path, few, monkeypatch):
+    """Ctrl-C between two segments, while a third one runs."""
+
+    def interrupted(bar, running):
+        assert running.lanes <= len(STIFFNESS) and running.earliest <= running.latest
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(computing, "show_running", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    done = cj.open_sweep(path)
+    assert (done["result"] == 0).any()
+    with xr.open_zarr(path, chunks=None) as plain:
+        xr.testing.assert_equal(plain, done)
+    monkeypatch.undo()
+    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path), few)
+
+
+def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
+    """As soon as there are as many as a chunk has, or after some seconds."""
+    written = []
+    store = SimpleNamespace(layout=SimpleNamespace(chunk=3))
+    store.write = lambda chunk, lanes, results: written.append((chunk, lanes))
+    monkeypatch.setattr(computing, "WRITE_PERIOD", 0.5)
+    with lane_progress(12, 0, False) as bar:
+        lanes = {k: range(3 * k, 3 * k + 3) for k in range(4)}
+        writer = computing._Writer(lanes, store, bar)
+        for lane in (0, 3, 1, 2, 4):
+            writer.add(lane, {"result": np.zeros(())})
+        assert written == [(0, [0, 1]), (1, [3]), (0, [2])]
+        time.sleep(0.6)
+        writer.write_if_due()
+        assert written[3:] == [(1, [4])]
+        writer.add(5, {"result": np.zeros(())})
+        assert written[4:] == [(1, [5])]
+
+
+KILLED_AT_ANY_MOMENT = """
+import sys
+sys.path.insert(0, ".")
+import tests.conftest
+from tests.sweeps.test_sweep_resume import long_lanes
+from clearjoint.sweeps import computing
+add = computing._Writer.add
+def told(writer, lane, results):
+    print(lane, flush=True)
+    add(writer, lane, results)
+computing._Writer.add = told
+long_lanes(sys.argv[1])
+"""
+
+
+def long_lanes(path):
+    """Eighty lanes, the slowest of which take several seconds, in chunks of eight."""
+    return swept(np.geomspace(1.0, 1e4, 80), chunk=8, outputs=FEW, end_time=LONG, path=path)
+
+
+LONG = 300.0
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_a_sweep_loses_at_most_a_chunk_of_lanes_that_had_ended(path):
+    rng, root, kills = np.random.default_rng(), Path(__file__).parents[2], 0
+    while kills < 10:
+        command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
+        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+            begun = process.stdout.readline()
+            time.sleep(rng.uniform(0.0, 2.0))
+            process.kill()
+            ended = [int(lane) for lane in [begun, *process.stdout] if lane.strip()]
+        codes = cj.open_sweep(path)["result"].values
+        assert len(ended) - (codes[ended] == 0).sum() <= 8
+        kills += 1
+        if not (codes < 0).any():
+            shutil.rmtree(path)
+    found = long_lanes(path)
+    xr.testing.assert_identical(found, long_lanes(path.with_name("whole.zarr")))
+
+
+@pytest.mark.slow
+def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(path):
+    """Not by a segmentation fault, as if a device still computed."""
+    command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
+    root = Path(__file__).parents[2]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+        begun = process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        ended = [int(lane) for lane in [begun, *process.stdout]]
+    assert process.returncode == -signal.SIGINT
+    codes = cj.open_sweep(path)["result"].values
+    assert (codes < 0).any() and set(np.flatnonzero(codes == 0)) == set(ended)
+
+
 def other_scene(options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()
@@ -217,7 +328,7 @@ def other_scene(options):
         ),
         (
             lambda **options: other_scene({"zipped": True, "progress": False, **options}),
-            r"bodies\['rotor'\]\.mass: stored 1\.0, now 2\.0",
+            r"bodies\.rotor\.mass: stored 1\.0, now 2\.0",
         ),
         (
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),

@@ -13,7 +13,7 @@ def number_notes(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str
     they vary."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     return {
-        f"{name}.{key}": describe(value)
+        f"{name}.{_dotted(key)}": describe(value)
         for key, (value, _) in parameters(tree).items()
         if not varies[key]
     }
@@ -22,3 +22,8 @@ def number_notes(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str
 def structure_note(scene: Scene) -> str:
     """Names, kinds and choices of a scene, without its numbers."""
     return describe(jax.tree.map(lambda _: 0, scene))
+
+
+def _dotted(key: str) -> str:
+    """``bodies.rod.mass`` for ``bodies['rod'].mass``, since netCDF has no names with quotes."""
+    return key.replace("['", ".").replace("']", "")
