@@ -8,6 +8,8 @@ from typing import NoReturn
 
 import click
 
+from ..fields.cautions import SILENCE
+
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes."""
 
@@ -26,7 +28,7 @@ def end(code: int) -> NoReturn:
 def understandable() -> Iterator[None]:
     """Inside, errors become a sentence and an exit code, and warnings a line each."""
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_args, **_options: say(f"warning: {message}")
+        warnings.showwarning = lambda message, *_args, **_options: say(_warning(message))
         try:
             yield
         except click.exceptions.Exit:
@@ -37,6 +39,11 @@ def understandable() -> Iterator[None]:
         except KeyboardInterrupt:
             say("interrupted")
             end(INTERRUPTED)
+
+
+def _warning(message: Warning | str) -> str:
+    """A warning without how Python silences it."""
+    return f"warning: {str(message).split(SILENCE)[0].rstrip()}"
 
 
 def _sentence(error: Exception) -> str:

@@ -27,7 +27,7 @@ class Saving:
     - `impacts`: table all finished contacts.
     - `sections`: Poincaré sections by name, the crossings of which are kept; see `Section`.
 
-    **Raises:** `ValueError` for times that don't rise.
+    **Raises:** `ValueError` for times that don't rise or stand there twice.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -43,7 +43,9 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "say whether")
         if self.times is not None and concrete(self.times) is not None:
-            check_rising(self.times, "times")
+            steps = np.diff(check_rising(self.times, "times"))
+            remedy = "leave out what stands there twice, by numpy.unique say"
+            require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
         remedy = 'pass for example {"top": cj.Section(crossing, channels, count)}'
         require_array_names("sections", self.sections, remedy)
         for name, section in self.sections.items():

@@ -62,11 +62,11 @@ class Saved(AbstractSaved):
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
         require(
-            fine and bool((np.diff(times) >= 0).all()),
+            fine and bool((np.diff(times) > 0).all()),
             "times",
             times,
-            "a rising row of finite times",
-            "sort the times",
+            "a rising row of finite times, none of them twice",
+            "sort the times, by numpy.unique say",
         )
         return times
 
