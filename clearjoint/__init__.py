@@ -213,6 +213,7 @@ from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import load_urdf as load_urdf
 from .simulation.batch.dissipated_energy import DissipatedEnergy as DissipatedEnergy
+from .simulation.batch.dissipated_energy import MeanPowerLost as MeanPowerLost
 from .simulation.batch.impact_count import ImpactCount as ImpactCount
 from .simulation.batch.quantiles import Quantiles as Quantiles
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction

@@ -4,7 +4,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import click
 
@@ -12,6 +12,13 @@ from ..fields.cautions import SILENCE
 
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes."""
+
+
+class Outcome(NamedTuple):
+    """How a command ended: its exit code, and its result in a line."""
+
+    code: int
+    line: str
 
 
 def say(text: str) -> None:

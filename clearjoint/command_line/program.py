@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ParamSpec
 import click
 
 from .. import runtime
-from .endings import end, say, shows_progress, understandable
+from .endings import Outcome, end, shows_progress, understandable
 
 if TYPE_CHECKING:
     from .study import Study
@@ -271,12 +271,10 @@ def _folder(file: Path, out: Path | None, command: str) -> Path:
     return Path("results") / file.stem / command if out is None else out
 
 
-def _ended(code: int, folder: Path) -> None:
-    """Tell where the page is, and end with the code."""
+def _ended(ending: Outcome, folder: Path) -> None:
+    """Print the result in a line that ends with the path of the page, and end with the code."""
     from .folders import PAGE
 
-    if (folder / PAGE).exists():
-        click.echo(f"{folder / PAGE}")
-    else:
-        say("nothing was written")
-    end(code)
+    page = folder / PAGE
+    click.echo(f"{ending.line}: {page if page.exists() else 'nothing was written'}")
+    end(ending.code)

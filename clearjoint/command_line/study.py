@@ -64,6 +64,11 @@ class Study:
         changed = {key: getattr(part.settings, key) for key in _table(given)}
         return replace(getattr(presets, name), **changed)
 
+    def ledger_for(self, settings: Settings, outputs: Mapping[str, object]) -> Settings:
+        """The settings, which keep the energy ledger if one of the outputs needs it."""
+        needed = any(getattr(output, "needs_ledger", False) for output in outputs.values())
+        return replace(settings, ledger=True) if needed else settings
+
     def end(self, own: float | None = None) -> float:
         """The end of runs, s: a section's own, or that of the run.
 
@@ -206,17 +211,17 @@ def _value(text: str) -> object:
 
 def _with_units(study: Document) -> Document:
     """The tables, in which reductions that name no unit have that of their quantity."""
-    outputs = _table(_table(study.get("sweep", {})).get("outputs", {}))
     units = {kind.__name__: getattr(kind, "unit", None) for kind in CLASSES}
-    completed = {}
-    for name, output in outputs.items():
-        quantity = output.get("quantity") if isinstance(output, dict) else None
-        unit = units.get(quantity.get("kind", "")) if isinstance(quantity, dict) else None
-        completed[name] = output if unit is None else {"unit": unit, **output}
-    if not completed:
-        return study
-    sweep = {**_table(study["sweep"]), "outputs": completed}
-    return {**study, "sweep": sweep}
+    for section in ("run", "sweep"):
+        outputs = _table(study.get(section, {})).get("outputs", {})
+        completed = {}
+        for name, output in _table(outputs).items():
+            quantity = output.get("quantity") if isinstance(output, dict) else None
+            unit = units.get(quantity.get("kind", "")) if isinstance(quantity, dict) else None
+            completed[name] = output if unit is None else {"unit": unit, **output}
+        if completed:
+            study = {**study, section: {**_table(study[section]), "outputs": completed}}
+    return study
 
 
 def _table(found: object) -> dict:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
 from ..quantities.base import require_known
-from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.batch.reductions import AbstractReduction, check_reductions
 from ..simulation.channels import Channels, check_channels, check_quantities
 from ..simulation.sections import Section
 from ..simulation.windows import Window
@@ -149,14 +149,9 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             "a reduction, a Saved, a Section or an ImpactTable",
             "subclass AbstractReduction, or pass one of clearjoint's",
         )
-        needs = isinstance(output, AbstractReduction) and output.needs_ledger
-        require(
-            ledger or not needs,
-            "ledger",
-            ledger,
-            f"True for outputs[{name!r}]",
-            "pass Settings(ledger=True)",
-        )
+        check_reductions({name: output}, scene, ledger)
+        if isinstance(output, AbstractReduction):
+            continue
         try:
             output.check(scene)
         except ValueError as error:

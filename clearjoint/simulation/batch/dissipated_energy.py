@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.vectors import Scalar, add
 from ...quantities.instant import Instant
@@ -78,6 +79,41 @@ class DissipatedEnergy(AbstractReduction):
     def units(self) -> dict[str, str]:
         """The energy is in J."""
         return {"": "J"}
+
+
+class MeanPowerLost(DissipatedEnergy):
+    """Mean power that normal damping, friction and films took; for `Settings(ledger=True)`.
+
+    **Arguments:** `after`, `until`: s, the window of time over which the mean is taken, as for
+    `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
+
+    >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
+    >>> outputs["heating"].units()
+    {'': 'W'}
+    """
+
+    def start(self, now: Instant) -> tuple[Scalar, LossTally]:  # pyright: ignore
+        """The time of the start, s; and what is lost where the window begins and ends."""
+        return now.time, LossTally(now.time, _lost(now), _lost(now))
+
+    def update(self, tally: tuple[Scalar, LossTally], now: Instant) -> PyTree:  # pyright: ignore
+        """The losses up to the window's begin and end, as far as the step goes."""
+        return tally[0], super().update(tally[1], now)
+
+    def results(self, tally: tuple[Scalar, LossTally], now: Instant) -> dict[str, Scalar]:  # pyright: ignore
+        """The mean power, W, over the part of the window that was reached; NaN if none was."""
+        begin, losses = tally
+        window = self._window()
+        duration = jnp.minimum(now.time, window.end) - jnp.maximum(begin, window.start)
+        reached = duration > 0.0
+        lost = losses.at_end - losses.at_begin
+        return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
+
+    def units(self) -> dict[str, str]:
+        """The power is in W."""
+        return {"": "W"}
 
 
 def _lost(now: Instant) -> Scalar:
