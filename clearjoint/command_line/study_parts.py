@@ -84,7 +84,8 @@ class AxisPart:
 class SweepPart:
     """The axes of a sweep, and what is kept of each lane.
 
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`; the `sections` of the run are kept too.
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The `sections` of the run are kept
+      too.
     - `end`, `preset`, `settings`: those of the run unless given.
     - `zipped`: whether lanes take the axes' values side by side. `chunk`: lanes stored at once.
     """
