@@ -13,7 +13,7 @@ from ..quantities.base import require_known
 from ..simulation.batch.reductions import AbstractReduction, check_reductions
 from ..simulation.channels import Channels, check_channels, check_quantities
 from ..simulation.sections import Section
-from ..simulation.windows import Window
+from ..simulation.windows import Instants, Window
 
 
 class AbstractSaved(abc.ABC):
@@ -107,8 +107,8 @@ class ImpactTable:
 
     count: int
     joint: str | None = None
-    after: float | None = None
-    until: float | None = None
+    after: Instants = None
+    until: Instants = None
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
