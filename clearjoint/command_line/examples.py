@@ -27,7 +27,8 @@ SCENE_HEAD = """\
 MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
     "double_pendulum": (
         double_pendulum,
-        {"joint": "shoulder", "body": "arm 2", "end": "50 ms", "every": "0.05 ms", "after": "10 ms"},
+        {"joint": "shoulder", "body": "arm 2", "end": "50 ms"}
+        | {"every": "0.05 ms", "after": "10 ms"},
     ),
     "four_bar": (
         lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),

@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from ..model.bodies import BodyState, body_state
+from ..quantities.base import AbstractQuantity, Quantity
 
 MAKERS: dict[type, Callable[..., object]] = {BodyState: body_state}
 """Functions that make what a class alone would not check."""
@@ -139,6 +140,8 @@ def _of_one(annotation: object) -> Expectation:
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return expectation(annotation)
+    if annotation == Quantity:
+        return Expectation(classes=(AbstractQuantity,))
     if origin is Literal:
         return Expectation(is_text=True)
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
