@@ -14,7 +14,7 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes."""
 
 
-class Outcome(NamedTuple):
+class CommandResult(NamedTuple):
     """How a command ended: its exit code, and its result in a line."""
 
     code: int

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ParamSpec
 import click
 
 from .. import runtime
-from .endings import Outcome, end, shows_progress, understandable
+from .endings import CommandResult, end, shows_progress, understandable
 
 if TYPE_CHECKING:
     from .study import Study
@@ -307,7 +307,7 @@ def _folder(file: Path, out: Path | None, command: str) -> Path:
     return Path("results") / file.stem / command if out is None else out
 
 
-def _ended(ending: Outcome, folder: Path) -> None:
+def _ended(ending: CommandResult, folder: Path) -> None:
     """Print the result in a line that ends with the path of the page, and end with the code."""
     from .folders import PAGE
 

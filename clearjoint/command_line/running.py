@@ -26,7 +26,7 @@ from ..simulation.settings import Settings
 from ..simulation.simulate import simulate
 from ..simulation.solution import Solution
 from ..simulation.state_tables import contact_label
-from .endings import FAILED, INTERRUPTED, WELL, Outcome, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder
 from .reports import write_run_report
 from .study import Study
@@ -59,7 +59,7 @@ class Negative(AbstractQuantity):
         self.quantity.check(scene)
 
 
-def run(study: Study, out: Path, progress: bool) -> Outcome:
+def run(study: Study, out: Path, progress: bool) -> CommandResult:
     """Run a study's scene and write what was computed."""
     begun, part = time.perf_counter(), study.parts.run
     reductions = reductions_of(part, study.settings(part, "run"))
@@ -76,7 +76,7 @@ def run(study: Study, out: Path, progress: bool) -> Outcome:
     force = f", largest force {largest[0]:.4g} N ({largest[1]})" if largest[1] else ""
     hits = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
     reached = f"{int(solution.accepted)} steps to t = {float(solution.time):.6g} s"
-    return Outcome(code, f"{reached}{hits}{force}")
+    return CommandResult(code, f"{reached}{hits}{force}")
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:

@@ -17,7 +17,7 @@ from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output, check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
-from .endings import FAILED, INTERRUPTED, WELL, Outcome, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import STORE, Folder
 from .reports import write_sweep_report
 from .study import Study
@@ -43,7 +43,7 @@ class SweepArguments:
     chunk: int
 
 
-def sweep(study: Study, out: Path, progress: bool) -> Outcome:
+def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
     """Run a study's sweep into the store in a folder."""
     part = study.parts.sweep
     if part is None:
@@ -77,7 +77,7 @@ def sweep(study: Study, out: Path, progress: bool) -> Outcome:
     folder.write_summary(summary)
     write_sweep_report(folder, dataset.load())
     code = _told(folder, summary, code)
-    return Outcome(code, _line(dataset, summary))
+    return CommandResult(code, _line(dataset, summary))
 
 
 def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:

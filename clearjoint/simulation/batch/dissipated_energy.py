@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from ...math.vectors import Scalar, add
 from ...quantities.instant import Instant
@@ -57,17 +56,7 @@ class DissipatedEnergy(AbstractReduction):
         """The losses up to the window's begin and end, as far as the step goes."""
         if tally is None:
             return None
-        window, lost = self._window(), _lost(now)
-        at_edges = [
-            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
-            for edge, inside, known in zip(
-                (window.start, window.end),
-                map(now.inside, window.places(tally.time, now.time)),
-                (tally.at_begin, tally.at_end),
-                strict=True,
-            )
-        ]
-        return LossTally(now.time, *at_edges)
+        return _lost_until(tally, now, self._window())
 
     def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
         """What normal damping, friction and films took since the start or in the window, J; what
@@ -81,7 +70,7 @@ class DissipatedEnergy(AbstractReduction):
         return {"": "J"}
 
 
-class MeanPowerLost(DissipatedEnergy):
+class MeanPowerLost(AbstractReduction):
     """Mean power that normal damping, friction and films took; for `Settings(ledger=True)`.
 
     **Arguments:** `after`, `until`: s, the window of time over which the mean is taken, as for
@@ -94,15 +83,26 @@ class MeanPowerLost(DissipatedEnergy):
     {'': 'W'}
     """
 
-    def start(self, now: Instant) -> tuple[Scalar, LossTally]:  # pyright: ignore
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    needs_ledger = True
+
+    def __check_init__(self):
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+    def start(self, now: Instant) -> tuple[Scalar, LossTally]:
         """The time of the start, s; and what is lost where the window begins and ends."""
         return now.time, LossTally(now.time, _lost(now), _lost(now))
 
-    def update(self, tally: tuple[Scalar, LossTally], now: Instant) -> PyTree:  # pyright: ignore
+    def update(self, tally: tuple[Scalar, LossTally], now: Instant) -> tuple[Scalar, LossTally]:
         """The losses up to the window's begin and end, as far as the step goes."""
-        return tally[0], super().update(tally[1], now)
+        begin, losses = tally
+        return begin, _lost_until(losses, now, self._window())
 
-    def results(self, tally: tuple[Scalar, LossTally], now: Instant) -> dict[str, Scalar]:  # pyright: ignore
+    def results(self, tally: tuple[Scalar, LossTally], now: Instant) -> dict[str, Scalar]:
         """The mean power, W, over the part of the window that was reached; NaN if none was."""
         begin, losses = tally
         window = self._window()
@@ -114,6 +114,21 @@ class MeanPowerLost(DissipatedEnergy):
     def units(self) -> dict[str, str]:
         """The power is in W."""
         return {"": "W"}
+
+
+def _lost_until(tally: LossTally, now: Instant, window: Window) -> LossTally:
+    """The losses up to the window's begin and end, as far as the step goes that ends now."""
+    lost = _lost(now)
+    at_edges = [
+        jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
+        for edge, inside, known in zip(
+            (window.start, window.end),
+            map(now.inside, window.places(tally.time, now.time)),
+            (tally.at_begin, tally.at_end),
+            strict=True,
+        )
+    ]
+    return LossTally(now.time, *at_edges)
 
 
 def _lost(now: Instant) -> Scalar:
