@@ -75,7 +75,7 @@ def parsed(text: str, suffix: str, file: str) -> Document:
     except ValueError as error:
         reason = str(error).split("; use sys.", maxsplit=1)[0]
         raise ValueError(f"{file}: {reason}; mend the {suffix[1:].upper()} there.") from error
-    if found is None or _is_deep(found):
+    if found is None or (isinstance(found, dict | list) and _is_deep(found)):
         expected = f"at most {DEEPEST} levels"
         FilePlace(file).refuse("deeper tables or lists", expected, "nest them less deeply")
     if not isinstance(found, dict):
@@ -83,7 +83,7 @@ def parsed(text: str, suffix: str, file: str) -> Document:
     return {key: item for key, item in found.items() if key != SCHEMA}
 
 
-def _is_deep(found: object) -> bool:
+def _is_deep(found: dict | list) -> bool:
     """Whether tables and lists are nested to more than `DEEPEST` levels; without recursion, whose
     depth Python limits."""
     level = [found]

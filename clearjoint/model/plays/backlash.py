@@ -47,7 +47,8 @@ def _flank_law(
     turning = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
     require_positive("torsional_stiffness", turning, "give it in N m/rad")
     stiffness = turning / as_number(radius, "radius", "m") ** 2
-    return ExactRestitution(0.5 if restitution is None else restitution, stiffness, exponent=1.0)
+    restitution = 0.5 if restitution is None else restitution
+    return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
 
 
 class Backlash(AbstractContactJoint):
