@@ -56,6 +56,7 @@ from .math.smoothing import norm_and_direction as norm_and_direction
 from .math.vectors import Vector as Vector
 from .measurements.readers import Channel as Channel
 from .measurements.readers import from_xarray as from_xarray
+from .measurements.readers import function_from_csv as function_from_csv
 from .measurements.readers import read_csv as read_csv
 from .measurements.series import Measurements as Measurements
 from .measurements.series import Series as Series
@@ -211,8 +212,11 @@ from .runtime import configure as configure
 from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
+from .scene_files.urdf import JointLimits as JointLimits
 from .scene_files.urdf import load_urdf as load_urdf
+from .scene_files.urdf import urdf_limits as urdf_limits
 from .simulation.batch.dissipated_energy import DissipatedEnergy as DissipatedEnergy
+from .simulation.batch.dissipated_energy import MeanPowerLost as MeanPowerLost
 from .simulation.batch.impact_count import ImpactCount as ImpactCount
 from .simulation.batch.quantiles import Quantiles as Quantiles
 from .simulation.batch.reductions import AbstractReduction as AbstractReduction

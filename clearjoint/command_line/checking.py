@@ -18,7 +18,7 @@ from ..scene_files.files import FilePath, save
 from ..simulation.run_checks import check_start
 from .places import written
 from .study import Study
-from .sweeping import sweep_arguments
+from .sweeping import check_output, sweep_arguments
 
 WORST = 3
 """Constraints of which violations are told."""
@@ -124,8 +124,10 @@ def _refusal(study: Study, report: ConstraintReport) -> str | None:
 def _sections(study: Study) -> Iterator[str]:
     """What the study is to do; what it names is looked up in the scene."""
     run = study.parts.run
-    for name, quantity in run.outputs.items():
-        check_quantity(f"{study.place.at('run').at('outputs').at(name)}", quantity, study.scene)
+    for name, output in run.outputs.items():
+        where = study.place.at("run").at("outputs").at(name)
+        check_quantity(f"{where}", output, study.scene)
+        check_output(name, output, study.scene, where)
     for name, section in run.sections.items():
         for one in (section.crossing, *section.channels.values()):
             check_quantity(f"{study.place.at('run').at('sections').at(name)}", one, study.scene)

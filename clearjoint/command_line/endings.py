@@ -4,12 +4,21 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import click
 
+from ..fields.cautions import SILENCE
+
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes."""
+
+
+class CommandResult(NamedTuple):
+    """How a command ended: its exit code, and its result in a line."""
+
+    code: int
+    line: str
 
 
 def say(text: str) -> None:
@@ -26,7 +35,7 @@ def end(code: int) -> NoReturn:
 def understandable() -> Iterator[None]:
     """Inside, errors become a sentence and an exit code, and warnings a line each."""
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_args, **_options: say(f"warning: {message}")
+        warnings.showwarning = lambda message, *_args, **_options: say(_warning(message))
         try:
             yield
         except click.exceptions.Exit:
@@ -37,6 +46,11 @@ def understandable() -> Iterator[None]:
         except KeyboardInterrupt:
             say("interrupted")
             end(INTERRUPTED)
+
+
+def _warning(message: Warning | str) -> str:
+    """A warning without how Python silences it."""
+    return f"warning: {str(message).split(SILENCE)[0].rstrip()}"
 
 
 def _sentence(error: Exception) -> str:

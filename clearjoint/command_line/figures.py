@@ -50,7 +50,9 @@ def draw_run(
     outputs = folder.table(OUTPUTS)
     if outputs is not None:
         for name in map(str, outputs.data_vars):
-            _write(folder, f"output {name}", _over_time(outputs, name))
+            drawn = _over_time(outputs, name)
+            _mark_extremes(drawn, outputs, name)
+            _write(folder, f"output {name}", drawn)
     for name, crossings in solution.sections.items():
         _draw_section(folder, name, crossings.to_xarray())
     _report_page(folder, scene, solution)
@@ -113,6 +115,17 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
     forces.legend(
         loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, 4), frameon=False
     )
+
+
+def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
+    """Dots at the largest and the smallest value of an output, which its samples may miss."""
+    told = outputs[name].attrs
+    if "largest" not in told:
+        return
+    times, values = scaled(outputs["time"]), scaled(outputs[name])
+    for which in ("largest", "smallest"):
+        x, y = times.factor * told[f"{which}_time"], values.factor * told[which]
+        drawn.plot(x, y, "o", color=plot.style.DARK, markersize=4)
 
 
 def _draw_energies(folder: Folder, observed: Observation) -> None:

@@ -15,7 +15,7 @@ from ..measurements.series import Measurements, Series
 from ..parametrisation.parameter import Parameter
 from ..scene_files.complaints import FilePlace
 from ..scene_files.numbers import number_of_text
-from .endings import FAILED, INTERRUPTED, WELL, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import Folder
 from .reports import write_fit_report
 from .study import Study
@@ -25,8 +25,8 @@ ESTIMATES, REPORT, SO_FAR = "estimates", "report.txt", "estimates_so_far.csv"
 FITTED_SCENE = "fitted.toml"
 
 
-def fit(study: Study, out: Path) -> int:
-    """Fit a study's parameters and write what was found; the exit code."""
+def fit(study: Study, out: Path) -> CommandResult:
+    """Fit a study's parameters and write what was found."""
     part = study.parts.fit
     if part is None:
         study.place.at("fit").refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
@@ -50,7 +50,7 @@ def fit(study: Study, out: Path) -> int:
         )
     except KeyboardInterrupt:
         told.write(Folder.made(out))
-        return INTERRUPTED
+        return CommandResult(INTERRUPTED, "interrupted")
     folder = Folder.made(out)
     _write(found, folder)
     converged = found.ending is Ending.CONVERGED
@@ -58,7 +58,9 @@ def fit(study: Study, out: Path) -> int:
     write_fit_report(folder, found)
     if not converged:
         say(f"error: the fit has not converged: {found.ending.value}")
-    return WELL if converged else FAILED
+    estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
+    line = f"{found.ending.value}, chi squared {found.chi_squared:.4g}, {', '.join(estimates)}"
+    return CommandResult(WELL if converged else FAILED, line)
 
 
 def _measured(study: Study, part: FitPart, place: FilePlace) -> Measurements:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ParamSpec
 import click
 
 from .. import runtime
-from .endings import end, say, shows_progress, understandable
+from .endings import CommandResult, end, shows_progress, understandable
 
 if TYPE_CHECKING:
     from .study import Study
@@ -62,10 +62,11 @@ def clearjoint() -> None:
     """Simulate mechanisms whose joints have clearance, from scene files and study files.
 
     A scene file (TOML or JSON) holds bodies, joints and forces; a study file names one and says
-    what to run, sweep and fit. `clearjoint check FILE` is where to begin.
+    what to run, sweep and fit. `clearjoint new four_bar` writes both, with comments.
 
     \b
     Examples:
+      clearjoint new four_bar
       clearjoint check four_bar.toml
       clearjoint run four_bar.toml --end 2
       clearjoint sweep study.toml
@@ -221,15 +222,50 @@ def report(folder: Path) -> None:
     click.echo(f"{folder / PAGE}")
 
 
-@command("schema", "clearjoint schema > scene.schema.json", "clearjoint schema study")
+@command(
+    "schema",
+    "clearjoint schema > scene.schema.json",
+    "clearjoint schema study",
+    "clearjoint schema study --example",
+)
 @click.argument("kind", type=click.Choice(["scene", "study"]), default="scene")
-def schema(kind: str) -> None:
+@click.option("--example", is_flag=True, help="Print a whole file with comments instead.")
+def schema(kind: str, example: bool) -> None:
     """Print the JSON Schema of scene files, or of study files, for editors that complete."""
     import json
 
+    from .examples import example_texts
     from .schemas import schema_of
 
-    click.echo(json.dumps(schema_of(kind), indent=2))
+    if example:
+        texts = example_texts("four_bar", "four_bar.toml", "four_bar_study.toml")
+        click.echo(texts[kind == "study"], nl=False)
+    else:
+        click.echo(json.dumps(schema_of(kind), indent=2))
+
+
+@command("new", "clearjoint new four_bar", "clearjoint new slider_crank --out press")
+@click.argument("mechanism")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=".",
+    help="Folder of the files; the present one unless given.",
+)
+def new(mechanism: str, out: Path) -> None:
+    """Write a scene and a study with comments, to begin with.
+
+    MECHANISM is double_pendulum, four_bar or slider_crank.
+    """
+    from ..fields.checks import require
+    from ..fields.suggestions import nearest
+    from .examples import MECHANISMS, write_example
+
+    remedy = nearest(mechanism, MECHANISMS, "name one of these")
+    known = mechanism in MECHANISMS
+    require(known, "mechanism", mechanism, f"one of {', '.join(MECHANISMS)}", remedy)
+    scene, study = write_example(mechanism, out)
+    click.echo(f"wrote {scene} and {study}; next: clearjoint check {study}")
 
 
 @command("settings", 'eval "$(clearjoint settings)"')
@@ -271,12 +307,10 @@ def _folder(file: Path, out: Path | None, command: str) -> Path:
     return Path("results") / file.stem / command if out is None else out
 
 
-def _ended(code: int, folder: Path) -> None:
-    """Tell where the page is, and end with the code."""
+def _ended(ending: CommandResult, folder: Path) -> None:
+    """Print the result in a line that ends with the path of the page, and end with the code."""
     from .folders import PAGE
 
-    if (folder / PAGE).exists():
-        click.echo(f"{folder / PAGE}")
-    else:
-        say("nothing was written")
-    end(code)
+    page = folder / PAGE
+    click.echo(f"{ending.line}: {page if page.exists() else 'nothing was written'}")
+    end(ending.code)

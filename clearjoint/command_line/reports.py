@@ -4,17 +4,22 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from ..datasets.frames import to_frame
 from ..identification.fit import Fit
+from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
 from ..simulation.impact_table import Impacts
 from ..simulation.observe import observe
+from ..simulation.solution import Solution
 from ..sweeps.store.store import open_sweep
+from ..views.viewing import view
 from . import figures, pages
-from .folders import MOTION, PAGE, STORE, Folder, scene_and_solution
+from .endings import say
+from .folders import MOTION, NUMBERS, PAGE, STORE, Folder, scene_and_solution
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 ROWS = 20
@@ -43,6 +48,9 @@ def write_run_report(folder: Folder) -> None:
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
             parts.append(_hardest_impacts(solution.impacts))
+    if (folder / NUMBERS).exists():
+        numbers = pd.read_csv(folder / NUMBERS).set_index("output")
+        parts.insert(0, pages.table("Outputs", numbers, len(numbers)))
     write_page(folder, *parts)
 
 
@@ -99,10 +107,9 @@ def lane_table(dataset: "xr.Dataset") -> "pd.DataFrame":
     return to_frame(whole, "lane")
 
 
-def _write_view(folder: Folder, scene: object, solution: object) -> None:
-    """The page with the moving mechanism, where `clearjoint.view` is there to make it."""
-    import clearjoint
-
-    view: Callable[..., Any] | None = getattr(clearjoint, "view", None)
-    if callable(view):
+def _write_view(folder: Folder, scene: Scene, solution: Solution) -> None:
+    """The page with the moving mechanism; a note where the extra for it is not installed."""
+    try:
         view(scene, solution).save(folder / VIEW)
+    except ImportError as error:
+        say(f"note: {VIEW} is left out. {error}")

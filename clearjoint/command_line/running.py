@@ -1,22 +1,33 @@
 """`clearjoint run`: one run of a scene, and its results in a folder."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import equinox as eqx
 import numpy as np
 
 from ..datasets.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
+from ..math.vectors import Scalar
+from ..model.scene import Scene
+from ..quantities.base import AbstractQuantity
+from ..quantities.instant import Instant
 from ..results import RESULTS
+from ..simulation.batch.reductions import AbstractReduction, Peak
+from ..simulation.dense_output import require_dense
 from ..simulation.interruptions import RunInterrupted
-from ..simulation.observe import observe
+from ..simulation.method import Scheme
+from ..simulation.observe import Observation, observe
 from ..simulation.quantity_values import values_along
 from ..simulation.saving import Saving
+from ..simulation.settings import Settings
 from ..simulation.simulate import simulate
 from ..simulation.solution import Solution
-from .endings import FAILED, INTERRUPTED, WELL, say
-from .folders import IMPACTS, MOTION, OBSERVED, OUTPUTS, REACHED, SECTION, Folder
+from ..simulation.state_tables import contact_label
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder
 from .reports import write_run_report
 from .study import Study
 from .study_parts import RunPart
@@ -26,27 +37,80 @@ if TYPE_CHECKING:
 
 FRAMES = 1000
 """States that are saved of a run, unless told how often."""
+SHARP = "N", "N m", "m/s^2", "rad/s^2"
+"""Units of quantities that an impact changes within less than the time between saved states."""
+LARGEST, SMALLEST = " largest", " smallest"
+"""Of the reductions that find an output's extremes, behind its name."""
+MISSED = 0.02
+"""Share of an output's range that samples may miss before the user is told."""
 
 
-def run(study: Study, out: Path, progress: bool) -> int:
-    """Run a study's scene and write what was computed; the exit code."""
+class Negative(AbstractQuantity):
+    """A quantity with the other sign, of which the peak is the smallest value."""
+
+    quantity: AbstractQuantity = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """The value with the other sign."""
+        return -self.quantity(now)
+
+    def check(self, scene: Scene) -> None:
+        """As the quantity does."""
+        self.quantity.check(scene)
+
+
+def run(study: Study, out: Path, progress: bool) -> CommandResult:
+    """Run a study's scene and write what was computed."""
     begun, part = time.perf_counter(), study.parts.run
-    code, solution = _solution(study, part, progress)
+    reductions = reductions_of(part, study.settings(part, "run"))
+    code, solution = _solution(study, part, reductions, progress)
     folder = Folder.made(out)
+    largest = (0.0, "")
     if solution.saved is not None and len(solution.saved):
-        write_results(study, solution, folder)
+        largest = write_results(study, solution, reductions, folder)
     folder.write_scene(study.scene, solution.final, REACHED)
-    folder.write_summary(_summary(study, solution, code, time.perf_counter() - begun))
+    summary = _summary(study, solution, code, largest, time.perf_counter() - begun)
+    folder.write_summary(summary)
     write_run_report(folder)
     _tell(solution, folder, code)
-    return code
+    force = f", largest force {largest[0]:.4g} N ({largest[1]})" if largest[1] else ""
+    hits = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
+    reached = f"{int(solution.accepted)} steps to t = {float(solution.time):.6g} s"
+    return CommandResult(code, f"{reached}{hits}{force}")
 
 
-def _solution(study: Study, part: RunPart, progress: bool) -> tuple[int, Solution]:
+def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
+    """What is reduced of a run: the reductions among its outputs, and the extremes of those outputs
+    that impacts change faster than states are saved."""
+    found: dict[str, AbstractReduction] = {}
+    for name, output in part.outputs.items():
+        if isinstance(output, AbstractReduction):
+            found[name] = output
+        elif output.unit in SHARP:
+            found[name + LARGEST] = Peak(output, output.unit)
+            found[name + SMALLEST] = Peak(Negative(output), output.unit)
+    try:
+        if found:
+            require_dense(Scheme.of(settings, redundant=False).method.solver)
+    except ValueError:
+        own = {name: one for name, one in found.items() if name in part.outputs}
+        if len(own) < len(found):
+            say(
+                "warning: the solver has no values inside its steps: extremes of outputs between "
+                "saved states are not known; take an explicit solver, or save more often"
+            )
+        return own
+    return found
+
+
+def _solution(
+    study: Study, part: RunPart, reductions: Mapping[str, AbstractReduction], progress: bool
+) -> tuple[int, Solution]:
     end = study.end()
     contacts = bool(study.scene.contact_joints())
-    save = Saving(saved_times(part, end), impacts=contacts, sections=study.sections())
-    settings = study.settings(part, "run")
+    times, sections = saved_times(part, end), study.sections()
+    save = Saving(times, impacts=contacts, sections=sections, outputs=reductions)
+    settings = study.ledger_for(study.settings(part, "run"), part.outputs)
     try:
         solution = simulate(
             study.scene,
@@ -77,38 +141,111 @@ def saved_times(part: RunPart, end: float) -> np.ndarray:
     return np.minimum(part.start + every * np.arange(count + 1), end)
 
 
-def write_results(study: Study, solution: Solution, folder: Folder) -> None:
-    """Write the tables of a run: motion, observation, impacts, sections and outputs."""
+def write_results(
+    study: Study,
+    solution: Solution,
+    reductions: Mapping[str, AbstractReduction],
+    folder: Folder,
+) -> tuple[float, str]:
+    """Write the tables of a run: motion, observation, impacts, sections and outputs; the largest
+    normal force of a contact, N, and the contact."""
     folder.write_scene(study.scene, study.state)
     folder.write_table(MOTION, solution.to_xarray())
-    folder.write_table(OBSERVED, observe(study.scene, solution).to_xarray())
+    observed = observe(study.scene, solution)
+    folder.write_table(OBSERVED, observed.to_xarray())
     if solution.impacts is not None:
         folder.write_table(IMPACTS, solution.impacts.to_xarray())
     for name, crossings in solution.sections.items():
         folder.write_table(f"{SECTION}{name}", crossings.to_xarray())
-    if study.parts.run.outputs:
+    if any(isinstance(one, AbstractQuantity) for one in study.parts.run.outputs.values()):
         folder.write_table(OUTPUTS, _outputs(study, solution))
+    if reductions:
+        _write_numbers(solution, reductions, folder)
+    return _largest_force(solution, observed)
 
 
 def _outputs(study: Study, solution: Solution) -> "xr.Dataset":
-    """The quantities that the study asks for, along the saved states."""
+    """The quantities that the study asks for, along the saved states; with their extremes, where
+    those are known, as attributes."""
     saved, rows = solution.saved, ("time",)
     assert saved is not None
-    variables = {
-        name: Labelled(
-            rows, values_along(study.scene, solution, one, saved), one.unit, type(one).__name__
-        )
-        for name, one in study.parts.run.outputs.items()
-    }
+    variables = {}
+    for name, one in study.parts.run.outputs.items():
+        if not isinstance(one, AbstractQuantity):
+            continue
+        values, attributes = values_along(study.scene, solution, one, saved), {}
+        if name + LARGEST in solution.outputs:
+            attributes = _extremes(name, solution)
+            _tell_of_missed(name, values, attributes, one.unit)
+        variables[name] = Labelled(rows, values, one.unit, type(one).__name__, attributes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
 
 
+def _extremes(name: str, solution: Solution) -> dict[str, float]:
+    """The largest and the smallest value of an output, and their times, s."""
+    found = solution.outputs
+    return {
+        "largest": found[name + LARGEST],
+        "largest_time": found[f"{name}{LARGEST}_time"],
+        "smallest": -found[name + SMALLEST],
+        "smallest_time": found[f"{name}{SMALLEST}_time"],
+    }
+
+
+def _tell_of_missed(
+    name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
+) -> None:
+    """Tell of an output whose extremes are not among its samples."""
+    largest, smallest = extremes["largest"], extremes["smallest"]
+    missed = max(largest - values.max(), values.min() - smallest)
+    if missed > MISSED * (largest - smallest):
+        say(
+            f"note: the saved samples of {name} are between {values.min():.4g} and "
+            f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
+            f"{NUMBERS} has these extremes; save_every saves more samples"
+        )
+
+
+def _write_numbers(
+    solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Folder
+) -> None:
+    """Write what is one number of a run, with its unit."""
+    import pandas as pd
+
+    rows = []
+    for name, reduction in reductions.items():
+        sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
+        for part, unit in reduction.units().items():
+            full = f"{name}_{part}" if part else name
+            value = solution.outputs[full]
+            rows.append((full, value if part else sign * value, unit))
+    frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
+    frame.to_csv(folder / NUMBERS, index=False)
+
+
+def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
+    """The largest normal force, N, of the finished impacts and the saved states, and of which
+    contact; no name if there is none."""
+    found = [
+        (float(one.normal_force.max()), contact_label(joint, contact))
+        for joint, family in observed.contacts.items()
+        for contact, one in family.items()
+    ]
+    if solution.impacts is not None and len(solution.impacts):
+        hardest = int(np.argmax(solution.impacts.peak_force))
+        names = solution.impacts.joint[hardest], solution.impacts.contact[hardest]
+        found.append((float(solution.impacts.peak_force[hardest]), contact_label(*names)))
+    return max(found, default=(0.0, ""))
+
+
 def _summary(
-    study: Study, solution: Solution, code: int, seconds: float
+    study: Study, solution: Solution, code: int, largest: tuple[float, str], seconds: float
 ) -> dict[str, str | int | float]:
     ending = "interrupted" if code == INTERRUPTED else RESULTS[solution.result]
     impacts = {} if solution.impacts is None else {"impacts": len(solution.impacts)}
+    if largest[1]:
+        impacts |= {"largest_force_N": largest[0], "largest_force_of": largest[1]}
     return {
         "kind": "run",
         "title": study.title,

@@ -10,9 +10,9 @@ from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
-from ..scene_files.complaints import FilePlace, listed
+from ..scene_files.complaints import FilePlace, Keys, listed
 from ..scene_files.files import scene_of_document
-from ..scene_files.formats import Document, parsed, suffix_of
+from ..scene_files.formats import Document, read_document
 from ..scene_files.reading import Reader
 from ..simulation import presets
 from ..simulation.channels import Channels
@@ -64,6 +64,11 @@ class Study:
         changed = {key: getattr(part.settings, key) for key in _table(given)}
         return replace(getattr(presets, name), **changed)
 
+    def ledger_for(self, settings: Settings, outputs: Mapping[str, object]) -> Settings:
+        """The settings, which keep the energy ledger if one of the outputs needs it."""
+        needed = any(getattr(output, "needs_ledger", False) for output in outputs.values())
+        return replace(settings, ledger=True) if needed else settings
+
     def end(self, own: float | None = None) -> float:
         """The end of runs, s: a section's own, or that of the run.
 
@@ -114,7 +119,7 @@ def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
 
     **Raises:** `ValueError` with file, place, what was found and expected, and a remedy.
     """
-    document, place = _document(path), FilePlace(str(path))
+    document, place = _document(path)
     if "bodies" in document:
         known = {"title", *PARTS} & set(document)
         study = {key: document.pop(key) for key in known}
@@ -122,7 +127,10 @@ def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
     else:
         study, scene_document, scene_place = _parts_and_scene(document, place)
     for change in settings:
-        _set(study, scene_document, change)
+        in_study, keys = _set(study, scene_document, change)
+        where = place if in_study else scene_place
+        if where.source is not None:
+            where.source.changes[(*where.keys, *keys)] = change
     scene, state = scene_of_document(scene_document, (), scene_place)
     completed = _with_units(study)
     parts = Reader(CLASSES).instance(StudyParts, completed, place, beside=(SCENE,))
@@ -133,14 +141,14 @@ def _channels(quantities: Mapping[str, AbstractQuantity]) -> Channels:
     return {name: (one, one.unit or "1") for name, one in quantities.items()}
 
 
-def _document(path: Path) -> Document:
+def _document(path: Path) -> tuple[Document, FilePlace]:
     if path.is_dir():
         FilePlace(str(path)).refuse(path.name, "a file", "`clearjoint report` takes folders")
     if not path.exists():
         beside = [one.name for one in path.parent.glob("*") if one.suffix in (".toml", ".json")]
         remedy = nearest(path.name, beside, f"there {'is' if beside else 'are'} {listed(beside)}")
         FilePlace(str(path)).refuse(path.name, "a file that is there", remedy)
-    return parsed(path.read_text(encoding="utf-8-sig"), suffix_of(path), str(path))
+    return read_document(path)
 
 
 def _parts_and_scene(document: Document, place: FilePlace) -> tuple[Document, Document, FilePlace]:
@@ -153,12 +161,11 @@ def _parts_and_scene(document: Document, place: FilePlace) -> tuple[Document, Do
         return study, found, place.at(SCENE)
     if not isinstance(found, str):
         place.at(SCENE).refuse(found, "the path of a scene file, or a table", "write one")
-    path = Path(place.file).parent / found
-    return study, _document(path), FilePlace(str(path))
+    return study, *_document(Path(place.file).parent / found)
 
 
-def _set(study: Document, scene: Document, change: str) -> None:
-    """Set what stands at a place of a file's tables."""
+def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
+    """Set what stands at a place of a file's tables: whether it is the study's, and its keys."""
     place = FilePlace(f"--set {change}")
     name, equals, text = change.partition("=")
     if not equals:
@@ -173,6 +180,7 @@ def _set(study: Document, scene: Document, change: str) -> None:
         here[str(keys[-1])] = _value(text.strip())
     else:
         place.refuse(here, f"a table with {keys[-1]!r}", "set the whole table or list")
+    return keys[0] in PARTS, keys
 
 
 def _entry(
@@ -203,17 +211,17 @@ def _value(text: str) -> object:
 
 def _with_units(study: Document) -> Document:
     """The tables, in which reductions that name no unit have that of their quantity."""
-    outputs = _table(_table(study.get("sweep", {})).get("outputs", {}))
     units = {kind.__name__: getattr(kind, "unit", None) for kind in CLASSES}
-    completed = {}
-    for name, output in outputs.items():
-        quantity = output.get("quantity") if isinstance(output, dict) else None
-        unit = units.get(quantity.get("kind", "")) if isinstance(quantity, dict) else None
-        completed[name] = output if unit is None else {"unit": unit, **output}
-    if not completed:
-        return study
-    sweep = {**_table(study["sweep"]), "outputs": completed}
-    return {**study, "sweep": sweep}
+    for section in ("run", "sweep"):
+        outputs = _table(study.get(section, {})).get("outputs", {})
+        completed = {}
+        for name, output in _table(outputs).items():
+            quantity = output.get("quantity") if isinstance(output, dict) else None
+            unit = units.get(quantity.get("kind", "")) if isinstance(quantity, dict) else None
+            completed[name] = output if unit is None else {"unit": unit, **output}
+        if completed:
+            study = {**study, section: {**_table(study[section]), "outputs": completed}}
+    return study
 
 
 def _table(found: object) -> dict:

@@ -9,7 +9,9 @@ from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
 from ..parametrisation.scales import AbstractScale, Linear
 from ..quantities.base import AbstractQuantity
+from ..simulation.batch.reductions import AbstractReduction
 from ..simulation.settings import Settings
+from ..sweeps.outputs import ImpactTable
 
 SPACINGS = "linear", "geometric"
 WRITTEN = int | float | str
@@ -35,7 +37,9 @@ class RunPart:
     - `start`, `end`: s. `save_every`: s between two saved states; a thousandth of the duration
       unless given.
     - `preset`: a name in `clearjoint.presets`; `settings`: what differs from it.
-    - `outputs`: quantities along the saved states. `sections`: Poincaré sections.
+    - `outputs`: quantities along the saved states, of which those of forces and accelerations come
+      with their extremes between saved states; and reductions such as `Peak`, one number for a run.
+      `sections`: Poincaré sections.
     """
 
     end: Annotated[float | None, "s"] = None
@@ -43,7 +47,7 @@ class RunPart:
     preset: str = "default"
     settings: Settings | None = None
     save_every: Annotated[float | None, "s"] = None
-    outputs: Mapping[str, AbstractQuantity] = field(default_factory=dict)
+    outputs: Mapping[str, AbstractQuantity | AbstractReduction] = field(default_factory=dict)
     sections: Mapping[str, SectionPart] = field(default_factory=dict)
 
 
@@ -80,13 +84,14 @@ class AxisPart:
 class SweepPart:
     """The axes of a sweep, and what is kept of each lane.
 
-    - `outputs`: reductions, a `Saved`, or an `ImpactTable`; the `sections` of the run are kept too.
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The `sections` of the run are kept
+      too.
     - `end`, `preset`, `settings`: those of the run unless given.
     - `zipped`: whether lanes take the axes' values side by side. `chunk`: lanes stored at once.
     """
 
     axes: Mapping[str, AxisPart]
-    outputs: Mapping[str, Any] = field(default_factory=dict)
+    outputs: Mapping[str, AbstractReduction | ImpactTable] = field(default_factory=dict)
     end: Annotated[float | None, "s"] = None
     preset: str | None = None
     settings: Settings | None = None

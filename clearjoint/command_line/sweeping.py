@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..model.scene import Scene
+from ..quantities.base import AbstractQuantity
 from ..results import result_numbers
 from ..scene_files.complaints import FilePlace
 from ..simulation.saving import Saving
@@ -15,7 +17,7 @@ from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output, check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
-from .endings import FAILED, INTERRUPTED, WELL, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import STORE, Folder
 from .reports import write_sweep_report
 from .study import Study
@@ -41,13 +43,14 @@ class SweepArguments:
     chunk: int
 
 
-def sweep(study: Study, out: Path, progress: bool) -> int:
-    """Run a study's sweep into the store in a folder; the exit code."""
+def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
+    """Run a study's sweep into the store in a folder."""
     part = study.parts.sweep
     if part is None:
         study.place.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
     arguments, begun = sweep_arguments(study, part), time.perf_counter()
-    end, settings = study.end(part.end), study.settings(part, "sweep")
+    end = study.end(part.end)
+    settings = study.ledger_for(study.settings(part, "sweep"), part.outputs)
     folder = Folder.made(out)
     folder.write_scene(study.scene, study.state)
     code = WELL
@@ -73,7 +76,8 @@ def sweep(study: Study, out: Path, progress: bool) -> int:
     summary = _summary(study, dataset, code, time.perf_counter() - begun)
     folder.write_summary(summary)
     write_sweep_report(folder, dataset.load())
-    return _told(folder, summary, code)
+    code = _told(folder, summary, code)
+    return CommandResult(code, _line(dataset, summary))
 
 
 def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
@@ -85,15 +89,29 @@ def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
     axes = {name: _axis(study, axis, place.at("axes").at(name)) for name, axis in part.axes.items()}
     if not axes:
         place.at("axes").refuse({}, "one axis at least", "add [sweep.axes.<name>]")
-    settings = study.settings(part, "sweep")
+    for name, output in part.outputs.items():
+        check_output(name, output, study.scene, place.at("outputs").at(name))
     try:
-        check_outputs(part.outputs, study.scene, settings.ledger)
+        check_outputs(part.outputs, study.scene, ledger=True)
     except ValueError as error:
         raise ValueError(f"{place.at('outputs')}: {error}") from error
     sizes = [axis.values.size for axis in axes.values()]
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
     chunk = part.chunk or min(max(-(-lanes // PIECES), 1), LONGEST)
     return SweepArguments(axes, part.outputs, Saving(sections=study.sections()), chunk)
+
+
+def check_output(name: str, output: object, scene: Scene, where: FilePlace) -> None:
+    """Check that the scene has what an output names, which may be a quantity too.
+
+    **Raises:** `ValueError` with the place in the file.
+    """
+    if isinstance(output, AbstractQuantity):
+        return
+    try:
+        check_outputs({name: output}, scene, ledger=True)  # pyright: ignore
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def _axis(study: Study, part: AxisPart, where: FilePlace) -> Axis:
@@ -134,6 +152,23 @@ def _summary(
         **values,
         "seconds": round(seconds, 2),
     }
+
+
+def _line(dataset: "xr.Dataset", summary: Mapping[str, str | int | float]) -> str:
+    """What came of a sweep, in a line."""
+    failed = (
+        int(summary["lanes"]) - int(summary["lanes successful"]) - int(summary["lanes pending"])
+    )
+    parts = [f"{summary['lanes']} lanes, {failed} failed, {summary['lanes pending']} pending"]
+    parts.append(f"{int(dataset['accepted'].clip(min=0).sum())} steps")
+    forces = [
+        float(np.nanmax(one.values))
+        for one in dataset.data_vars.values()
+        if one.attrs.get("units") == "N" and np.isfinite(one.values).any()
+    ]
+    if forces:
+        parts.append(f"largest force {max(forces):.4g} N")
+    return ", ".join(parts)
 
 
 def _told(folder: Folder, summary: Mapping[str, str | int | float], code: int) -> int:

@@ -10,6 +10,8 @@ from pathlib import Path
 import equinox as eqx
 
 _PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
+SILENCE = "To silence this:"
+"""Begins the advice for Python that follows a warning's own sentences."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
@@ -89,7 +91,7 @@ def caution(message: str, category: type[Warning]) -> None:
     if not warns():
         return
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
-    warnings.warn(f"{message} To silence this: {silence}.", category, _level_of_the_user())
+    warnings.warn(f"{message} {SILENCE} {silence}.", category, _level_of_the_user())
 
 
 def warns() -> bool:

@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike
 from .cautions import UnusualValueWarning, caution, quiet
 
 T = TypeVar("T")
+LONGEST = 400
+"""Characters of a value that messages show."""
 Path: TypeAlias = tuple[str | int, ...]
 """Names of fields, and keys of containers, that lead into a tree."""
 
@@ -39,14 +41,14 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
-        unfit = value is None or np.asarray(value).dtype.kind in "US"
+        unfit = value is None or np.asarray(value).dtype.kind in "USb"
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = None
     if numbers is None:
         given = "" if unit == "1" else f", in {unit}"
         raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {value!r}: {remedy}{given}."
+            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{given}."
         )
     return numbers
 
@@ -65,8 +67,18 @@ def require(condition: bool, argument: str, value: object, expected: str, remedy
     ValueError: Argument `teeth` must be at least 5, but is 3: count them.
     """
     if not condition:
-        shown = value.tolist() if isinstance(value, np.ndarray) else value
-        raise ValueError(f"Argument `{argument}` must be {expected}, but is {shown!r}: {remedy}.")
+        found = _shown(value)
+        raise ValueError(f"Argument `{argument}` must be {expected}, but is {found}: {remedy}.")
+
+
+def _shown(value: object) -> str:
+    """A value in a message, of which no more than `LONGEST` characters are shown."""
+    if isinstance(value, np.ndarray) and value.size > LONGEST:
+        return f"an array of shape {value.shape}"
+    if isinstance(value, list | tuple) and len(value) > LONGEST:
+        return f"a row of {len(value)} entries"
+    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
+from ..model.drives.piecewise import PiecewiseConstant, PiecewiseLinear
 from ..quantities.base import Quantity
 from .series import Measurements, Series
 from .units import to_si
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 T = TypeVar("T")
+TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
 _OF_A_LINE = (
     "comment",
@@ -131,24 +133,73 @@ def read_csv(
     >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
     array([0.   , 0.001])
     """
+    column = _columns_of(path, options)
+    times = _times(column(time, "time"), time_unit)
+    series = {
+        name: _series(name, channel, column(name, "channels"), times, noise, missing)
+        for name, channel in _valid(channels)
+    }
+    return Measurements(series)
+
+
+def function_from_csv(
+    path: str | Path,
+    column: str,
+    unit: str,
+    kind: type[TableOfTime] = PiecewiseLinear,
+    *,
+    time: str = "t",
+    time_unit: str = "s",
+    **options: Any,
+) -> TableOfTime:
+    """Read a function of time, such as the torque of a drive, from a CSV file with a header.
+
+        torque = cj.function_from_csv("torque.csv", "torque", "N m")  # columns "t [ms]", "torque"
+        motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
+
+    **Arguments:**
+
+    - `column`: the name of the column of values. A header may carry its unit, "torque [N cm]".
+    - `unit`: the SI unit of what follows the function, into which values are converted; that of
+      the column too where its header has none.
+    - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for values that are switched.
+    - `time`, `time_unit`: the column of times, and its unit where the header has none.
+    - `options`: of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+
+    **Raises:** `ValueError` as `read_csv`.
+
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
+    >>> table.to_csv("torque.csv", index=False)
+    >>> torque = cj.function_from_csv("torque.csv", "torque", "N m")
+    >>> print(f"{torque(0.05):.4f} N m")
+    1.2500 N m
+    """
+    found = _columns_of(path, options)
+    times = _times(found(time, "time"), time_unit)
+    rows = found(column, "column")
+    values = rows.numbers()
+    rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
+    factor, _ = _within(rows, lambda: to_si(rows.unit or unit, unit))
+    return kind(times, values * factor)
+
+
+def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
+    """A function that finds a column of a CSV file; its arguments are the column's name, and the
+    name of the caller's argument that gives it."""
     table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
     headers = [_split(header) for header in _headers(path, table, options)]
     names = [name for name, _ in headers]
     file = f"{str(path)!r}"
 
-    def column(name: str, argument: str = "channels") -> _Column:
+    def column(name: str, argument: str) -> _Column:
         _require_listed(argument, name, names, f"columns of {file}")
         once = names.count(name) == 1
         require(once, argument, name, f"once in {file}", "rename one of the columns")
         k = names.index(name)
         return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
 
-    times = _times(column(time, "time"), time_unit)
-    series = {
-        name: _series(name, channel, column(name), times, noise, missing)
-        for name, channel in _valid(channels)
-    }
-    return Measurements(series)
+    return column
 
 
 def from_xarray(

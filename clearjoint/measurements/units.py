@@ -3,6 +3,8 @@
 Units that a user defines there (`pint.get_application_registry().define`) hold here, too.
 """
 
+import math
+import re
 from typing import TYPE_CHECKING
 
 from ..fields.checks import require
@@ -10,6 +12,11 @@ from ..fields.checks import require
 if TYPE_CHECKING:
     import pint
 
+LONGEST = 100
+"""Characters of a unit."""
+LARGEST_POWER = 1000
+"""The product of all powers in a unit: Python's integers grow until memory ends."""
+POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
@@ -40,9 +47,20 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
 
 
 def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
+    from pint.util import string_preprocessor
+
+    require(len(unit) <= LONGEST, "unit", unit, f"at most {LONGEST} characters", SPELLING)
+    plain = string_preprocessor(unit).replace(" ", "")
+    powers = POWER.findall(plain)
+    chained = "##" in (rest := POWER.sub("#", plain)) or "**" in rest
+    small = math.prod(max(float(power), 1.0) for power in powers) <= LARGEST_POWER
+    expected = "a unit whose powers are small numbers"
+    require(small and not chained, "unit", unit, expected, SPELLING)
     try:
-        return registry.Unit(unit)
+        found = registry.Unit(unit)
+        registry.get_base_units(found)  # overflows for a prefix with a large power
     except Exception as error:  # pint raises errors of many kinds, its tokenizer's among them
         raise ValueError(
             f"Argument `unit` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
+    return found

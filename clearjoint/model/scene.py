@@ -152,9 +152,12 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
     flatten the whole scene while it is made."""
     known = {GROUND, *bodies}
     for name in element.body_names():
+        if name in known:
+            continue
         remedy = nearest(name, known, "correct the name, or add the body to the scene")
         expected = f"between known bodies {sorted(known)}"
-        require(name in known, argument, name, expected, remedy)
+        held = [f".{key}" for key, value in vars(element).items() if value is name]
+        require(False, f"{argument}{''.join(held[:1])}", name, expected, remedy)
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:

@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from ..model.bodies import BodyState, body_state
+from ..quantities.base import AbstractQuantity, Quantity
 
 MAKERS: dict[type, Callable[..., object]] = {BodyState: body_state}
 """Functions that make what a class alone would not check."""
@@ -27,6 +28,7 @@ class Expectation:
     - `classes`: of which it is an instance, if of any.
     - `options`: an enumeration that it is a member of.
     - `is_text`: whether it may be a text that stands for itself.
+    - `is_flag`: whether it may be true or false.
     - `is_anything`: whether nothing is known of it.
     - `by_name`, `item`: what the entries of a table, or of a list, are.
     - `is_optional`: whether it may be ``None``.
@@ -38,13 +40,14 @@ class Expectation:
     classes: tuple[type, ...] = ()
     options: type[Enum] | None = None
     is_text: bool = False
+    is_flag: bool = False
     is_anything: bool = False
     by_name: "Expectation | None" = None
     item: "Expectation | None" = None
     is_optional: bool = False
 
 
-ANYTHING = Expectation(is_text=True, is_anything=True)
+ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ def _declared(expected: Expectation, metadata: Mapping) -> Expectation:
         by_name=expected.by_name and _declared(expected.by_name, metadata),
         item=expected.item and _declared(expected.item, {"unit": metadata["unit"]}),
         is_text=expected.is_text and not expected.is_anything,
+        is_flag=expected.is_flag and not expected.is_anything,
         is_anything=False,
     )
 
@@ -124,6 +128,7 @@ def expectation(annotation: object) -> Expectation:
         classes=tuple(kind for part in parts for kind in part.classes),
         options=next((part.options for part in parts if part.options), None),
         is_text=any(part.is_text for part in parts),
+        is_flag=any(part.is_flag for part in parts),
         is_anything=any(part.is_anything for part in parts),
         by_name=next((part.by_name for part in parts if part.by_name), None),
         item=next((part.item for part in parts if part.item), None),
@@ -135,6 +140,8 @@ def _of_one(annotation: object) -> Expectation:
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return expectation(annotation)
+    if annotation == Quantity:
+        return Expectation(classes=(AbstractQuantity,))
     if origin is Literal:
         return Expectation(is_text=True)
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
@@ -151,6 +158,7 @@ def _of_one(annotation: object) -> Expectation:
         shapes=_shapes(annotation),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
+        is_flag=annotation is bool,
     )
 
 

@@ -12,7 +12,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from .complaints import FilePlace, listed
 from .differences import first_difference
-from .formats import Document, parsed, suffix_of, text_of
+from .formats import Document, parsed, read_document, suffix_of, text_of
 from .guesses import guessed
 from .kinds import Classes, require_classes
 from .reading import Reader
@@ -22,6 +22,9 @@ from .writing import Writer
 FORMAT = 1
 """The version of the form of files."""
 VERSION, STATE = "format", "state"
+MOST_ASSEMBLED = 50
+"""Bodies of a scene whose state may be left out: to assemble a chain of 20 takes 20 s, and the time
+grows faster than their number."""
 FilePath: TypeAlias = str | PathLike[str]
 
 
@@ -121,10 +124,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     **Raises:** `ValueError` with file, place, what was found and expected, and a remedy.
     """
     require_classes(classes)
-    path = Path(path)
-    text = path.read_text(encoding="utf-8-sig")
-    document = parsed(text, suffix_of(path), str(path))
-    return scene_of_document(document, classes, FilePlace(str(path)))
+    document, place = read_document(Path(path))
+    return scene_of_document(document, classes, place)
 
 
 def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath) -> None:
@@ -175,6 +176,12 @@ def _completed(scene: Scene, state: State, place: FilePlace) -> State:
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:
         return state
+    if len(scene.bodies) > MOST_ASSEMBLED:
+        place.refuse(
+            f"no state of {len(missing)} bodies",
+            f"one of each body in a scene of more than {MOST_ASSEMBLED} bodies",
+            "give [state.bodies.<name>] a `position` (m) and an `orientation`",
+        )
     try:
         return assemble(scene, guessed(scene, state))
     except ValueError as error:

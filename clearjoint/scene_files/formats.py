@@ -1,12 +1,13 @@
 """The text of a file, TOML or JSON, and its tables."""
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from .complaints import FilePlace, Keys
+from .complaints import FilePlace, Keys, Source
 
 if TYPE_CHECKING:
     from tomlkit.items import Array, Item, Table
@@ -19,6 +20,12 @@ SCHEMA = "$schema"
 """Where a JSON file says what describes it."""
 LONGEST_LINE = 12
 """Numbers of a list in one line."""
+DEEPEST = 32
+"""Levels of tables and lists in a file, at most."""
+DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+"""A dotted key that nests too deeply, on which tomllib spends the square of its length."""
+LARGEST = 200_000_000
+"""Bytes of a file, at most."""
 
 
 def suffix_of(path: Path) -> str:
@@ -31,20 +38,61 @@ def suffix_of(path: Path) -> str:
     return path.suffix
 
 
+def read_document(path: Path) -> tuple[Document, FilePlace]:
+    """The tables of a file, and the place of their top level, for messages.
+
+    **Raises:** `ValueError` for any other suffix than .toml and .json, for bytes that are not
+    UTF-8, for a file that is too large, and as `parsed`.
+    """
+    suffix, place = suffix_of(path), FilePlace(str(path))
+    size = path.stat().st_size
+    if size > LARGEST:
+        place.refuse(f"{size} bytes", f"at most {LARGEST}", "shorten the tables of numbers in it")
+    content = path.read_bytes()
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{content[error.start]:02x} at position {error.start}"
+        place.refuse(byte, "UTF-8 text", "save the file in the encoding UTF-8")
+    return parsed(text, suffix, str(path)), FilePlace(str(path), source=Source(text, suffix))
+
+
 def parsed(text: str, suffix: str, file: str) -> Document:
     """The tables of a file's text.
 
-    **Raises:** `ValueError` for text that is not of the format, with line and column.
+    **Raises:** `ValueError` for text that is not of the format, with line and column, and for
+    tables and lists inside one another to more than `DEEPEST` levels.
     """
     try:
-        if suffix == ".toml":
-            return tomllib.loads(text)
-        found = json.loads(text, object_pairs_hook=_without_repetition)
+        if suffix == ".toml" and DEEP_KEY.search(text):
+            found = None
+        elif suffix == ".toml":
+            found = tomllib.loads(text)
+        else:
+            found = json.loads(text, object_pairs_hook=_without_repetition)
+    except RecursionError:
+        found = None
     except ValueError as error:
-        raise ValueError(f"{file}: {error}; mend the {suffix[1:].upper()} there.") from error
+        reason = str(error).split("; use sys.", maxsplit=1)[0]
+        raise ValueError(f"{file}: {reason}; mend the {suffix[1:].upper()} there.") from error
+    if found is None or (isinstance(found, dict | list) and _is_deep(found)):
+        expected = f"at most {DEEPEST} levels"
+        FilePlace(file).refuse("deeper tables or lists", expected, "nest them less deeply")
     if not isinstance(found, dict):
         FilePlace(file).refuse(found, "an object with `bodies`", "write {...}")
     return {key: item for key, item in found.items() if key != SCHEMA}
+
+
+def _is_deep(found: dict | list) -> bool:
+    """Whether tables and lists are nested to more than `DEEPEST` levels; without recursion, whose
+    depth Python limits."""
+    level = [found]
+    for _ in range(DEEPEST + 1):
+        inside = [one.values() if isinstance(one, dict) else one for one in level]
+        level = [item for items in inside for item in items if isinstance(item, dict | list)]
+        if not level:
+            return False
+    return True
 
 
 def _without_repetition(pairs: list[tuple[str, object]]) -> Document:

@@ -2,12 +2,16 @@
 
 import math
 import re
+import sys
 from decimal import Decimal
 
 from ..measurements.units import to_si
 from .complaints import FilePlace
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
+
+LONGEST = 200
+"""Characters of a text that may be a number with its unit."""
 
 
 def number_of_text(text: str, unit: str | None, place: FilePlace) -> float:
@@ -16,10 +20,12 @@ def number_of_text(text: str, unit: str | None, place: FilePlace) -> float:
     **Raises:** `ValueError` for text without a number, a unit of another dimension, and for a
     unit where none is declared.
     """
-    matched = NUMBER.fullmatch(text)
+    matched = NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if matched is None:
         place.refuse(text, _expected(unit), "give a number, in quotes only if with a unit")
     number, written = matched[1], matched[2].strip()
+    if math.isinf(float(number)) and "inf" not in number:
+        place.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
     if not written:
         return float(number)
     if unit is None:

@@ -1,6 +1,8 @@
 """From the tables of a file to objects, by the expectations of their classes' constructors."""
 
 import math
+import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
 
@@ -48,13 +50,23 @@ class Reader:
         if isinstance(found, Mapping):
             return self._table(found, expected, place)
         if isinstance(found, list):
+            if all(map(_is_plain, found)):  # long tables, without a place for each number
+                return tuple(found)
             inner = expected.item or expected
             return tuple(self._item(item, inner, place.at(k)) for k, item in enumerate(found))
         if isinstance(found, str):
             return _text(found, expected, place)
         if isinstance(found, float) and math.isnan(found):
             place.refuse(found, "a number", "replace it: no value may be NaN")
-        if found is None or isinstance(found, bool | int | float):
+        if isinstance(found, bool) and not expected.is_flag:
+            if expected.shapes or not expected.classes:
+                simple = "a text" if expected.is_text else "a number"
+                place.refuse(found, simple, "true and false are neither numbers nor texts")
+            return found
+        if isinstance(found, int) and abs(found) > sys.float_info.max:
+            size, most = f"a whole number of {found.bit_length()} bits", sys.float_info.max
+            place.refuse(size, f"a number below {most:.2g}", "write a smaller one")
+        if found is None or isinstance(found, int | float):
             return found
         return place.refuse(found, "a number, text, list or table", "write one of these")
 
@@ -125,10 +137,26 @@ class Reader:
         try:
             made = (ways_to_make(kind)[way] if way else MAKERS.get(kind, kind))(**given)
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{place}: {error}") from error
+            raise ValueError(f"{_place_of_argument(error, found, place)}: {error}") from error
         for name, item in given.items():
             _require_kind(getattr(made, name, None), item, known[name].expected, place.at(name))
         return made
+
+
+def _is_plain(item: object) -> bool:
+    """Whether an entry of a list is a finite number, which stands for itself."""
+    return type(item) in (int, float) and abs(item) <= sys.float_info.max  # pyright: ignore
+
+
+def _place_of_argument(error: Exception, found: object, place: FilePlace) -> FilePlace:
+    """The place of the argument that an error of a constructor names first, as far as the file has
+    it: "Argument `joints['pin'].first` must be ..." is about `joints.pin.first`."""
+    named = re.match(r"Argument `([^`]+)`", str(error))
+    for quoted, bare in re.findall(r"\['([^']*)'\]|(\w+)", named[1] if named else ""):
+        if not isinstance(found, Mapping) or (quoted or bare) not in found:
+            break
+        found, place = found[quoted or bare], place.at(quoted or bare)
+    return place
 
 
 def _may_be_numbers(read: object) -> bool:
@@ -146,7 +174,7 @@ def _require_complete(kind: type, way: str, given: dict[str, object], place: Fil
     if missing:
         units = {name: known[name].expected.unit for name in missing}
         named = [f"{name} ({units[name]})" if units[name] else name for name in missing]
-        place.refuse(sorted(given), f"{', '.join(named)} too", f"a {kind.__name__} needs them: add")
+        raise ValueError(f"{place}: a {kind.__name__} also needs {', '.join(named)}: add them.")
 
 
 def _require_kind(stored: object, given: object, expected: Expectation, place: FilePlace) -> None:

@@ -33,6 +33,10 @@ def joint_of(
     points = parent.origin + parent.rotation @ here[:3, 3], child.origin
     bodies = parent.body, child.body
     axis = np.asarray(joint.axis, dtype=float)
+    numbers = np.array([*np.ravel(here), *np.ravel(axis)])
+    if axis.shape != (3,) or not np.isfinite(numbers).all():
+        remedy = "correct the <origin> and the <axis>"
+        place.refuse(numbers[~np.isfinite(numbers)].tolist(), "finite origin and axis (3,)", remedy)
     try:
         if play is not None:
             return _with_play(bodies, points, (turn @ axis, axis), play)

@@ -14,6 +14,7 @@ from ..model.bodies import State
 from ..results import RESULTS
 from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
+from .dense_output import Snapshot
 from .impact_table import ImpactCollector, Impacts
 from .interruptions import interruptions_deferred
 from .method import Scheme
@@ -36,6 +37,16 @@ def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[
 
 
 _end_compiled = Compiled(_end_of, effort="least")
+
+
+def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, dict[str, Scalar]]:
+    """What the reductions of a run report where it is, by their names."""
+    system, step = scheme.unpacked(form), now.step
+    here = Snapshot(step.t, step.y, step.memory).instant(system)
+    return {name: one.reduction.results(one.tally, here) for name, one in now.reductions.items()}
+
+
+_results_compiled = Compiled(_results_of, effort="least")
 
 
 class AbstractRun:
@@ -142,7 +153,18 @@ class HostLoop(AbstractRun):
         solution = self._solution(
             jax.device_get(now.step), ending, waiting.trajectory(), waiting.count, steps, impacts
         )
-        return replace(solution, sections=crossings_of(now.sections))
+        return replace(solution, sections=crossings_of(now.sections), outputs=self._outputs(now))
+
+    def _outputs(self, now: Progress) -> dict[str, float]:
+        """What the reductions report, each number by its own name."""
+        if not now.reductions:
+            return {}
+        found = jax.device_get(_results_compiled(self._scheme, self._form, now))
+        return {
+            f"{name}_{part}" if part else name: float(value)
+            for name, parts in found.items()
+            for part, value in parts.items()
+        }
 
     def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
         result, attempts, t = jax.device_get((now.step.result, now.step.attempts, now.step.t))

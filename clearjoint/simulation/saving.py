@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..fields.checks import concrete, require, require_array_names
 from ..math.vectors import Scalar
 from ..model.scene import Scene
+from .batch.reductions import AbstractReduction, check_reductions
 from .sections import Section, SectionRecorder
 from .spans import check_rising, checked_times
 
@@ -26,8 +27,10 @@ class Saving:
     - `steps`: keep every accepted step.
     - `impacts`: table all finished contacts.
     - `sections`: Poincaré sections by name, the crossings of which are kept; see `Section`.
+    - `outputs`: reductions by name, such as `Peak`, which see every step and what is inside it;
+      their results are in `solution.outputs`.
 
-    **Raises:** `ValueError` for times that don't rise.
+    **Raises:** `ValueError` for times that don't rise or stand there twice.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -37,24 +40,35 @@ class Saving:
     steps: bool = field(default=False, kw_only=True)
     impacts: bool = field(default=False, kw_only=True)
     sections: Mapping[str, Section] = field(default_factory=dict, kw_only=True)
+    outputs: Mapping[str, AbstractReduction] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("steps", "impacts"):
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "say whether")
         if self.times is not None and concrete(self.times) is not None:
-            check_rising(self.times, "times")
+            steps = np.diff(check_rising(self.times, "times"))
+            remedy = "leave out what stands there twice, by numpy.unique say"
+            require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
         remedy = 'pass for example {"top": cj.Section(crossing, channels, count)}'
         require_array_names("sections", self.sections, remedy)
         for name, section in self.sections.items():
             fine, argument = isinstance(section, Section), f"sections[{name!r}]"
             require(fine, argument, type(section).__name__, "a Section", remedy)
+        remedy = 'pass for example {"hits": cj.ImpactCount("pin")}'
+        require_array_names("outputs", self.outputs, remedy)
+        for name, output in self.outputs.items():
+            fine, argument = isinstance(output, AbstractReduction), f"outputs[{name!r}]"
+            require(fine, argument, type(output).__name__, "a reduction", remedy)
 
-    def check(self, scene: Scene) -> None:
-        """Check that a scene has what the sections name.
+    def check(self, scene: Scene, ledger: bool) -> None:
+        """Check that a scene has what the sections and the outputs name.
 
-        **Raises:** `ValueError` that names the section.
+        **Arguments:** `ledger`: whether the run keeps the energy ledger, which some outputs need.
+
+        **Raises:** `ValueError` that names the section or the output.
         """
+        check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
             try:
                 section.check(scene)
@@ -88,6 +102,11 @@ class Saving:
         self.require_no_steps(where, remedy)
         require(not self.impacts, "impacts", True, f"False {where}", remedy)
         require(not self.sections, "sections", sorted(self.sections), f"none {where}", remedy)
+        self.require_no_outputs(where, remedy)
+
+    def require_no_outputs(self, where: str, remedy: str) -> None:
+        """Check that nothing is reduced, for runs that can't."""
+        require(not self.outputs, "outputs", sorted(self.outputs), f"none {where}", remedy)
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:

@@ -15,11 +15,12 @@ from ..model.bodies import State
 from .adjoint import PLAIN, AbstractLoops
 from .advance import Recorder, Stride, advance, latest_attempt
 from .aliases import Numbers
-from .dense_output import look_inside
+from .batch.reductions import AbstractReduction
+from .dense_output import Snapshot, look_inside
 from .method import Scheme
 from .run_ends import begin_run, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
-from .step_state import Attempt, Method, Step
+from .step_state import Attempt, Method, Step, choose
 from .stepping import blank_attempt, running
 
 BLOCK_ROWS = 64
@@ -78,17 +79,31 @@ class TimedState(eqx.Module):
     state: State
 
 
+class ReductionRecord(eqx.Module):
+    """A reduction, and its tally where a run is."""
+
+    reduction: AbstractReduction
+    tally: PyTree
+
+    def after(self, stride: Stride) -> "ReductionRecord":
+        """The record after a stride."""
+        updated = self.reduction.update(self.tally, stride.now)
+        return ReductionRecord(self.reduction, choose(stride.kept, updated, self.tally))
+
+
 class Progress(eqx.Module):
     """A run between two segments.
 
     `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
-    steps, if they are asked for. Both are ``None`` otherwise. `sections` holds crossings by name.
+    steps, if they are asked for. Both are ``None`` otherwise. `sections` holds crossings, and
+    `reductions` what is reduced, by name.
     """
 
     step: Step
     last: Attempt | None
     record: GrowingTable | None
     sections: dict[str, SectionRecord]
+    reductions: dict[str, ReductionRecord]
 
 
 class SavedStates(eqx.Module):
@@ -108,6 +123,7 @@ def begin(
     saves: bool,
     record_rows: int | None,
     sections: dict[str, SectionRecorder] | None = None,
+    reductions: dict[str, AbstractReduction] | None = None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
     method, system = scheme.method, scheme.unpacked(form)
@@ -119,10 +135,12 @@ def begin(
         row = _row(system, step)
         record = GrowingTable.like(row, record_rows).with_row(row, 1)
     crossings = {name: of.start(system, step) for name, of in (sections or {}).items()}
+    now = Snapshot(step.t, step.y, step.memory).instant(system)
+    tallies = {name: ReductionRecord(of, of.start(now)) for name, of in (reductions or {}).items()}
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
-        Progress(step, last, record, crossings),
+        Progress(step, last, record, crossings, tallies),
     )
 
 
@@ -179,7 +197,7 @@ def _run_and_record(
         record = jax.lax.cond(
             now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
         )
-        return Progress(now.step, now.last, record, now.sections)
+        return Progress(now.step, now.last, record, now.sections, now.reductions)
 
     return jax.lax.while_loop(goes, go, progress)
 
@@ -204,12 +222,14 @@ def _run(
         return more if now.record is None else more & jnp.logical_not(now.record.block_is_full())
 
     def go(now: Progress) -> Progress:
-        records = {"last": now.last, "record": now.record, "sections": now.sections}
+        records = {"last": now.last, "record": now.record}
+        records |= {"sections": now.sections, "reductions": now.reductions}
         records = {name: record for name, record in records.items() if record is not None}
         step, records = advance(
             method, system, now.step, t_end, records, RECORDERS, attempt=loops.attempt
         )
-        return Progress(step, records.get("last"), records.get("record"), records["sections"])
+        kept = records.get("last"), records.get("record")
+        return Progress(step, *kept, records["sections"], records["reductions"])
 
     return loops.repeat(goes, go, progress)
 
@@ -219,10 +239,16 @@ def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
     return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
 
 
+def _reduced(records: dict[str, ReductionRecord], stride: Stride) -> dict[str, ReductionRecord]:
+    """The records of reductions after a stride, by name."""
+    return {name: record.after(stride) for name, record in records.items()}
+
+
 RECORDERS: dict[str, Recorder] = {
     "last": latest_attempt,
     "record": _with_step,
     "sections": after_sections,
+    "reductions": _reduced,
 }
 
 

@@ -64,9 +64,9 @@ def simulate(
     - `end_time`, `start_time`: s.
     - `settings`: how to integrate; `clearjoint.presets.default` unless given, beside which there
       are others.
-    - `save`: what to keep beside the final state: states at times, every step, impacts, and
-      sections, whose crossings are in `solution.sections`. Under a transformation: states at times
-      alone.
+    - `save`: what to keep beside the final state: states at times, every step, impacts,
+      sections, whose crossings are in `solution.sections`, and reductions such as `Peak`, whose
+      results are in `solution.outputs`. Under a transformation: states at times alone.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
       mode is then shut. The state after some steps is kept, and what lies between computed anew.
       Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
@@ -103,15 +103,15 @@ def simulate(
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates)
-        save.check(scene)
+        save.check(scene, settings.ledger)
     form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
     start, end, length = (on_device(number) for number in (start_time, end_time, first_step))
-    if save.sections:
+    if save.sections or save.outputs:
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
-    saves, sections = times is not None, save.section_recorders()
-    now = begin_compiled(scheme, form, state, start, end, length, saves, rows, sections)
+    saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
+    now = begin_compiled(scheme, form, state, start, end, length, saves, rows, *kept)
     if traced:
         run = OnePiece(form, scheme, on_device(end_time), redundant)
         save_at = None if times is None else on_device(times)

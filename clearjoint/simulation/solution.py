@@ -88,6 +88,8 @@ class Solution(AbstractReadable, AbstractTabular):
     - `steps`: every accepted step, the start included, if asked for.
     - `impacts`: the table of finished contacts, if asked for.
     - `sections[name]`: the `Crossings` of each section asked for.
+    - `outputs[name]`: what each reduction asked for reports, a number; "name_part" for its parts,
+      such as "force_time" of a `Peak`.
     - `formulation`: how the equations were set up.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
       reactions are those of least norm and not unique.
@@ -116,6 +118,7 @@ class Solution(AbstractReadable, AbstractTabular):
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
     sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
+    outputs: Mapping[str, float] = eqx.field(default_factory=dict)
     settings: Notes = eqx.field(default=(), static=True)
 
     @property

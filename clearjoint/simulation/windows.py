@@ -1,7 +1,7 @@
 """Windows in time of reductions. Without one, nothing of it is in the program."""
 
 import math
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import numpy as np
 from ..fields.checks import as_number, require
 from ..math.vectors import Condition, Scalar
 
-Instants: TypeAlias = float | None
+Instants: TypeAlias = Annotated[float | None, "s"]
 """A time in s, or ``None`` where the run's own begin or end is meant."""
 
 

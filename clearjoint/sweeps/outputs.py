@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from ..fields.checks import as_number, require, require_count
 from ..model.scene import Scene
 from ..quantities.base import require_known
-from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.batch.reductions import AbstractReduction, check_reductions
 from ..simulation.channels import Channels, check_channels, check_quantities
 from ..simulation.sections import Section
-from ..simulation.windows import Window
+from ..simulation.windows import Instants, Window
 
 
 class AbstractSaved(abc.ABC):
@@ -62,11 +62,11 @@ class Saved(AbstractSaved):
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
         require(
-            fine and bool((np.diff(times) >= 0).all()),
+            fine and bool((np.diff(times) > 0).all()),
             "times",
             times,
-            "a rising row of finite times",
-            "sort the times",
+            "a rising row of finite times, none of them twice",
+            "sort the times, by numpy.unique say",
         )
         return times
 
@@ -107,8 +107,8 @@ class ImpactTable:
 
     count: int
     joint: str | None = None
-    after: float | None = None
-    until: float | None = None
+    after: Instants = None
+    until: Instants = None
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
@@ -149,14 +149,9 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             "a reduction, a Saved, a Section or an ImpactTable",
             "subclass AbstractReduction, or pass one of clearjoint's",
         )
-        needs = isinstance(output, AbstractReduction) and output.needs_ledger
-        require(
-            ledger or not needs,
-            "ledger",
-            ledger,
-            f"True for outputs[{name!r}]",
-            "pass Settings(ledger=True)",
-        )
+        check_reductions({name: output}, scene, ledger)
+        if isinstance(output, AbstractReduction):
+            continue
         try:
             output.check(scene)
         except ValueError as error:

@@ -57,7 +57,7 @@ def outputs_beside(outputs: Mapping[str, Output], save: Saving, scene: Scene) ->
     require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     save.require_no_steps("in a sweep", "pass the lane's scene to simulate() for them")
     require(not save.impacts, "impacts", True, "False in a sweep", PASS_TABLE)
-    further: dict[str, Output] = dict(save.sections)
+    further: dict[str, Output] = {**save.sections, **save.outputs}
     if save.times is not None:
         further[SAVED] = StatesOfLanes(np.asarray(save.times, dtype=float), scene)
     twice = sorted(set(outputs) & set(further))

@@ -64,10 +64,11 @@ def sweep(
     - `axes`: the values of each parameter by name; see `Axis`. Their outer product, or with
       `zipped` as many lanes as each has values, for lists and designs of experiments.
     - `outputs`: what is kept of each lane, by name: reductions (`Peak`, `ImpactCount`,
-      `DissipatedEnergy`, `Statistics`, `ArchardWear`, or a subclass of `AbstractReduction`), one
-      `Saved`, `Section`, and `ImpactTable`: ``{"hits": cj.ImpactTable(20)}`` tables the first 20
-      impacts of every contact, the peak force of which is ``hits_peak_force``. The final state,
-      result code, time reached, and steps are always kept.
+      `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
+      `AbstractReduction`), one `Saved`, `Section`, and `ImpactTable`:
+      ``{"hits": cj.ImpactTable(20)}`` tables the first 20 impacts of every contact, the peak force
+      of which is ``hits_peak_force``. The final state, result code, time reached, and steps are
+      always kept.
     - `settings`: how to integrate; `clearjoint.presets.default` unless given.
     - `save`: what else to keep of each lane, as in `simulate`: the states at times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along

@@ -15,8 +15,9 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import running
+from clearjoint.command_line import reports, running
 from clearjoint.command_line.endings import understandable
+from clearjoint.command_line.examples import MECHANISMS
 from clearjoint.command_line.folders import Folder, scene_and_solution
 from clearjoint.command_line.places import find_place, keys_of, written
 from clearjoint.command_line.program import clearjoint
@@ -37,6 +38,9 @@ end = "31.25 ms"
 save_every = "1 ms"
 settings = { rtol = 1e-7 }
 outputs.height = { kind = "Position", body = "rod", component = "y" }
+outputs.force = { kind = "ContactForce", joint = "pin" }
+outputs.hardest = { kind = "Peak", quantity = { kind = "ContactForce", joint = "pin" } }
+outputs.heating = { kind = "MeanPowerLost", after = "0 ms" }
 
 [run.sections.low]
 crossing = { kind = "PenetrationRate", joint = "pin", contact = "V" }
@@ -216,15 +220,25 @@ WRONG = {
     "place": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
     "not a number": ('"gravity.1"', '"gravity"', "the place of one number.*0, 1, 2"),
     "quantity": (
-        '"Position", body = "rod", component = "y" }\n\n[run',
-        '"Positon" }\n\n[run',
-        "Pos",
+        '"Position", body = "rod", component = "y" }\noutputs.force',
+        '"Positon" }\noutputs.force',
+        r"study.toml, line 9, `run.outputs.height.kind`.*did you mean 'Position'",
     ),
+    "window": ('after = "0 ms"', 'after = "0 mm"', "`run.outputs.heating.after`.*number in s"),
     "body": ('"Position", body = "rod"', '"Position", body = "arm"', "scene's.*rod"),
     "key": ("save_every", "save_evry", "did you mean 'save_every'"),
     "both": ("start = 9.0", "values = [1.0]\nstart = 9.0", "either `values`"),
     "geometric": ("count = 2", 'count = 2\nspacing = "log"', "one of .'linear', 'geometric'"),
-    "joint": ('"ImpactCount", joint = "pin"', '"ImpactCount", joint = "hinge"', "scene's.*pin"),
+    "joint": (
+        '"ImpactCount", joint = "pin"',
+        '"ImpactCount", joint = "hinge"',
+        r"study.toml, line \d+, `sweep.outputs.impacts`.*scene's.*pin",
+    ),
+    "reduction": (
+        '"ContactForce", joint = "pin" } }\noutputs.heat',
+        '"ContactForce", joint = "hinge" } }\noutputs.heat',
+        "line 11, `run.outputs.hardest`.*scene's.*pin",
+    ),
 }
 
 
@@ -251,7 +265,57 @@ def test_unusual_numbers_are_told_in_a_line(folder):
     outcome = told("check", "rod.toml", "--set", "joints.pin.law.stiffness.young_modulus=207")
     assert outcome.exit_code == 0
     assert re.search(r"^warning: .*young_modulus.*207", outcome.output, re.MULTILINE)
-    assert ".py:" not in outcome.output
+    assert ".py:" not in outcome.output and "filterwarnings" not in outcome.output
+
+
+def test_a_change_on_the_command_line_is_named(folder):
+    output = told("check", "rod.toml", "--set", "joints.pin.clearance=2kg").output
+    assert "rod.toml with --set joints.pin.clearance=2kg, `joints.pin.clearance`: found" in output
+
+
+def test_a_name_that_is_not_there_is_told_with_its_line(folder):
+    text = Path("rod.toml").read_text()
+    line = 1 + text.split("\n").index('journal_body = "rod"')
+    Path("rod.toml").write_text(text.replace('journal_body = "rod"', 'journal_body = "rot"'))
+    output = told("check", "study.toml").output
+    assert f"rod.toml, line {line}, `joints.pin.journal_body`: Argument" in output
+    assert "did you mean 'rod'" in output and "top level" not in output
+
+
+def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch):
+    import tomllib
+
+    monkeypatch.chdir(tmp_path)
+    assert told("new", "fourbar").exit_code == 2
+    schema = study_schema()
+    for name in MECHANISMS:
+        assert told("new", name).exit_code == 0
+        jsonschema.validate(tomllib.loads(Path(f"{name}_study.toml").read_text()), schema)
+        read_study(Path(f"{name}_study.toml"))
+    assert told("new", "four_bar").exit_code == 2  # nothing is overwritten
+    written = Path("four_bar_study.toml").read_text()
+    assert told("schema", "study", "--example").output == written
+    assert told("schema", "--example").output == Path("four_bar.toml").read_text()
+    outcome = told("check", "four_bar_study.toml")
+    assert outcome.exit_code == 0 and "ready to run" in outcome.output, outcome.output
+    wanted = re.sub(r"^# (?=\S* ?=|\[)", "", written, flags=re.MULTILINE)  # the fit too
+    Path("four_bar_study.toml").write_text(wanted)
+    assert "fit: clearance from rig.csv" in told("check", "four_bar_study.toml").output
+
+
+def test_what_the_schema_says_of_outputs(folder):
+    outputs = study_schema()["$defs"]["SweepPart"]["properties"]["outputs"]
+    kinds = {one["$ref"] for one in outputs["additionalProperties"]["anyOf"] if "$ref" in one}
+    assert {"#/$defs/Peak", "#/$defs/ImpactTable", "#/$defs/MeanPowerLost"} <= kinds
+
+
+def test_a_view_that_is_not_installed_is_left_out_with_a_note(folder, monkeypatch, capsys):
+    def needs_trimesh(*_arguments):
+        raise ImportError("Views need trimesh: pip install 'clearjoint[view]'")
+
+    monkeypatch.setattr(reports, "view", needs_trimesh)
+    reports._write_view(Folder(Path(".")), None, None)
+    assert "note: view.html is left out. Views need trimesh" in capsys.readouterr().err
 
 
 def test_a_study_fits_its_schema(folder):
@@ -317,7 +381,7 @@ def test_a_run_leaves_tables_figures_and_a_page(folder):
     scene, state = cj.load("rod.toml")
     times = running.saved_times(read_study(Path("study.toml")).parts.run, 31.25e-3)
     save = cj.Saving(times, impacts=True)
-    solution = cj.simulate(scene, state, 31.25e-3, cj.Settings(rtol=1e-7), save)
+    solution = cj.simulate(scene, state, 31.25e-3, cj.Settings(rtol=1e-7, ledger=True), save)
     read_scene, read = scene_and_solution(out)
     assert cj.parameters(read_scene).keys() == cj.parameters(scene).keys()
     body = solution.states.bodies["rod"]
@@ -331,11 +395,22 @@ def test_a_run_leaves_tables_figures_and_a_page(folder):
     np.testing.assert_array_equal(table["height [m]"], body.position[:, 1])
     assert len(pd.read_csv(out / "section low.csv")) > 0
     assert cj.load(out / "reached.toml")[0] is not None
-    assert len(out.pictures()) == 5
+    numbers = pd.read_csv(out / "numbers.csv", index_col=0)["value"]
+    largest = solution.impacts.peak_force.max()
+    assert table["force [N]"].max() < 0.1 * largest  # impacts are shorter than a millisecond
+    assert numbers["force largest"] == pytest.approx(largest, rel=1e-6)
+    assert numbers["hardest"] == numbers["force largest"] and numbers["force smallest"] == 0.0
+    lost = -np.ptp(seen.energies["mechanical"][[0, -1]])
+    assert numbers["heating"] * 31.25e-3 == pytest.approx(-lost, rel=1e-3)
+    assert "note: the saved samples of force are between 0 and" in outcome.output
+    *_, last = outcome.stdout.strip().splitlines()
+    reached = r"\d+ steps to t = 0.03125 s, \d+ impacts"
+    assert re.fullmatch(rf"{reached}, largest force {largest:.4g} N \(pin .\): .*html", last)
+    assert len(out.pictures()) == 6
     page = (out / "index.html").read_text()
     assert "<th>penetration, µm</th>" in page and "largest_penetration" not in page
     assert ">None<" not in page and "=None" not in page
-    assert page.count("data:image/png;base64") == 5 and "http" not in page
+    assert page.count("data:image/png;base64") == 6 and "http" not in page
     before = {path.name: path.read_bytes() for path in out.pictures()}
     for path in out.pictures():
         path.unlink()
@@ -369,6 +444,8 @@ def stopped_at_once():
 def test_a_sweep_is_stored_and_goes_on(folder):
     outcome = told("sweep", "study.toml")
     assert outcome.exit_code == 0, outcome.output
+    line = r"4 lanes, 0 failed, 0 pending, \d+ steps, largest force [\d.]+ N: .*index.html"
+    assert re.search(line, outcome.stdout)
     out = Path("results/study/sweep")
     frame, dataset = pd.read_csv(out / "sweep.csv"), cj.open_sweep(out / "sweep.zarr")
     assert len(frame) == 4 and set(frame["result"]) == {"successful"}

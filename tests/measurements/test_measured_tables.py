@@ -198,3 +198,16 @@ def gap():
 def test_datasets_that_are_not_right_are_refused(make, name, message):
     with pytest.raises(ValueError, match=message):
         cj.from_xarray(make(), {name: PROBE})
+
+
+def test_a_torque_is_read_from_a_table_in_one_call(tmp_path):
+    path = tmp_path / "torque.csv"
+    path.write_text("t [ms],torque [N cm],angle [deg]\n0,0,0\n100,250,1\n")
+    torque = cj.function_from_csv(path, "torque", "N m")
+    assert float(torque(0.05)) == pytest.approx(1.25, rel=1e-15)
+    switched = cj.function_from_csv(path, "torque", "N m", cj.PiecewiseConstant)
+    assert float(switched(0.05)) == 0.0 and float(switched(0.1)) == pytest.approx(2.5)
+    with pytest.raises(ValueError, match="column 'angle' of .*torque.csv.*a unit of 'N m'"):
+        cj.function_from_csv(path, "angle", "N m")
+    with pytest.raises(ValueError, match="`column` must be among the columns of"):
+        cj.function_from_csv(path, "torqe", "N m")

@@ -13,6 +13,7 @@ from clearjoint.dynamics.contact_forces import contact_wrenches
 from clearjoint.math.rotations import rotation_matrix
 from clearjoint.math.vectors import EulerParameters, Vector, unpack
 from clearjoint.model.bodies import Motion
+from clearjoint.model.contact.gap import Gap
 from clearjoint.model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
@@ -235,3 +236,17 @@ def test_a_backlash_wider_than_the_pitch_is_refused():
         cj.GearBacklash(
             *("a", "b"), (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1), 18, 41, MODULE, 1e-2, LAW
         )
+
+
+def test_a_torsional_stiffness_is_the_torque_by_the_angle():
+    bodies = "ground", "link"
+    backlash = cj.Backlash(*bodies, play=1e-3, torsional_stiffness=2e4, restitution=0.3)
+    gap = Gap(backlash.radius * 1e-3, 0.0)
+    assert float(backlash.radius * backlash.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
+    assert float(backlash.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)
+    law = cj.HuntCrossley(0.5, 1e8)
+    for options in ({}, {"law": law, "radius": 0.1, "torsional_stiffness": 2e4}):
+        with pytest.raises(ValueError, match="torsional_stiffness"):
+            cj.Backlash(*bodies, play=1e-3, **options)
+    with pytest.raises(ValueError, match="`radius`"):
+        cj.Backlash(*bodies, play=1e-3, law=law)

@@ -83,7 +83,7 @@ def test_units_of_components(read):
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("mass", "mas", r"pin.toml, `bodies.arm.mas`: found 7.02, .* did you mean 'mass'\?"),
+        ("mass", "mas", r"pin.toml, line 3, `bodies.arm.mas`: .* did you mean 'mass'\?"),
         ("[joints.pin]", "[joint.pin]", r"`joint`: .* did you mean 'joints'\?"),
         ('"ClearanceJoint"', '"ClearenceJoint"', r"`joints.pin.kind`.* mean 'ClearanceJoint'\?"),
         ('kind = "ClearanceJoint"', "", r"`joints.pin`.*a table whose `kind` names a class"),
@@ -94,25 +94,56 @@ def test_units_of_components(read):
         ('"10 mm"', '"10 mn"', r"`joints.pin.bearing_radius`: found '10 mn', expected a number in"),
         ('"10 mm"', '"wide"', r"`joints.pin.bearing_radius`: found 'wide', expected a number in m"),
         ('"10 mm"', "nan", r"`joints.pin.bearing_radius`: found nan"),
-        ('"10 mm"', "-1", r"`joints.pin`: Argument `journal_radius` must be smaller"),
+        ('"10 mm"', "-1", r"`joints.pin.journal_radius`: Argument `journal_radius` must"),
         ('"10 mm"', "2021-01-01", r"`joints.pin.bearing_radius`: found datetime.date"),
-        ('"10 mm"', "{x = 1}", r"`joints.pin.bearing_radius`: found {'x': 1}, expected a number"),
-        ("mass = 7.02", "mass = -1", r"`bodies.arm`: Argument `mass` must be positive"),
-        ("mass = 7.02", "", r"`bodies.arm`: .* expected mass \(kg\) too: a Body needs them: add"),
-        ("law = {", "law = 3 #", r"`joints.pin`: Argument `law` must be an AbstractContactLaw"),
+        ('"10 mm"', "{x = 1}", r"`joints.pin.bearing_radius`: found a table .* expected a num"),
+        ("mass = 7.02", "mass = -1", r"line 3, `bodies.arm.mass`: Argument `mass` must be posit"),
+        ("mass = 7.02", "", r"line 2, `bodies.arm`: a Body also needs mass \(kg\): add them"),
+        ("law = {", "law = 3 #", r"`joints.pin.law`: Argument `law` must be an AbstractContactLaw"),
         ("[state.bodies.arm]", "[state.bodies.arn]", r"`state.bodies`: found 'arn', .* 'arm'\?"),
         ("position", "position =", r"pin.toml: .*line 17"),
-        ("[0.5, 0, 0]", "[0.5, 0]", r"`state.bodies.arm`: Argument `position` must be an array"),
-        ('"arm"', '"arn"', r"top level`: Argument `joints\['pin'\]` must be between known bodies"),
+        ("[0.5, 0, 0]", "[0.5, 0]", r"line 17, `state.bodies.arm.position`: Argument `pos"),
+        ('"arm"', '"arn"', r"line 9, `joints.pin.journal_body`: Argument `joints\['pin'\].jour"),
         ("\n[bodies", "format = 2\n[bodies", r"`format`: found 2, .*newer clearjoint.* update"),
         ("\n[bodies", 'format = "a"\n[bodies', r"`format`: found 'a', expected a whole number"),
         ("\n[bodies", "forces = 3\n[bodies", r"Argument `forces` must be a dictionary"),
         ("[state.bodies.arm]\nposition", "[s]\nposition", r"`s`: found .*one of the keys"),
+        ("mass = 7.02", "mass = true", r"line 3, `bodies.arm.mass`: found True, expected a number"),
+        ("mass = 7.02", f"mass = {'1' * 400}", r"line 3, `bodies.arm.mass`: found .* of 1326 bits"),
+        ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: .*\(405 characters\)"),
+        ("mass = 7.02", "mass = '1e400 kg'", r"`bodies.arm.mass`: .*expected a number below 1.8e"),
+        ("mass = 7.02", f"mass = {'[' * 50}{']' * 50}", r"pin.toml: .*at most 32 levels"),
+        ("mass = 7.02", f"mass = {'[' * 9999}{']' * 9999}", r"pin.toml: .*at most 32 levels"),
+        ("mass = 7.02", f"mass{'.a' * 9999} = 1", r"pin.toml: .*at most 32 levels"),
+        ('"10 mm"', "'10 m**9**9**9**9'", r"`joints.pin.bearing_radius`: found '10 m\*\*9"),
+        ('"10 mm"', "'10 m**(9**9**9)'", r"`joints.pin.bearing_radius`: found '10 m\*\*\("),
+        ('"10 mm"', "'10 m⁹⁹⁹⁹⁹⁹⁹⁹'", r"`joints.pin.bearing_radius`: found '10 m⁹"),
+        ('"10 mm"', "'10 yottameter**90'", r"`joints.pin.bearing_radius`: found '10 yot"),
+        (
+            "[-0.5, 0, 0]",
+            "[\n  # the pin\n  -0.5,\n  'x',\n]",
+            r"line 10, `joints.pin.journal_point\[1\]`: found 'x'",
+        ),
     ],
 )
 def test_mistakes_are_told_by_place_and_remedy(read, old, new, complaint):
     with pytest.raises(ValueError, match=complaint):
         read(PIN, (old, new))
+
+
+def test_a_file_in_another_encoding_is_named(tmp_path):
+    (tmp_path / "pin.toml").write_text(PIN, encoding="utf-16")
+    with pytest.raises(ValueError, match=r"pin.toml: found 'byte 0xff .*expected UTF-8 text"):
+        cj.load(tmp_path / "pin.toml")
+
+
+def test_many_bodies_need_states_and_long_tables_are_read(read):
+    body = "[bodies.b{}]\nmass = 1.0\ninertia = [1, 1, 1]\n"
+    with pytest.raises(ValueError, match="no state of 3000 bodies.*give .state.bodies"):
+        read("".join(map(body.format, range(3000))))
+    numbers = ", ".join(map(str, range(100_000)))
+    with pytest.raises(ValueError, match=r"gravity.*but is an array of shape \(100000,\)"):
+        read(f"gravity = [{numbers}]\n{PIN}")
 
 
 def test_mistakes_in_json_and_suffixes(read):
@@ -209,7 +240,7 @@ def test_a_state_that_is_not_found_is_asked_for(read):
 def test_a_scene_in_json(read):
     body = {"mass": "1 kg", "inertia": [1, 1, 1]}
     text = {"$schema": "x", "bodies": {"b": body}, "gravity": None, "state": {"bodies": {"b": {}}}}
-    with pytest.raises(ValueError, match=r"`state.bodies.b`: .* position \(m\) too"):
+    with pytest.raises(ValueError, match=r"`state.bodies.b`: .* also needs position \(m\)"):
         read(json.dumps(text), name="a.json")
     text["state"]["bodies"]["b"]["position"] = [0, 0, 1]
     scene, _ = read(json.dumps(text), name="a.json")

@@ -96,7 +96,7 @@ def test_the_schema_has_them_too():
     [
         ('"Body.rod"', '"Body.rot"', r"bodies.arm.kind`.*Body.sphere: did you mean 'Body.rod'"),
         ('"Body.rod"', '"Spline.through"', "bodies.arm.kind`.*expected one of Body"),
-        ('length = "400 mm"', "", r"bodies.arm`.*expected length \(m\) too"),
+        ('length = "400 mm"', "", r"bodies.arm`: a Body also needs length \(m\)"),
         ('diameter = "2 cm"', "diametr = 1", "bodies.arm.diametr`.*did you mean 'diameter'"),
         ('"7.85 g/cm^3"', '"7.85 g"', r"bodies.arm.density`.*kg/m\^3"),
         ('angle = "30 deg"', "angel = 3", r"orientation`.*expected axis and angle: add angle"),

@@ -9,6 +9,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.journals import outside
+from clearjoint.model.contact.gap import Gap
 
 pytest.importorskip("yourdfpy")
 ARM = """<?xml version="1.0"?>
@@ -142,11 +143,69 @@ def test_what_is_left_out_is_told_once(robot):
         ('izz="0.021"', 'izz="0.9"', {}, r"`lower`: Argument `inertia` must be such that"),
         ("</robot>", "", {}, r"arm.urdf: ParseError\('no element found: line"),
         ('<parent link="upper"/>', "", {}, r"arm.urdf: AttributeError"),
+        ("", "", {"elbow": {"backlash": "0.1 mm"}}, r"`elbow.backlash`: found '0.1 mm', .* in rad"),
+        ("", "", {"elbow": {"backlash": -1.0}}, r"`elbow`: Argument `.*` must be positive"),
+        ("", "", {"shoulder": {"backlash": 1e-3}}, r"`shoulder`: .*no effort limit: give it in N"),
+        ("", "", {"elbow": {"backlash": 1e-3, "play": 1}}, r"`elbow`: found 'play', expected one"),
+        ("", "", {"elbow": 1e-3}, r"`elbow`: found 0.001, expected arguments by name"),
+        ('joint name="slide"', 'joint name="elbow"', {}, r"found 'elbow', expected the name of"),
+        ('<link name="tool">', '<link name="rail">', {}, r"found 'rail', expected the name of"),
+        ('"upper"', '"ground"', {}, r"arm.urdf: Argument `bodies` must be without"),
+        ('"tool"', '""', {}, r"arm.urdf: Argument `bodies` must be named by"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1"/>', {}, r"`shoulder`: found .*expected finite"),
+        ('rpy="0.1 0.2 0.3"', 'rpy="nan 0.2 0.3"', {}, r"`flange`: found \[nan.*finite origin"),
+        ('effort="10"', 'effort="ten"', {}, r"arm.urdf: .*'ten'"),
     ],
 )
 def test_mistakes_are_told_by_place(robot, old, new, play, complaint):
     with pytest.raises(ValueError, match=complaint):
         robot(old, new, play=play)
+
+
+def test_backlash_is_put_beside_a_hinge(robot):
+    given = {"backlash": "0.1 deg", "torsional_stiffness": "20 N m/mrad", "restitution": 0.3}
+    scene, _, _ = robot(play={"elbow": {"backlash": "0.1 deg"}, "shoulder": given})
+    hinge, elbow = scene.joints["elbow"], scene.joints["elbow backlash"]
+    assert isinstance(hinge, cj.RevoluteJoint) and isinstance(elbow, cj.Backlash)
+    assert elbow.play == pytest.approx(math.radians(0.1), rel=1e-15)
+    assert (elbow.first, elbow.second) == (hinge.first, hinge.second)
+    assert np.array_equal(elbow.axis_second, hinge.axis_second)
+
+    def torque(backlash: cj.Backlash, angle: float) -> float:
+        gap = Gap(backlash.radius * angle, 0.0)
+        return float(backlash.radius * backlash.law.force(gap, 0.0))
+
+    assert torque(scene.joints["shoulder backlash"], 1e-3) == pytest.approx(20.0, rel=1e-12)
+    assert scene.joints["shoulder backlash"].law.restitution == 0.3
+    assert torque(elbow, 0.1 * float(elbow.play)) == pytest.approx(10.0, rel=1e-12)  # the limit
+
+
+def test_clearances_are_read_with_units(robot):
+    scene, _, _ = robot(play={"elbow": PLAY | {"clearance": "0.05 mm"}})
+    assert scene.joints["elbow"].clearance == 0.05e-3
+
+
+def test_limits_are_told(robot, tmp_path):
+    robot()
+    limits = cj.urdf_limits(tmp_path / "arm.urdf")
+    assert limits == {"elbow": cj.JointLimits(-1.0, 1.0, 10.0, 2.0)}
+
+
+def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):
+    link = (
+        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        '</link><joint name="j{0}" type="fixed"><parent link="l{1}"/><child link="l{0}"/></joint>'
+    )
+    rows = [link.format(k, k - 1) for k in reversed(range(1, 300))]
+    whole = f'<robot name="r"><link name="l0"/>{"".join(rows)}</robot>'
+    (tmp_path / "chain.urdf").write_text(whole)
+    assert len(cj.load_urdf(tmp_path / "chain.urdf")[0].bodies) == 299
+    entities = '<!ENTITY a "aaaaaaaaaa">' + "".join(
+        f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9)
+    )
+    (tmp_path / "bomb.urdf").write_text(f'<!DOCTYPE r [{entities}]><robot name="&j;"/>')
+    with pytest.raises(ValueError, match="bomb.urdf: ParseError"):
+        cj.load_urdf(tmp_path / "bomb.urdf")
 
 
 def test_a_robot_becomes_a_scene_file(robot, tmp_path):

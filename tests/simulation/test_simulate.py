@@ -256,3 +256,32 @@ def test_a_scene_closed_over_by_jit_runs_in_one_piece():
     state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
     fallen = jax.jit(lambda: cj.simulate(scene, state, 2.0).final.bodies["ball"].position[2])()
     assert float(fallen) == pytest.approx(-0.5 * 9.81 * 4.0, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_reductions_of_a_run_see_what_is_between_saved_states():
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    speed = cj.quantities.Velocity("ball", "x")
+    outputs = {"speed": cj.Peak(speed, "m/s"), "mean": cj.Statistics(speed, "m/s", until=0.3)}
+    save, end = cj.Saving([0.0, 0.5], outputs=outputs), 0.5
+    found = cj.simulate(scene, state, end, cj.Settings(rtol=1e-9), save).outputs
+    assert found["speed"] == pytest.approx(1.0, rel=1e-6)
+    assert found["speed_time"] == pytest.approx(0.15 * np.pi, rel=1e-4)
+    assert found["mean_mean"] == pytest.approx(0.1 * (np.cos(3.0) - 1.0) / 0.3, rel=1e-6)
+    assert cj.simulate(scene, state, end, cj.Settings(rtol=1e-9)).outputs == {}
+    with pytest.raises(ValueError, match="outputs.*none under a transformation"):
+        jax.jit(lambda t: cj.simulate(scene, state, t, save=save).time)(end)
+    joint = cj.ImpactCount("pin")
+    with pytest.raises(ValueError, match="Output 'hits'.*pin"):
+        cj.simulate(scene, state, end, save=cj.Saving(outputs={"hits": joint}))
+    with pytest.raises(ValueError, match=r"outputs\['lost'\]"):
+        cj.simulate(scene, state, end, save=cj.Saving(outputs={"lost": cj.MeanPowerLost()}))
+
+
+def test_times_that_stand_twice_and_outputs_of_other_kinds_are_refused():
+    with pytest.raises(ValueError, match="`times` must be without repetition.*numpy.unique"):
+        cj.Saving([0.0, 1.0, 1.0])
+    with pytest.raises(ValueError, match=r"outputs\['x'\].*a reduction"):
+        cj.Saving(outputs={"x": cj.quantities.Position("ball", "x")})

@@ -29,8 +29,14 @@ ROBOT = """<robot name="arm">
       <origin xyz="0.25 0 0"/> <mass value="1"/> <inertia ixx="1e-3" iyy="0.02" izz="0.02"/>
     </inertial>
   </link>
+  <link name="hand">
+    <inertial><mass value="1"/> <inertia ixx="1e-3" iyy="0.02" izz="0.02"/></inertial>
+  </link>
   <joint name="elbow" type="continuous">
-    <parent link="base"/><child link="lever"/><axis xyz="0 0 1"/>
+    <parent link="base"/><child link="lever"/><axis xyz="0 0 1"/><limit effort="10" velocity="2"/>
+  </joint>
+  <joint name="wrist" type="continuous">
+    <parent link="lever"/><child link="hand"/><axis xyz="0 0 1"/><origin xyz="0.5 0 0"/>
   </joint>
 </robot>
 """

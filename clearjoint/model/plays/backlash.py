@@ -6,12 +6,13 @@ from typing import Annotated
 
 import equinox as eqx
 
-from ...fields.checks import as_number, concrete, require, require_axis
+from ...fields.checks import as_number, concrete, require, require_axis, require_positive
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
+from ..contact.damping_factors import ExactRestitution
 from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
@@ -28,6 +29,28 @@ LARGEST_RADIUS = 10.0
 """Likewise of the flanks, m."""
 
 
+GIVEN_NO_RADIUS = 0.01
+"""m; where stiffness is torsional, the flanks' radius has no part in the motion."""
+
+
+def _flank_law(
+    radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
+) -> AbstractContactLaw:
+    """The linear law of flanks of a stiffness in N m/rad."""
+    require(
+        torsional_stiffness is not None,
+        "law",
+        None,
+        "given, or else a `torsional_stiffness`",
+        "pass the stiffness of a pressed flank in N m/rad, or a normal law",
+    )
+    turning = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
+    require_positive("torsional_stiffness", turning, "give it in N m/rad")
+    stiffness = turning / as_number(radius, "radius", "m") ** 2
+    restitution = 0.5 if restitution is None else restitution
+    return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
+
+
 class Backlash(AbstractContactJoint):
     """Play about an axis: within it the second body turns freely, and two flanks end it.
 
@@ -37,7 +60,8 @@ class Backlash(AbstractContactJoint):
         delta = r (theta - play/2) at the upper flank, r (-theta - play/2) at the lower one,
 
     and a flank's normal force F turns the bodies by the couple F r: no net force. So all normal
-    laws act as they do elsewhere; a torsional stiffness of k N m/rad is k/r^2 N/m there. Angles
+    laws act as they do elsewhere; a torsional stiffness of k N m/rad is k/r^2 N/m there, and the
+    radius has no part in the motion. Angles
     count modulo 2 pi from the middle of the play: the number of revolutions is unlimited.
 
     It does not hold the axis: a `RevoluteJoint` beside it does, or another joint that leaves the
@@ -49,12 +73,15 @@ class Backlash(AbstractContactJoint):
     - `axis_first`, `axis_second`: the axis, (3,) in the axes of each body, as the revolute joint's.
     - `play`: rad, all of it, from flank to flank; or `play_length`, m, the same as a length at the
       `radius`, as it is given for gears. The angle is what is stored.
-    - `radius`: m, at which the flanks touch.
+    - `radius`: m, at which the flanks touch; 0.01 m unless given, with a `torsional_stiffness`.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
-    - `law`: the normal law of each flank, with a given stiffness.
+    - `law`: the normal law of each flank, with a given stiffness; or `torsional_stiffness`,
+      N m/rad, of a flank that is pressed, as catalogues of gearboxes have it, with `restitution`,
+      0.5 unless given: the law is then `ExactRestitution`, linear.
 
     **Raises:** `ValueError` for a play that is not positive or a whole turn, or given twice; for
-    axes of no length; for a law whose stiffness needs a bearing.
+    axes of no length; for a law whose stiffness needs a bearing; for both or neither of `law` and
+    `torsional_stiffness`.
 
     Source: the dead zone of two flanks with a contact law (M. Nordin, P.-O. Gutman, Controlling
     mechanical systems with backlash: a survey, Automatica 38, 2002).
@@ -62,12 +89,12 @@ class Backlash(AbstractContactJoint):
     ```python
     import clearjoint as cj
 
-    axis, law = (0, 0, 1), cj.HuntCrossley(0.5, 1e8)
+    axis = (0, 0, 1)
     bodies = {"motor": cj.Body(1.0, (1e-3, 1e-3, 1e-3)), "link": cj.Body(2.0, (0.1, 0.1, 0.1))}
     joints = {
         "shaft": cj.RevoluteJoint("ground", "motor", (0, 0, 0), (0, 0, 0), axis, axis),
         "hinge": cj.RevoluteJoint("motor", "link", (0, 0, 0), (0, 0, 0), axis, axis),
-        "gearbox": cj.Backlash("motor", "link", play=1e-3, radius=0.05, law=law),
+        "gearbox": cj.Backlash("motor", "link", play=1e-3, torsional_stiffness=2e4),
     }
     scene = cj.Scene(bodies, joints)
     ```
@@ -98,9 +125,11 @@ class Backlash(AbstractContactJoint):
         axis_second: TripleLike = (0.0, 0.0, 1.0),
         play: Scalar | None = None,
         play_length: Annotated[Scalar | None, "m"] = None,
-        radius: Scalar,
+        radius: Scalar | None = None,
         middle: Scalar = 0.0,
-        law: AbstractContactLaw,
+        law: AbstractContactLaw | None = None,
+        torsional_stiffness: Annotated[Scalar | None, "N m/rad"] = None,
+        restitution: Annotated[Scalar | None, "1"] = None,
     ):
         require(
             (play is None) != (play_length is None),
@@ -109,6 +138,13 @@ class Backlash(AbstractContactJoint):
             "given if and only if `play_length` is not",
             "pass one of the two: an angle in rad, or a length at the radius in m",
         )
+        if law is None:
+            radius = GIVEN_NO_RADIUS if radius is None else radius
+            law = _flank_law(radius, torsional_stiffness, restitution)
+        else:
+            given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
+            for name, value in given.items():
+                require(value is None, name, value, "absent beside a `law`", "leave one out")
         self.first, self.second = first, second
         self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
         self.radius, self.middle = as_number(radius, "radius", "m"), middle

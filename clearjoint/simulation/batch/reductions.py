@@ -6,6 +6,7 @@ memory does not grow with the steps.
 
 import abc
 import math
+from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...compilation import traced_once
+from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Scalar
@@ -78,6 +80,24 @@ class AbstractReduction(AbstractConverting):
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
         """Unit of each result, by the names that `results` has."""
+
+
+def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
+    """Check the reductions among some outputs: that the scene has what they name, and that the run
+    keeps the energy `ledger` if one needs it.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    for name, output in outputs.items():
+        if not isinstance(output, AbstractReduction):
+            continue
+        expected = f"True for outputs[{name!r}]"
+        fine = ledger or not output.needs_ledger
+        require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
+        try:
+            output.check(scene)
+        except ValueError as error:
+            raise ValueError(f"Output {name!r}: {error}") from error
 
 
 class PeakTally(NamedTuple):

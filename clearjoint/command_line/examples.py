@@ -1,0 +1,76 @@
+"""`clearjoint new`: a scene and a study to begin with, of a ready mechanism."""
+
+from collections.abc import Callable
+from pathlib import Path
+from string import Template
+from tempfile import TemporaryDirectory
+
+from ..model.bodies import State
+from ..model.mechanisms.double_pendulum import double_pendulum
+from ..model.mechanisms.four_bar import four_bar
+from ..model.mechanisms.slider_crank import slider_crank
+from ..model.scene import Scene
+from ..scene_files.complaints import FilePlace
+from ..scene_files.files import save
+
+STUDY = Path(__file__).parent / "templates" / "study.toml"
+SCENE_HEAD = """\
+# A scene: bodies, joints, forces, gravity, and the state that a run begins with. Numbers are in the
+# SI units that the comments tell; texts may have another unit: clearance = "0.1 mm".
+#
+#   clearjoint check {scene}            is it right, and can it run?
+#   clearjoint run {scene} --end 0.1
+#
+# `clearjoint schema` prints all that may stand in a scene, for editors that complete.
+
+"""
+MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
+    "double_pendulum": (
+        double_pendulum,
+        {"joint": "shoulder", "body": "arm 2", "end": "50 ms"}
+        | {"every": "0.05 ms", "after": "10 ms"},
+    ),
+    "four_bar": (
+        lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
+        {"joint": "crank pin", "body": "coupler", "end": "200 ms"}
+        | {"every": "0.2 ms", "after": "20 ms"},
+    ),
+    "slider_crank": (
+        lambda: slider_crank(0.1e-3),
+        {"joint": "slider pin", "body": "slider", "end": "24 ms"}
+        | {"every": "0.02 ms", "after": "12 ms"},
+    ),
+}
+"""What makes each mechanism, and what stands in its study."""
+
+
+def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
+    """The texts of a scene file and of a study file for a mechanism.
+
+    **Arguments:** `scene`, `study`: the names of the files.
+    """
+    make, words = MECHANISMS[mechanism]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.toml"
+        save(*make(), path)
+        saved = path.read_text(encoding="utf-8")
+    names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
+    text = Template(STUDY.read_text(encoding="utf-8")).substitute(words, **names)
+    return SCENE_HEAD.format(scene=scene) + saved, text
+
+
+def write_example(mechanism: str, folder: Path) -> list[Path]:
+    """Write both files into a folder; their paths.
+
+    **Raises:** `ValueError` if one is there already.
+    """
+    names = f"{mechanism}.toml", f"{mechanism}_study.toml"
+    paths = [folder / name for name in names]
+    for path in paths:
+        if path.exists():
+            remedy = "remove it, or choose another folder by --out"
+            FilePlace(str(path)).refuse("a file", "none that would be overwritten", remedy)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, text in zip(paths, example_texts(mechanism, *names), strict=True):
+        path.write_text(text, encoding="utf-8")
+    return paths
