@@ -1,8 +1,8 @@
 """`clearjoint report`: figures and the page of a folder of results."""
 
 import re
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
