@@ -34,7 +34,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 def checked_times(
     start: Scalar, end: Scalar, times: ArrayLike, argument: str
-) -> Float[np.ndarray, " N"]:
+) -> Float[np.ndarray | jax.Array, " N"]:
     """Times to look at during a run, found to rise within its span.
 
     **Arguments:** `argument`: what the caller calls these times.
@@ -59,7 +59,7 @@ def checked_times(
     return row
 
 
-def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray, " N"]:
+def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray | jax.Array, " N"]:
     """The times as an array, (N,).
 
     **Raises:** `ValueError` for times that don't rise.
