@@ -24,6 +24,9 @@ from .cautions import UnusualValueWarning, caution, quiet
 T = TypeVar("T")
 Path: TypeAlias = tuple[str | int, ...]
 """Names of fields, and keys of containers, that lead into a tree."""
+EPSILON = float(np.finfo(float).eps)
+ROUNDINGS = 16.0
+"""Differences from a shorter number that are not shown, in roundings of double precision."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 
 
@@ -57,6 +60,24 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
 def concrete(value: object) -> np.ndarray | None:
     """The value as a numpy array, or ``None`` while JAX traces it."""
     return None if isinstance(value, Tracer) else np.asarray(value)
+
+
+def as_shown(value: Any) -> Any:
+    """Numbers and arrays of numbers as Python's, to be printed: a number that differs by a few
+    roundings from one of 14 digits, 5e-6 from a unit's or a logarithm's conversion, as that one.
+    Anything else as it is.
+
+    >>> as_shown(np.array([4.999999999999999e-06, 1 / 3]))
+    [5e-06, 0.3333333333333333]
+    """
+    if isinstance(value, list | tuple) and type(value) in (list, tuple):
+        return type(value)(map(as_shown, value))
+    if isinstance(value, np.ndarray | np.generic):
+        return as_shown(value.tolist())
+    if not isinstance(value, float) or not np.isfinite(value):
+        return value
+    short = float(f"{value:.14g}")
+    return short if abs(short - value) <= ROUNDINGS * EPSILON * abs(value) else value
 
 
 def checkable(*values: object) -> list[Any] | None:
@@ -110,8 +131,9 @@ def require(
         if (conditions := _CONDITIONS.get()) is not None:
             conditions.append(condition)
     elif not condition:
-        shown = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        raise ValueError(f"Argument `{argument}` must be {expected}, but is {shown!r}: {remedy}.")
+        raise ValueError(
+            f"Argument `{argument}` must be {expected}, but is {as_shown(value)!r}: {remedy}."
+        )
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:

@@ -9,6 +9,7 @@ from jax.core import Tracer
 
 from ..results import RESULTS
 from .cautions import warns
+from .checks import as_shown
 from .declarations import check_declared, name_conversions
 
 LONGEST = 16
@@ -62,4 +63,4 @@ def _plain(leaf: object) -> object:
     known = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not known or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
-    return np.asarray(leaf).tolist()
+    return as_shown(np.asarray(leaf))

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
+    as_shown,
     caution_above,
     caution_below,
     checkable,
@@ -112,7 +113,7 @@ def _inner(inner_diameter: Measure, diameter: Measure) -> Measure:
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
     if (known := checkable(inner, diameter)) is not None:
-        expected = f"less than the diameter, {known[1]} m"
+        expected = f"less than the diameter, {as_shown(known[1])} m"
         require(known[0] < known[1], "inner_diameter", known[0], expected, METRES)
     return inner
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from ..fields.checks import as_number, checkable, require
+from ..fields.checks import as_number, as_shown, checkable, require
 from ..math.vectors import Scalar
 
 ROUNDINGS = 4.0
@@ -27,7 +27,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
             (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first),
             "end_time",
             end,
-            f"finite and after start_time = {start}",
+            f"finite and after start_time = {as_shown(start)}",
             "give times in s",
         )
 
@@ -52,7 +52,7 @@ def checked_times(
             (row[0] >= first - room) & (row[-1] <= last + room),
             argument,
             [row[0], row[-1]],
-            f"between start_time = {start} and end_time = {end}",
+            f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}",
             "leave out the times outside",
         )
         return row.astype(float).clip(first, last)

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import require, require_count, require_positive, require_range
+from ...fields.checks import as_shown, require, require_count, require_positive, require_range
 from ...fields.conversion import as_numbers
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -333,7 +333,7 @@ class _Search:
         return np.abs(np.diff(values)) / sizes
 
     def _value(self, place: float) -> float:
-        return float(self.parameter.scale.value(place))
+        return as_shown(float(self.parameter.scale.value(place)))
 
 
 def _gap(seen: LaneMargins) -> tuple[int, int]:

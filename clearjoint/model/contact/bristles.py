@@ -10,7 +10,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -220,7 +220,7 @@ class ElastoPlastic(AbstractDampedBristles):
                 elastic < full,
                 "elastic_deflection",
                 elastic,
-                f"below kinetic/stiffness = {full} m",
+                f"below kinetic/stiffness = {as_shown(full)} m",
                 "give z_ba in m, half of that for example",
             )
 

@@ -5,7 +5,7 @@ import abc
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -143,7 +143,7 @@ class Ambrosio(AbstractFriction):
                 upper > lower,
                 "upper_speed",
                 upper,
-                f"above lower_speed = {lower}",
+                f"above lower_speed = {as_shown(lower)}",
                 "give v1 > v0 in m/s",
             )
 

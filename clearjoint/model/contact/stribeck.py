@@ -7,7 +7,7 @@ hold it.
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
@@ -19,7 +19,13 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
     """Check that friction does not rise from breakaway to kinetic friction."""
     if (known := checkable(breakaway, kinetic)) is not None:
         slow, fast = known
-        require(slow >= fast, "breakaway", slow, f"at least kinetic = {fast}", "give mu_S >= mu_C")
+        require(
+            slow >= fast,
+            "breakaway",
+            slow,
+            f"at least kinetic = {as_shown(fast)}",
+            "give mu_S >= mu_C",
+        )
 
 
 class AbstractFallingFriction(AbstractFriction):

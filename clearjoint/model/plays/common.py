@@ -4,7 +4,7 @@ import abc
 
 import equinox as eqx
 
-from ...fields.checks import checkable, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import GROUND, Motion
@@ -79,7 +79,7 @@ def require_smaller_clearance(clearance: Single, radius: Single, of: str) -> Non
     what it is."""
     if (known := checkable(clearance, radius)) is not None:
         width, size = known
-        expected = f"smaller than {of} {size} m"
+        expected = f"smaller than {of} {as_shown(size)} m"
         require(width < size, "clearance", width, expected, "check the units (m)")
 
 
@@ -92,7 +92,7 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
             abs((numbers * base).sum()) < RIGHT_ANGLE * lengths,
             argument,
             numbers,
-            f"at a right angle to `{other}` = {base}",
+            f"at a right angle to `{other}` = {as_shown(base)}",
             "turn one of them",
         )
 

@@ -6,6 +6,7 @@ import equinox as eqx
 from numpy.typing import ArrayLike
 
 from ...fields.checks import (
+    as_shown,
     caution_above,
     checkable,
     concrete,
@@ -146,7 +147,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
                 (first > 0.0) & ((second > 0.0) | (-second > first)),
                 "teeth_second",
                 second,
-                f"positive, or more than the first gear's {first} for an internal gear",
+                f"positive, or more than the first gear's {as_shown(first)} for an internal gear",
                 "name the inner gear first, with a positive number, and the internal one second",
             )
         if (known := checkable(self.backlash, self.module)) is not None:
@@ -155,7 +156,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
                 backlash < math.pi * module,
                 "backlash",
                 backlash,
-                f"smaller than the pitch of {math.pi * module} m",
+                f"smaller than the pitch of {as_shown(math.pi * module)} m",
                 "check the units (m)",
             )
 
