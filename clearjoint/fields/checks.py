@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from .cautions import UnusualValueWarning, caution, quiet
+from .types import ArrayLike
 
 T = TypeVar("T")
 Path: TypeAlias = tuple[str | int, ...]
@@ -31,7 +31,8 @@ _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", defau
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """A float64 numpy array, or the JAX array that was given.
+    """A float64 numpy array, or the JAX array that was given; also of a list in which JAX traces a
+    number.
 
     **Arguments:** `argument`, `unit`: what the caller calls the value, and the unit that it is
     given in, for the error.
@@ -40,6 +41,10 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     """
     if isinstance(value, jax.Array):
         return value
+    if isinstance(value, list | tuple):
+        kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
+        if any(issubclass(kind, Tracer) for kind in kinds):
+            return jnp.asarray(value, dtype=float)
     expected, remedy = (
         "a number or an array of numbers",
         "pass a float, a list of floats or an array",

@@ -1,6 +1,8 @@
 """The base of what users build: it checks what its fields declare, and prints their numbers."""
 
+from collections.abc import Callable
 from dataclasses import FrozenInstanceError
+from types import ModuleType
 
 import equinox as eqx
 import jax
@@ -52,6 +54,20 @@ class AbstractReadable(eqx.Module):
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))
+
+
+def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
+    """The ``__dir__`` of a package: its names without those of the modules that it consists of,
+    but for the `public` ones."""
+
+    def names() -> list[str]:
+        return sorted(
+            name
+            for name, value in namespace.items()
+            if name in public or not isinstance(value, ModuleType)
+        )
+
+    return names
 
 
 def _is_result(node: object) -> bool:

@@ -7,7 +7,6 @@ from typing import Annotated
 import equinox as eqx
 import jax
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
@@ -22,7 +21,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
+from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 

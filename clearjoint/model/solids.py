@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
@@ -17,6 +16,7 @@ from ..fields.checks import (
     require_shape,
 )
 from ..fields.conversion import as_numbers
+from ..fields.types import ArrayLike
 from .densities import STEEL
 
 AXES = ("x", "y", "z")

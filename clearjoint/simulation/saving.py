@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from numpy.typing import ArrayLike
-
 from ..fields.checks import concrete, require, require_array_names
+from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 from ..model.scene import Scene
 from .aliases import Numbers

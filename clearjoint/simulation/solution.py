@@ -118,7 +118,7 @@ class Solution(AbstractReadable, AbstractTabular):
             lines.append(f"impacts: {len(self.impacts)}")
         if self.sections:
             lines.append(f"sections: {', '.join(map(repr, self.sections))}")
-        return run_text(self, lines)
+        return run_text(self, self.final, self.redundant_constraints, lines)
 
     @property
     def times(self) -> Numbers:
@@ -186,32 +186,20 @@ class FinishedRun(Protocol):
         ...
 
 
-class _KeptRun(FinishedRun, Protocol):
-    """A run whose final state is kept."""
-
-    @property
-    def final(self) -> State:
-        """The state in which the run ended."""
-        ...
-
-    @property
-    def redundant_constraints(self) -> tuple[str, ...]:
-        """Names of constraints that depend on the others."""
-        ...
-
-
 def is_abstract(tree: PyTree) -> bool:
     """Whether JAX traces any number, or a run is one of a batch: then there is no single text."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
-def run_text(run: _KeptRun, lines: Sequence[str]) -> str:
+def run_text(
+    run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
+) -> str:
     """How a run ended, the given lines, and the final state of up to `SHOWN_BODIES` bodies."""
-    if run.redundant_constraints:
-        names = ", ".join(map(repr, run.redundant_constraints))
+    if redundant:
+        names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
-    bodies = list(run.final.bodies.items())
+    bodies = list(final.bodies.items())
     for name, body in bodies[:SHOWN_BODIES]:
         place, speed = (_triple(vector) for vector in (body.position, body.velocity))
         lines = [*lines, f"{name!r} at {place} m with {speed} m/s"]

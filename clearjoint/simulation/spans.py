@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, as_shown, checkable, require
+from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 
 ROUNDINGS = 4.0

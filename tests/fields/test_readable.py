@@ -1,5 +1,8 @@
 """What a user prints reads like what was given."""
 
+import importlib
+import inspect
+import types
 from unittest.mock import ANY
 
 import jax
@@ -10,6 +13,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import extend
 from clearjoint.fields.checks import as_shown
+from clearjoint.reference.public_names import MODULES
 from clearjoint.results import RESULTS
 
 
@@ -74,3 +78,23 @@ def test_roundings_are_not_echoed():
         extend.require(False, "clearance", rounded, "larger", "give it in m")
     assert repr(cj.Hertz(rounded * 1e12)) == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
     assert as_shown([rounded, 1 / 3, -0.0, np.nan, "a", 3]) == [5e-6, 1 / 3, 0.0, ANY, "a", 3]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_public_modules_list_no_modules_of_theirs_and_no_types_of_numpy_s(module):
+    namespace = importlib.import_module(module)
+    listed = {name: getattr(namespace, name) for name in dir(namespace)}
+    modules = {name for name, value in listed.items() if isinstance(value, types.ModuleType)}
+    assert modules <= {"densities", "extend", "plot", "presets", "quantities", "testing", "style"}
+    callables = [value for value in listed.values() if inspect.isroutine(value)]
+    assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
+
+
+def test_a_list_may_hold_a_number_that_jax_traces():
+    def torque(switch):
+        return cj.PiecewiseConstant([0.0, switch], [1.0, 2.0 * switch])(0.3)
+
+    value, slope = jax.jvp(torque, (0.2,), (1.0,))
+    assert (float(value), float(slope)) == pytest.approx((0.4, 2.0))
+    with pytest.raises(ValueError, match="`times` must be two times or more, in a row"):
+        jax.jit(lambda x: cj.PiecewiseConstant([[0.0, x]] * 2, [1.0, 2.0]).times)(1.0)

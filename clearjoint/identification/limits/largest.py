@@ -284,7 +284,7 @@ class _Search:
         if not (first.holds and not last.holds and missed <= TOLD * abs(change)):
             return ()
         path = largest_within(look, holds, fails, self.tolerance).path
-        return (first, last, *path[1:])
+        return (last, *path)
 
     def _largest(
         self, seen: LaneMargins, value: float, unit: str, looks: tuple[Margins, ...] | None

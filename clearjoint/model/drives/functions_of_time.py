@@ -9,12 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from ...fields.checks import as_number, checkable, require, require_finite
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import Column, TableRows
+from ...fields.types import ArrayLike, Column, TableRows
 from ...math.interpolation import Slope, hermite_value
 from ...math.vectors import Scalar
 

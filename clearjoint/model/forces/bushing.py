@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
     checkable,
@@ -13,7 +12,7 @@ from ...fields.checks import (
     require_shape,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Triple
+from ...fields.types import ArrayLike, Quadruple, Triple
 from ...math.rotation_vectors import RotationVector, rotation_vector
 from ...math.rotations import rotation_matrix
 from ...math.vectors import Matrix, Scalar, Vector

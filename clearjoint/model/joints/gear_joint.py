@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
     checkable,
@@ -14,7 +13,7 @@ from ...fields.checks import (
     require_positive,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Single, Triple
+from ...fields.types import ArrayLike, Quadruple, Single, Triple
 from ...math.periodic import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import EulerParameters, Scalar, Vector

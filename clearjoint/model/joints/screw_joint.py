@@ -4,11 +4,10 @@ import math
 from dataclasses import replace
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
 from ...fields.checks import checkable, require, require_axis, require_point, require_shape
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import ArrayLike, Single, Triple
 from ...math.periodic import wrapped
 from ...math.rotations import unit
 from ...math.vectors import Scalar

@@ -3,7 +3,6 @@
 import math
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
     as_shown,
@@ -16,7 +15,7 @@ from ...fields.checks import (
     require_shape,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import ArrayLike, Single, Triple
 from ...math.functions import cosine, sine, where, within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add

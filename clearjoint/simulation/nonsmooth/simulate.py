@@ -3,13 +3,13 @@
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
 from ...fields.checks import require_positive
+from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, structured
 from ...model.bodies import State
 from ...model.scene import Scene

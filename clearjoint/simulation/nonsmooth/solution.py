@@ -97,7 +97,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         for joint, family in self.contacts.items():
             counts = (f"{one.impacts} at {contact!r}" for contact, one in family.items())
             lines.append(f"impacts of {joint!r}: {', '.join(counts)}")
-        return run_text(self, lines)
+        return run_text(self, self.final, self.redundant_constraints, lines)
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` of the saved states that were reached, as of

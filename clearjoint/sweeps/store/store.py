@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from ...fields.types import ArrayLike
 from ..layout import PENDING, RESULT, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, opened, opened_group, read
 from .differences import differences
