@@ -3,10 +3,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from ..fields.checks import as_number, as_shown, checkable, require
-from ..fields.types import ArrayLike
+from ..fields.types import ArrayLike, Column
 from ..math.vectors import Scalar
 
 ROUNDINGS = 4.0
@@ -32,9 +31,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
         )
 
 
-def checked_times(
-    start: Scalar, end: Scalar, times: ArrayLike, argument: str
-) -> Float[np.ndarray | jax.Array, " N"]:
+def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
     """Times to look at during a run, found to rise within its span.
 
     **Arguments:** `argument`: what the caller calls these times.
@@ -59,7 +56,7 @@ def checked_times(
     return row
 
 
-def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray | jax.Array, " N"]:
+def check_rising(times: ArrayLike, argument: str) -> Column:
     """The times as an array, (N,).
 
     **Raises:** `ValueError` for times that don't rise.

@@ -44,8 +44,9 @@ class LaneMargins:
         """These and others, in order; of equal places the first."""
         places = np.concatenate([self.places, others.places])
         places, kept = np.unique(places, return_index=True)
-        rows = zip(self._rows, others._rows, strict=True)
-        return LaneMargins(places, *(np.concatenate(pair)[kept] for pair in rows))
+        pairs = zip(self._rows, others._rows, strict=True)
+        margins, low, high = (np.concatenate(pair)[kept] for pair in pairs)
+        return LaneMargins(places, margins, low, high, self.peak)
 
     @property
     def _rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -117,8 +118,9 @@ class LaneProblem:
         for name, limit in self.limits.items():
             peaks = np.where(fine, found[name].values, np.inf).reshape(len(values), count)
             rows[name] = limit_margins(peaks, limit, self.quantile)
-        smallest = np.min(np.array([*rows.values()]), axis=0)
-        return LaneMargins(places, *smallest, self._peak({n: row[0][0] for n, row in rows.items()}))
+        margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+        peak = self._peak({name: float(row[0][0]) for name, row in rows.items()})
+        return LaneMargins(places, margins, low, high, peak)
 
     def _peak(self, margins: Mapping[str, float]) -> str:
         """A text on the output with the smallest of the margins."""

@@ -328,7 +328,7 @@ class _Search:
 
     def _widths(self, seen: LaneMargins) -> Float[np.ndarray, " m"]:
         """How far neighbouring values are apart, relative to the larger."""
-        values = np.array([self._value(place) for place in seen.places])
+        values = np.array([self._value(float(place)) for place in seen.places])
         sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), np.finfo(float).tiny)
         return np.abs(np.diff(values)) / sizes
 
