@@ -290,7 +290,7 @@ class _Search:
         self, seen: LaneMargins, value: float, unit: str, looks: tuple[Margins, ...] | None
     ) -> Largest:
         met = seen.gap() is not None
-        again = np.flatnonzero(seen.margins >= 0.0)[-1]
+        again = int(np.flatnonzero(seen.margins >= 0.0)[-1])
         first = _gap(seen)[1] if met else len(seen.places) - 1
         return Largest(
             value=value,
