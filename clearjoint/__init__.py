@@ -29,6 +29,7 @@ from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import PoorFitWarning as PoorFitWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity
+from .fields.readable import without_modules as _without_modules
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
@@ -257,3 +258,7 @@ from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .views.viewing import View as View
 from .views.viewing import view as view
+
+__dir__ = _without_modules(
+    globals(), "densities", "extend", "plot", "presets", "quantities", "testing"
+)

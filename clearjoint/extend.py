@@ -16,6 +16,7 @@ from .dynamics.coordinates import AbstractMechanics as AbstractMechanics
 from .dynamics.formulation import Formulation as Formulation
 from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.system import System as System
+from .fields.checks import checkable as checkable
 from .fields.checks import require as require
 from .fields.checks import require_axis as require_axis
 from .fields.checks import require_finite as require_finite

@@ -55,6 +55,11 @@ class RESULTS(eqx.Enumeration):
         "there on would lack the jump's term. Let it change over a width, make it a contact law "
         "that jumps at its onset only, or take differences of runs."
     )
+    domain = (
+        "A number of the scene, of the state, of the times or of the settings is NaN, infinite or "
+        "outside its range, in a run that JAX traces; no step was taken. The same run outside of "
+        "jax.jit, jax.vmap and jax.grad raises a ValueError that names the number."
+    )
 
 
 def result_number(result: RESULTS) -> np.ndarray:

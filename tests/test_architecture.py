@@ -31,7 +31,7 @@ FLOORS = (
     ("command_line",),
 )
 """A room may import from those on floors below."""
-BASIS = {"jax", "equinox", "jaxtyping", "numpy"}
+BASIS = {"jax", "equinox", "jaxtyping", "numpy", "typing_extensions"}
 THIRD_PARTY = {
     "diffrax": {"command_line", "simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},

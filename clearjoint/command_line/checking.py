@@ -9,6 +9,7 @@ from ..dynamics.assembly import ACCEPTED_VIOLATION, assemble
 from ..dynamics.constraint_report import ConstraintReport, constraint_report
 from ..dynamics.journals import depths
 from ..fields.cautions import quiet
+from ..fields.checks import as_shown
 from ..model.bodies import State
 from ..model.plays.journal_bases import HasJournal
 from ..model.scene import Scene
@@ -50,7 +51,7 @@ def places(study: Study) -> list[str]:
     inside = parameters(study.state)
     rows += [(f"state.{written(n)}", value, unit) for n, (value, unit) in inside.items()]
     width = max(len(name) for name, _, _ in rows)
-    return [f"{name:{width}}  {np.asarray(v).tolist()} {_shown(unit)}" for name, v, unit in rows]
+    return [f"{name:{width}}  {as_shown(np.asarray(v))} {_shown(unit)}" for name, v, unit in rows]
 
 
 def save_assembled(study: Study, path: FilePath) -> None:
@@ -69,7 +70,7 @@ def _elements(scene: Scene) -> Iterator[str]:
         if family:
             kinds = [f"{name} ({type(one).__name__})" for name, one in family.items()]
             yield f"{title}: {', '.join(kinds)}"
-    gravity = "none" if scene.gravity is None else f"{np.asarray(scene.gravity).tolist()} m/s^2"
+    gravity = "none" if scene.gravity is None else f"{as_shown(np.asarray(scene.gravity))} m/s^2"
     yield f"gravity: {gravity}"
 
 

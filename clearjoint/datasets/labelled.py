@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from ..fields.types import ArrayLike
 from .provenance import Notes, versions
 
 if TYPE_CHECKING:

@@ -1,33 +1,40 @@
 """Checks of values with one form of message.
 
 Numbers become 64-bit numpy arrays, not JAX arrays: building a scene then starts no JAX backend and
-keeps its digits whatever JAX's precision setting. Values under a JAX transformation pass unchecked;
-a run re-checks what it can (`clearjoint.simulation.simulate`).
+keeps its digits whatever JAX's precision setting. Checks of values under a JAX transformation can
+raise no error: they pass, unless `conditions_of` collects them as conditions that a run evaluates.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
+from contextvars import ContextVar
 from dataclasses import fields
 from functools import lru_cache, reduce
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from .cautions import UnusualValueWarning, caution, quiet
+from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
 """Characters of a value that messages show."""
 Path: TypeAlias = tuple[str | int, ...]
 """Names of fields, and keys of containers, that lead into a tree."""
+EPSILON = float(np.finfo(float).eps)
+ROUNDINGS = 16.0
+"""Differences from a shorter number that are not shown, in roundings of double precision."""
+_CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """A float64 numpy array, or the JAX array that was given.
+    """A float64 numpy array, or the JAX array that was given; also of a list in which JAX traces a
+    number.
 
     **Arguments:** `argument`, `unit`: what the caller calls the value, and the unit that it is
     given in, for the error.
@@ -36,6 +43,10 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     """
     if isinstance(value, jax.Array):
         return value
+    if isinstance(value, list | tuple):
+        kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
+        if any(issubclass(kind, Tracer) for kind in kinds):
+            return jnp.asarray(value, dtype=float)
     expected, remedy = (
         "a number or an array of numbers",
         "pass a float, a list of floats or an array",
@@ -58,15 +69,75 @@ def concrete(value: object) -> np.ndarray | None:
     return None if isinstance(value, Tracer) else np.asarray(value)
 
 
-def require(condition: bool, argument: str, value: object, expected: str, remedy: str) -> None:
+def as_shown(value: Any) -> Any:
+    """Numbers and arrays of numbers as Python's, to be printed: a number that differs by a few
+    roundings from one of 14 digits, 5e-6 from a unit's or a logarithm's conversion, as that one.
+    Anything else as it is.
+
+    >>> as_shown(np.array([4.999999999999999e-06, 1 / 3]))
+    [5e-06, 0.3333333333333333]
+    """
+    if isinstance(value, list | tuple) and type(value) in (list, tuple):
+        return type(value)(map(as_shown, value))
+    if isinstance(value, np.ndarray | np.generic):
+        return as_shown(value.tolist())
+    if not isinstance(value, float) or not np.isfinite(value):
+        return value
+    short = float(f"{value:.14g}")
+    return short if abs(short - value) <= ROUNDINGS * EPSILON * abs(value) else value
+
+
+def checkable(*values: object) -> list[Any] | None:
+    """The values as arrays that a check can compute with; ``None`` if it is to be left out, since
+    JAX traces one of them and nothing collects conditions (see `conditions_of`).
+
+    The condition of the check goes to `require` as it is, without `bool`, which JAX's tracers do
+    not have; of two, use ``&`` and ``|``.
+
+    >>> numbers = extend.checkable(0.3, 0.1)
+    >>> if numbers is not None:
+    ...     static, kinetic = numbers
+    ...     extend.require(static >= kinetic, "static", static, "at least kinetic", "swap them")
+    """
+    if not any(isinstance(value, Tracer) for value in values):
+        return [np.asarray(value) for value in values]
+    return None if _CONDITIONS.get() is None else [jnp.asarray(value) for value in values]
+
+
+def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
+    """The conditions, (), under which a check of values that JAX traces would raise no error.
+
+    Checks of values that are known raise their errors.
+    """
+    conditions: list[jax.Array] = []
+    token = _CONDITIONS.set(conditions)
+    try:
+        check()
+    finally:
+        _CONDITIONS.reset(token)
+    return conditions
+
+
+def require(
+    condition: bool | np.bool_ | jax.Array,
+    argument: str,
+    value: object,
+    expected: str,
+    remedy: str,
+) -> None:
     """Raise a ``ValueError`` that names argument, value, expectation and remedy.
+
+    A condition that JAX traces raises nothing; `conditions_of` collects it.
 
     >>> extend.require(False, "teeth", 3, "at least 5", "count them")
     Traceback (most recent call last):
         ...
     ValueError: Argument `teeth` must be at least 5, but is 3: count them.
     """
-    if not condition:
+    if isinstance(condition, Tracer):
+        if (conditions := _CONDITIONS.get()) is not None:
+            conditions.append(condition)
+    elif not condition:
         found = _shown(value)
         raise ValueError(f"Argument `{argument}` must be {expected}, but is {found}: {remedy}.")
 
@@ -77,7 +148,7 @@ def _shown(value: object) -> str:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
         return f"a row of {len(value)} entries"
-    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    text = repr(as_shown(value))
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
 
 
@@ -95,10 +166,10 @@ def require_finite(argument: str, value: object) -> None:
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
-    numbers = concrete(value)
-    if numbers is not None:
+    if (known := checkable(value)) is not None:
+        (numbers,) = known
         require(
-            bool(np.isfinite(numbers).all()),
+            numbers.__array_namespace__().isfinite(numbers).all(),
             argument,
             numbers,
             "finite",
@@ -115,12 +186,10 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
     ValueError: Argument `radius` must be positive, but is -1.0: give it in m.
     """
     require_shape(argument, value, (), "pass a single number")
-    number = concrete(value)
-    if number is not None:
+    if (known := checkable(value)) is not None:
+        (number,) = known
         expected = "zero or positive" if zero else "positive"
-        require(
-            bool(number >= 0 if zero else number > 0), argument, float(number), expected, remedy
-        )
+        require(number >= 0 if zero else number > 0, argument, number, expected, remedy)
 
 
 def require_count(argument: str, value: object, remedy: str) -> None:
@@ -166,10 +235,10 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
     ValueError: Argument `restitution` must be in [0.0, 1.0], but is 1.5: give c.
     """
     require_shape(argument, value, (), "pass a single number")
-    number = concrete(value)
-    if number is not None:
-        inside = bool(lower <= number <= upper)
-        require(inside, argument, float(number), f"in [{lower}, {upper}]", remedy)
+    if (known := checkable(value)) is not None:
+        (number,) = known
+        inside = (lower <= number) & (number <= upper)
+        require(inside, argument, number, f"in [{lower}, {upper}]", remedy)
 
 
 def caution_unless(
@@ -217,10 +286,10 @@ def require_axis(argument: str, value: ArrayLike) -> None:
     ValueError: Argument `axis` must be a vector of non-zero length, but is ...
     """
     require_shape(argument, value, (3,), "pass three components")
-    numbers = concrete(value)
-    if numbers is not None:
+    if (known := checkable(value)) is not None:
+        (numbers,) = known
         require(
-            float(np.linalg.norm(numbers)) > 1e-12,
+            (numbers**2).sum() > 1e-24,
             argument,
             numbers,
             "a vector of non-zero length",
@@ -231,10 +300,10 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     """Check four Euler parameters of unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
-    parameters = concrete(value)
-    if parameters is not None:
+    if (known := checkable(value)) is not None:
+        (parameters,) = known
         require(
-            abs(float(np.linalg.norm(parameters)) - 1.0) < 1e-6,
+            abs((parameters**2).sum() ** 0.5 - 1.0) < 1e-6,
             argument,
             parameters,
             "Euler parameters of unit norm, scalar part first",
@@ -301,7 +370,17 @@ def _check_here(tree: PyTree) -> None:
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if "__check_init__" in cls.__dict__:
-                cls.__dict__["__check_init__"](tree)
+                _check_by(cls.__dict__["__check_init__"], tree)
+
+
+def _check_by(check: Callable[[PyTree], None], tree: PyTree) -> None:
+    """Run a check. One of a class outside of the package may need known values; it is left out
+    where JAX traces them."""
+    try:
+        check(tree)
+    except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
+        if _CONDITIONS.get() is None:
+            raise
 
 
 def _children(tree: PyTree) -> list[PyTree]:

@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from .checks import as_number
 from .readable import AbstractReadable
+from .types import ArrayLike
 
 NAMES = (str, bool, "str", "bool")
 """Annotations of what can't be a number: such fields are static."""

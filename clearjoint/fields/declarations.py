@@ -9,7 +9,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .checks import (
     as_number,
@@ -19,6 +18,7 @@ from .checks import (
     require_range,
     require_shape,
 )
+from .types import ArrayLike
 
 Check = Callable[[str, ArrayLike], None]
 """Raises a ``ValueError`` for a field's name and a value that it can't have."""

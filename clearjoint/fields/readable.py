@@ -1,6 +1,8 @@
 """The base of what users build: it checks what its fields declare, and prints their numbers."""
 
+from collections.abc import Callable
 from dataclasses import FrozenInstanceError
+from types import ModuleType
 
 import equinox as eqx
 import jax
@@ -9,6 +11,7 @@ from jax.core import Tracer
 
 from ..results import RESULTS
 from .cautions import warns
+from .checks import as_shown
 from .declarations import check_declared, name_conversions
 
 LONGEST = 16
@@ -53,6 +56,20 @@ class AbstractReadable(eqx.Module):
         return eqx.tree_pformat(jax.tree.map(_plain, self, is_leaf=_is_result))
 
 
+def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
+    """The ``__dir__`` of a package: its names without those of the modules that it consists of,
+    but for the `public` ones."""
+
+    def names() -> list[str]:
+        return sorted(
+            name
+            for name, value in namespace.items()
+            if name in public or not isinstance(value, ModuleType)
+        )
+
+    return names
+
+
 def _is_result(node: object) -> bool:
     return isinstance(node, RESULTS)
 
@@ -62,4 +79,4 @@ def _plain(leaf: object) -> object:
     known = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not known or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
-    return np.asarray(leaf).tolist()
+    return as_shown(np.asarray(leaf))

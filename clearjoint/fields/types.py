@@ -8,8 +8,13 @@ is given for a field becomes its first form when an element is made.
 
 from typing import Any, TypeAlias
 
+import numpy.typing
 from jaxtyping import Float
-from numpy.typing import ArrayLike
+from typing_extensions import TypeAliasType
+
+ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
+"""A number, a sequence of numbers or an array. Signatures show it by its name, and not by the
+definition of numpy's."""
 
 Single: TypeAlias = Float[Any, ""]
 """One number."""

@@ -18,11 +18,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ..compilation import Compiled
 from ..fields.checks import require
 from ..fields.conversion import on_device
+from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -118,7 +118,7 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
 @eqx.filter_custom_jvp
 def predictions(
-    coordinates: Float[ArrayLike, " p"], runs: Experiment, end_time: Scalar
+    coordinates: Float[np.ndarray | jax.Array, " p"], runs: Experiment, end_time: Scalar
 ) -> Float[jax.Array, "S T"]:
     """The S outputs at T times, in the order of `runs.names`; NaN at times that the run did not
     reach. Differentiable along the coordinates."""
@@ -190,7 +190,10 @@ def samples(measurements: Measurements, count: int) -> Samples:
 
 
 def residuals(
-    coordinates: Float[ArrayLike, " p"], runs: Experiment, data: Samples, end_time: Scalar
+    coordinates: Float[np.ndarray | jax.Array, " p"],
+    runs: Experiment,
+    data: Samples,
+    end_time: Scalar,
 ) -> Float[jax.Array, " M"]:
     """Predictions less measurements, in standard deviations of the noise, series after series.
     Differentiable along the coordinates."""

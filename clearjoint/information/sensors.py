@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_names
+from ..fields.types import ArrayLike
 from ..model.scene import Scene
 from ..quantities.base import Quantity, check_quantity
 

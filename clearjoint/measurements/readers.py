@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_names
+from ..fields.types import ArrayLike
 from ..model.drives.piecewise import PiecewiseConstant, PiecewiseLinear
 from ..quantities.base import Quantity
 from .series import Measurements, Series

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, concrete, named, require
 from ..fields.readable import AbstractReadable
+from ..fields.types import ArrayLike
 from ..model.scene import Scene
 from ..quantities.base import Quantity, check_quantity
 from .units import to_si

@@ -7,11 +7,11 @@ from typing import Annotated
 import equinox as eqx
 import jax
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
     caution_unless,
+    checkable,
     concrete,
     named,
     require,
@@ -21,7 +21,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
+from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 
@@ -49,26 +49,26 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
         "give three principal moments or the whole inertia matrix in kg m^2",
     )
     require_finite(argument, value)
-    inertia = concrete(value)
-    if inertia is not None:
-        _check_moments(inertia)
+    if (known := checkable(value)) is not None:
+        _check_moments(*known)
 
 
 def _check_moments(inertia: np.ndarray) -> None:
-    """Check known moments, or a known matrix, to be those of a rigid body."""
+    """Check moments, or a matrix, to be those of a rigid body."""
+    xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
-        symmetric = np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
+        symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
         require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
-    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else np.sort(inertia)
+        moments = xp.linalg.eigvalsh(inertia)
     require(
-        bool(moments[0] > 0),
+        moments.min() > 0,
         "inertia",
         inertia,
         "positive definite",
         "give every body a positive moment of inertia about each axis",
     )
     require(
-        bool(moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)),
+        moments.max() <= (moments.sum() - moments.max()) * (1 + 1e-9),
         "inertia",
         inertia,
         "such that no principal moment exceeds the sum of the other two",

@@ -4,18 +4,19 @@ import math
 from typing import NamedTuple
 
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
 from ..fields.checks import (
     as_number,
+    as_shown,
     caution_above,
     caution_below,
-    concrete,
+    checkable,
     require,
     require_positive,
     require_shape,
 )
 from ..fields.conversion import as_numbers
+from ..fields.types import ArrayLike
 from .densities import STEEL
 
 AXES = ("x", "y", "z")
@@ -46,11 +47,10 @@ def slender_rod(length: Measure, mass: Measure, axis: str) -> Solid:
     a round steel bar, which may not be thicker than long."""
     length, mass = _measure("length", length), _number("mass", mass, "give it in kg")
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-    known = concrete(squared_diameter), concrete(length)
-    if known[0] is not None and known[1] is not None:
-        thin = bool(known[0] <= known[1] ** 2)
+    if (known := checkable(squared_diameter, length)) is not None:
+        thin = known[0] <= known[1] ** 2
         remedy = "give its diameter in m, or check mass (kg) and length (m)"
-        require(thin, "mass", concrete(mass), "that of a rod longer than thick", remedy)
+        require(thin, "mass", mass, "that of a rod longer than thick", remedy)
     return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
 
 
@@ -112,10 +112,9 @@ def _mass(mass: Measure, density: Measure, volume: Measure) -> Measure:
 def _inner(inner_diameter: Measure, diameter: Measure) -> Measure:
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
-    known = concrete(inner), concrete(diameter)
-    if known[0] is not None and known[1] is not None:
-        expected = f"less than the diameter, {known[1]} m"
-        require(bool(known[0] < known[1]), "inner_diameter", known[0], expected, METRES)
+    if (known := checkable(inner, diameter)) is not None:
+        expected = f"less than the diameter, {as_shown(known[1])} m"
+        require(known[0] < known[1], "inner_diameter", known[0], expected, METRES)
     return inner
 
 

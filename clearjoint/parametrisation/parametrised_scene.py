@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
+from ..fields.types import ArrayLike
 from ..math.vectors import Structured, structured, unpack
 from ..model.bodies import State
 from ..model.scene import Scene

@@ -27,6 +27,7 @@ in; the axes show the units that suit them.
 Curves differ by line style and areas by grey value and hatching too, for print without colours.
 """
 
+from ..fields.readable import without_modules as _without_modules
 from . import style as style
 from .along import rate_series as rate_series
 from .along import series as series
@@ -75,3 +76,5 @@ from .spectra import waterfall as waterfall
 from .timelines import ContactPhase as ContactPhase
 from .timelines import contact_phases as contact_phases
 from .timelines import motion_timeline as motion_timeline
+
+__dir__ = _without_modules(globals(), "style")

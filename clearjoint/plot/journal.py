@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
+from ..fields.types import ArrayLike
 from ..model.plays.journal_bases import BASES
 from ..simulation.observe import Observation
 from .labels import fitting_unit, time_unit

@@ -19,6 +19,7 @@ so that using them anew compiles nothing anew, and they know their units.
 | another | a function of an `Instant`, with its unit given |
 """
 
+from ..fields.readable import without_modules as _without_modules
 from .accelerometer import AccelerometerReading as AccelerometerReading
 from .base import AbstractQuantity as AbstractQuantity
 from .base import Component as Component
@@ -47,3 +48,5 @@ from .turning import AngularAcceleration as AngularAcceleration
 from .turning import AngularVelocity as AngularVelocity
 from .turning import JointAngularAcceleration as JointAngularAcceleration
 from .turning import JointAngularVelocity as JointAngularVelocity
+
+__dir__ = _without_modules(globals())

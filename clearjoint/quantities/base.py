@@ -6,10 +6,10 @@ from typing import ClassVar, Literal
 
 import equinox as eqx
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require
 from ..fields.suggestions import nearest
+from ..fields.types import ArrayLike
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import Scalar, Vector
 from ..model.scene import Scene

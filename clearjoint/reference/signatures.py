@@ -4,12 +4,7 @@ import inspect
 import re
 from types import MappingProxyType
 
-import numpy.typing as npt
-
-ARRAY_LIKE = inspect.formatannotation(npt.ArrayLike).removeprefix("Union[").removesuffix("]")
 SHORTER = (
-    (re.escape(ARRAY_LIKE), "ArrayLike"),
-    (r"(?:typing\.)?Union\[ArrayLike\]", "ArrayLike"),
     (r"\bclearjoint(?:\.\w+)*\.(?=\w)", ""),
     (r"\b(?:jax\.)?jaxlib\._jax\.Array\b", "Array"),
     (r"\b(?:collections\.abc|jaxtyping|typing|types|pathlib)\.", ""),

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ..compilation import Compiled
 from ..datasets.tabular import AbstractTabular
@@ -18,7 +19,7 @@ from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.formulation import Formulation
 from ..dynamics.multipliers import row_rate
 from ..dynamics.system import System
-from ..fields.checks import require
+from ..fields.checks import as_shown, require
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ..model.plays.journal_bases import BASES, HasJournal
@@ -113,6 +114,17 @@ class Observation(eqx.Module, AbstractTabular):
     drift_rate: dict[str, Numbers]
     energies: dict[str, Numbers]
     reactions_unique: bool = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        """How many instants from when to when, and of which elements, in a few lines."""
+        if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
+            return eqx.tree_pformat(self)
+        first, last = as_shown(np.asarray(self.times)[[0, -1]])
+        lines = [f"Observation at {len(self.times)} instants from {first} s to {last} s"]
+        for name in ("contacts", "reactions", "accelerations", "drift", "energies"):
+            if part := getattr(self, name):
+                lines.append(f"{name}: {', '.join(map(repr, part))}")
+        return "\n  ".join(lines)
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` along "time", with units: `penetration`, `normal_force` and so on

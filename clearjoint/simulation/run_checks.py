@@ -1,6 +1,10 @@
 """What is checked of a scene, a state and JAX before a run is compiled."""
 
+from collections.abc import Callable
+from functools import reduce
+
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..dynamics.assembly import (
@@ -13,8 +17,8 @@ from ..dynamics.constraint_report import constraint_report
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import require_in_bearings
 from ..fields.caching import cached_by_numbers
-from ..fields.checks import concrete, recheck
-from ..math.vectors import Scalar
+from ..fields.checks import concrete, conditions_of, recheck
+from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..runtime import check_arctangents
@@ -43,6 +47,15 @@ def check_numbers(scene: Scene, state: State) -> None:
     """Check the numbers of a scene, and that a state is one of its."""
     _recheck(scene)
     check_names(scene, state)
+
+
+def in_domain(check: Callable[[], None]) -> Condition | None:
+    """Whether the numbers that JAX traces pass a check; ``None`` if it looks at none.
+
+    Evaluated once, before the first step: the loop of steps is the same as without.
+    """
+    conditions = conditions_of(check)
+    return reduce(jnp.logical_and, conditions) if conditions else None
 
 
 def check_start(

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import concrete, require, require_array_names
+from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 from ..model.scene import Scene
+from .aliases import Numbers
 from .batch.reductions import AbstractReduction, check_reductions
 from .sections import Section, SectionRecorder
 from .spans import check_rising, checked_times
@@ -84,7 +85,7 @@ class Saving:
         """Whether each step is recorded as it is made, for a table of steps or of impacts."""
         return self.steps or self.impacts
 
-    def times_between(self, start_time: Scalar, end_time: Scalar) -> np.ndarray | None:
+    def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
         """The times of a run between two others, s.
 
         **Raises:** `ValueError` for times outside.

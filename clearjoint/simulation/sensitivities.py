@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 from jaxtyping import Float, Int
-from numpy.typing import ArrayLike
 
 from ..datasets.labelled import Labelled, labelled_dataset, texts
 from ..datasets.provenance import Notes, setting_notes
 from ..datasets.tabular import AbstractTabular
 from ..fields.checks import require, require_names
 from ..fields.conversion import on_device
+from ..fields.types import ArrayLike
 from ..math.vectors import pack
 from ..model.bodies import State
 from ..model.scene import Scene

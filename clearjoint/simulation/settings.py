@@ -9,7 +9,7 @@ import numpy as np
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..dynamics.stabilisation import AbstractStabilisation, Baumgarte
-from ..fields.checks import concrete, require, require_count, require_positive
+from ..fields.checks import checkable, require, require_count, require_positive
 from ..math.vectors import Scalar
 from .aliases import Numbers
 from .solvers import require_ordinary
@@ -86,7 +86,7 @@ class Settings:
     def __post_init__(self) -> None:
         self._take_numbers_of_python()
         self._check_method()
-        self._check_numbers()
+        self.check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
         for name, kinds in (
             ("ledger", bool),
@@ -114,7 +114,11 @@ class Settings:
             require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
         require_ordinary(self.solver)
 
-    def _check_numbers(self) -> None:
+    def check_numbers(self) -> None:
+        """Check each number against its range.
+
+        **Raises:** `ValueError` that names the number.
+        """
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
             ("atol", "give an absolute tolerance such as 1e-9, or None", True),
@@ -128,14 +132,16 @@ class Settings:
             fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
             require(fine, name, value, "a number", remedy)
             require_positive(name, value, remedy, zero=zero)
-        tolerances = [concrete(0.0 if x is None else x) for x in (self.rtol, self.atol)]
-        require(
-            any(tolerance is None or bool(tolerance > 0) for tolerance in tolerances),
-            "rtol",
-            self.rtol,
-            "positive unless `atol` is",
-            "no step is without error; give a relative tolerance such as 1e-6",
-        )
+        known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
+        if known is not None:
+            rtol, atol = known
+            require(
+                (rtol > 0) | (atol > 0),
+                "rtol",
+                self.rtol,
+                "positive unless `atol` is",
+                "no step is without error; give a relative tolerance such as 1e-6",
+            )
 
     @property
     def numbers(self) -> tuple[float | None, ...]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import diffrax
+import equinox as eqx
 
 from ..compilation import Compiled
 from ..datasets.provenance import setting_notes
@@ -13,6 +14,7 @@ from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..results import RESULTS
 from . import presets
 from .adjoint import loops_for
 from .aliases import Numbers
@@ -22,7 +24,7 @@ from .impact_table import ImpactCollector
 from .interruptions import RunInterrupted
 from .law_ranges import beyond_law_ranges
 from .method import Scheme
-from .run_checks import check_precision, check_start, is_traced
+from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import Saving, saving_or_nothing
 from .sections import with_units
 from .segments import begin
@@ -97,8 +99,12 @@ def simulate(
     traced = is_traced((scene, state, end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = save.times
+    admissible = None
     if traced:
         save.require_times_alone("under a transformation of JAX", LEAVE_OUT)
+        admissible = in_domain(
+            lambda: _check_numbers(scene, state, start_time, end_time, settings, save)
+        )
     else:
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
@@ -113,6 +119,9 @@ def simulate(
     saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
     now = begin_compiled(scheme, form, state, start, end, length, saves, rows, *kept)
     if traced:
+        if admissible is not None:
+            result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
+            now = eqx.tree_at(lambda progress: progress.step.result, now, result)
         run = OnePiece(form, scheme, on_device(end_time), redundant)
         save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
@@ -133,6 +142,21 @@ def simulate(
 
 
 begin_compiled = Compiled(begin, effort="least")
+
+
+def _check_numbers(
+    scene: Scene,
+    state: State,
+    start_time: Scalar,
+    end_time: Scalar,
+    settings: Settings,
+    save: Saving,
+) -> None:
+    """Check every number of a run, but not whether they fit the constraints."""
+    check_numbers(scene, state)
+    check_span(start_time, end_time)
+    settings.check_numbers()
+    save.times_between(start_time, end_time)
 
 
 def _warn(scene: Scene, solution: Solution) -> None:

@@ -1,19 +1,21 @@
 """What a run returns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import equinox as eqx
 import jax
 import numpy as np
-from numpy.typing import ArrayLike
+from jax.core import Tracer
+from jaxtyping import PyTree
 
 from ..datasets.labelled import Labelled, labelled_dataset
 from ..datasets.provenance import Notes
 from ..datasets.tabular import AbstractTabular
 from ..dynamics.formulation import Formulation
-from ..fields.checks import require
+from ..fields.checks import as_shown, require
 from ..fields.readable import AbstractReadable
+from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..results import RESULTS
@@ -26,6 +28,8 @@ from .state_tables import state_arrays, state_labels
 if TYPE_CHECKING:
     import xarray as xr
 
+SHOWN_BODIES = 6
+"""Bodies whose final state is in the text of a run."""
 SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
 
@@ -66,6 +70,13 @@ class Trajectory(AbstractReadable, AbstractTabular):
         states = jax.tree.map(np.asarray, self.states)
         wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
         return Trajectory(wanted, states_between(ends, states, wanted))
+    def __str__(self) -> str:
+        """How many states, of which bodies and from when to when, in a line."""
+        if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
+            return repr(self)
+        bodies = ", ".join(map(repr, self.states.bodies))
+        first, last = as_shown(np.asarray(self.times)[[0, -1]])
+        return f"{len(self)} states of {bodies} from {first} s to {last} s"
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` along "time", "body" and "component", with units: `position`,
@@ -120,6 +131,22 @@ class Solution(AbstractReadable, AbstractTabular):
     sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
     outputs: Mapping[str, float] = eqx.field(default_factory=dict)
     settings: Notes = eqx.field(default=(), static=True)
+
+    def __repr__(self) -> str:
+        """How the run ended, what it kept, and where the bodies are, in a few lines."""
+        if is_abstract(self):
+            return super().__repr__()
+        lines = [f"{self.accepted} steps, {self.attempts} tried"]
+        lines += [
+            f"{name}: {kept}"
+            for name, kept in (("saved", self.saved), ("steps", self.steps))
+            if kept is not None
+        ]
+        if self.impacts is not None:
+            lines.append(f"impacts: {len(self.impacts)}")
+        if self.sections:
+            lines.append(f"sections: {', '.join(map(repr, self.sections))}")
+        return run_text(self, self.final, self.redundant_constraints, lines)
 
     @property
     def times(self) -> Numbers:
@@ -185,6 +212,33 @@ class FinishedRun(Protocol):
     def result(self) -> RESULTS:
         """The code that tells how the run ended."""
         ...
+
+
+def is_abstract(tree: PyTree) -> bool:
+    """Whether JAX traces any number, or a run is one of a batch: then there is no single text."""
+    time = getattr(tree, "time", 0.0)
+    return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def run_text(
+    run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
+) -> str:
+    """How a run ended, the given lines, and the final state of up to `SHOWN_BODIES` bodies."""
+    if redundant:
+        names = ", ".join(map(repr, redundant))
+        lines = [*lines, f"redundant constraints: {names}"]
+    bodies = list(final.bodies.items())
+    for name, body in bodies[:SHOWN_BODIES]:
+        place, speed = (_triple(vector) for vector in (body.position, body.velocity))
+        lines = [*lines, f"{name!r} at {place} m with {speed} m/s"]
+    if len(bodies) > SHOWN_BODIES:
+        lines = [*lines, f"... and {len(bodies) - SHOWN_BODIES} more in `final.bodies`"]
+    head = f"{type(run).__name__} at t = {float(run.time):.9g} s: {RESULTS[run.result]}"
+    return "\n  ".join([head, *lines])
+
+
+def _triple(vector: Numbers) -> str:
+    return f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
 
 
 class SimulationError(RuntimeError):

@@ -1,11 +1,11 @@
 """The span of a run, and times within it."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from ..fields.checks import as_number, require
+from ..fields.checks import as_number, as_shown, checkable, require
+from ..fields.types import ArrayLike, Column
 from ..math.vectors import Scalar
 
 ROUNDINGS = 4.0
@@ -20,18 +20,18 @@ def check_span(start: Scalar, end: Scalar) -> None:
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
         require(number, name, value, "a single number", "pass one time in s")
-    require(
-        bool(np.isfinite(end)) and bool(end > start),
-        "end_time",
-        end,
-        f"finite and after start_time = {start}",
-        "give times in s",
-    )
+    if (known := checkable(start, end)) is not None:
+        first, last = known
+        require(
+            (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first),
+            "end_time",
+            end,
+            f"finite and after start_time = {as_shown(start)}",
+            "give times in s",
+        )
 
 
-def checked_times(
-    start: Scalar, end: Scalar, times: ArrayLike, argument: str
-) -> Float[np.ndarray, " N"]:
+def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
     """Times to look at during a run, found to rise within its span.
 
     **Arguments:** `argument`: what the caller calls these times.
@@ -42,41 +42,44 @@ def checked_times(
     **Raises:** `ValueError` for times that don't rise or are outside.
     """
     row = check_rising(times, argument)
-    room = rounding(start, end, times)
-    require(
-        bool(row[0] >= start - room) and bool(row[-1] <= end + room),
-        argument,
-        [float(row[0]), float(row[-1])],
-        f"between start_time = {start} and end_time = {end}",
-        "leave out the times outside",
-    )
-    return np.clip(row.astype(float), float(start), float(end))
+    if (known := checkable(row, start, end)) is not None:
+        row, first, last = known
+        room = rounding(start, end, times)
+        require(
+            (row[0] >= first - room) & (row[-1] <= last + room),
+            argument,
+            [row[0], row[-1]],
+            f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}",
+            "leave out the times outside",
+        )
+        return row.astype(float).clip(first, last)
+    return row
 
 
-def check_rising(times: ArrayLike, argument: str) -> Float[np.ndarray, " N"]:
+def check_rising(times: ArrayLike, argument: str) -> Column:
     """The times as an array, (N,).
 
     **Raises:** `ValueError` for times that don't rise.
     """
-    row = np.asarray(as_number(times, argument, "s"))
-    fine = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
-    require(
-        fine and bool((np.diff(row) >= 0).all()),
-        argument,
-        row,
-        "a rising one-dimensional array of finite times",
-        "sort the times, or pass for example numpy.linspace(0, 1, 101)",
-    )
+    row = as_number(times, argument, "s")
+    expected = "a rising one-dimensional array of finite times"
+    remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
+    require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
+    if (known := checkable(row)) is None:
+        return row
+    (row,) = known
+    fine = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
+    require(fine, argument, row, expected, remedy)
     return row
 
 
-def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> float:
+def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
     """How far times may be outside of a span by rounding alone, s: that of the coarsest of the
     types in which these are given."""
     precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
-    return ROUNDINGS * precision * max(abs(float(start)), abs(float(end)))
+    return ROUNDINGS * precision * (abs(start) + abs(end))
 
 
 def _float_type(value: ArrayLike) -> np.dtype:
-    kind = np.asarray(value).dtype
+    kind = value.dtype if isinstance(value, jax.Array) else np.asarray(value).dtype
     return kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)

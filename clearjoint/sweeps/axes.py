@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 from jaxtyping import Float, PyTree
-from numpy.typing import ArrayLike
 
 from ..datasets.provenance import describe
 from ..dynamics.assembly import check_names
 from ..fields.cautions import quiet
 from ..fields.checks import as_number, recheck_changes, require, require_finite
+from ..fields.types import ArrayLike
 from ..math.vectors import unpack
 from ..model.bodies import State
 from ..model.joints.base import AbstractContactJoint

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import require, require_array_names, require_count, require_finite
+from ..fields.types import ArrayLike
 
 if TYPE_CHECKING:
     import xarray as xr

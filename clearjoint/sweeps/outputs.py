@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..fields.checks import as_number, require, require_count
+from ..fields.types import ArrayLike
 from ..model.scene import Scene
 from ..quantities.base import require_known
 from ..simulation.batch.reductions import AbstractReduction, check_reductions

@@ -8,6 +8,7 @@ compiled run of `sensitivities`, contexts in which the code of a feature is miss
 the equations of motion are another's, and the runtime's settings.
 """
 
+from ..fields.readable import without_modules as _without_modules
 from ..runtime import settings as runtime_settings
 from ..runtime import xla_flags as xla_flags
 from .conformance import check_bristles as check_bristles
@@ -47,3 +48,5 @@ __all__ = [
     "without",
     "xla_flags",
 ]
+
+__dir__ = _without_modules(globals())

@@ -8,9 +8,9 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
-from numpy.typing import ArrayLike
 
 from ..fields.checks import require
+from ..fields.types import ArrayLike
 
 ROUND = 32
 """Sides of what is round."""

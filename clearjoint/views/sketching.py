@@ -5,9 +5,8 @@ from itertools import cycle
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from ..fields.types import Single, Triple
+from ..fields.types import ArrayLike, Single, Triple
 from ..math.rotations import transverse_axes
 from ..math.vectors import Vector
 from ..model.bodies import GROUND, Body

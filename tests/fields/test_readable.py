@@ -1,11 +1,19 @@
 """What a user prints reads like what was given."""
 
+import importlib
+import inspect
+import types
+from unittest.mock import ANY
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import extend
+from clearjoint.fields.checks import as_shown
+from clearjoint.reference.public_names import MODULES
 from clearjoint.results import RESULTS
 
 
@@ -46,3 +54,47 @@ def test_every_result_says_something():
         assert RESULTS[code] != ""
         assert RESULTS[code] in str(code)
     assert "reached its end" in str(RESULTS.successful)
+
+
+def test_a_solution_prints_in_a_few_lines():
+    points = (0, 0, 0), (0, 0, 0)
+    spring = cj.SpringDamper("ground", "ball", *points, stiffness=100.0, free_length=0.1)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    save = cj.Saving(np.linspace(0.0, 0.3e-2, 4), impacts=True)
+    solution = cj.simulate(scene, state, 0.3e-2, save=save, progress=False)
+    lines = str(solution).splitlines()
+    assert lines[0] == "Solution at t = 0.003 s: The run reached its end time."
+    assert "saved: 4 states of 'ball' from 0.0 s to 0.003 s" in lines[2]
+    assert lines[3:] == ["  impacts: 0", "  'ball' at (0.1, 0, 0) m with (0, 0, 0) m/s"]
+    assert repr(solution) == str(solution)
+
+
+def test_roundings_are_not_echoed():
+    """A logarithm's conversion and back, in an error, an element and a list."""
+    rounded = float(np.exp(np.log(5e-6)))
+    assert rounded != 5e-6
+    with pytest.raises(ValueError, match=r"but is 5e-06: give it in m\."):
+        extend.require(False, "clearance", rounded, "larger", "give it in m")
+    assert repr(cj.Hertz(rounded * 1e12)) == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
+    assert as_shown([rounded, 1 / 3, -0.0, np.nan, "a", 3]) == [5e-6, 1 / 3, 0.0, ANY, "a", 3]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_public_modules_list_no_modules_of_theirs_and_no_types_of_numpy_s(module):
+    namespace = importlib.import_module(module)
+    listed = {name: getattr(namespace, name) for name in dir(namespace)}
+    modules = {name for name, value in listed.items() if isinstance(value, types.ModuleType)}
+    assert modules <= {"densities", "extend", "plot", "presets", "quantities", "testing", "style"}
+    callables = [value for value in listed.values() if inspect.isroutine(value)]
+    assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
+
+
+def test_a_list_may_hold_a_number_that_jax_traces():
+    def torque(switch):
+        return cj.PiecewiseConstant([0.0, switch], [1.0, 2.0 * switch])(0.3)
+
+    value, slope = jax.jvp(torque, (0.2,), (1.0,))
+    assert (float(value), float(slope)) == pytest.approx((0.4, 2.0))
+    with pytest.raises(ValueError, match="`times` must be two times or more, in a row"):
+        jax.jit(lambda x: cj.PiecewiseConstant([[0.0, x]] * 2, [1.0, 2.0]).times)(1.0)

@@ -70,12 +70,12 @@ def row(places, margins):
     return LaneMargins(np.asarray(places, float), margins, margins, margins)
 
 
-def searched(function, slope=None, tolerance=1e-3, draws=1):
-    """What is found between 1 and 10 on a linear scale, for margins that are a function; and what
+def searched(function, slope=None, tolerance=1e-3, lanes=10, between=(1.0, 10.0)):
+    """What is found between two values on a linear scale, for margins that are a function; and what
     was asked for."""
     rows, looked = [], []
 
-    def lanes(places):
+    def run(places):
         rows.append(places)
         return row(places, [function(place) for place in places])
 
@@ -84,8 +84,8 @@ def searched(function, slope=None, tolerance=1e-3, draws=1):
         return Margins(place, {"x": function(place)}, {"x": slope(place)}, {"x": 0.0})
 
     parameter = cj.Parameter(lambda scene: scene.gravity[0])
-    search = _Search(SimpleNamespace(margins=lanes), 10, tolerance, parameter)
-    return search.found(1.0, 10.0, "m", look if slope else None), rows, looked
+    search = _Search(SimpleNamespace(margins=run), lanes, tolerance, parameter)
+    return search.found(*between, "m", look if slope else None), rows, looked
 
 
 def test_smooth_margins_are_followed_by_gradient():
@@ -110,7 +110,34 @@ def test_the_first_value_that_fails_counts_and_it_is_said_that_later_ones_hold()
     """A failure below the one that the first row sees."""
     found, _, _ = searched(lambda x: -1.0 if 4.2 < x < 4.6 or x > 5.5 else 1.0)
     assert found.value == pytest.approx(4.2, rel=1e-3) and not found.monotone
-    assert "rise and fall" in str(found)
+    first, last = found.alternating
+    assert found.interval[1] == first and last == pytest.approx(5.5, rel=0.1)
+    assert "passes and violations alternate" in str(found) and "Margins rise and fall" in str(found)
+
+
+@pytest.mark.parametrize("count", [8, 16, 32])
+def test_a_narrow_violation_below_the_one_that_a_row_sees(count):
+    """Margins of an acceleration of a slider-crank, by clearance in um: within 1.7 % or less of the
+    limit, with a violation 0.9 % wide at 10 um and a pass up to 10.37 um above it."""
+    clearances = [5.0, 6.4, 7.2, 8.7, 9.24, 9.82, 9.865, 9.905, 9.953, 9.965, 10.0, 10.03, 10.05]
+    margins = [24.1, 26.6, 11.5, 10.2, 13.5, 8.4, 29.5, 7.9, 0.0, -0.6, -1.7, -1.6, -0.6]
+    clearances += [10.068, 10.11, 10.151, 10.193, 10.235, 10.277, 10.319, 10.361, 10.446, 11.0]
+    margins += [0.9, 7.8, 22.3, 24.2, 12.3, 5.3, 1.8, -0.1, -5.7, -26.0]
+    found, rows, _ = searched(
+        lambda x: np.interp(x, clearances, margins) / 1e3 - max(0.0, x - 11.0) / 200.0,
+        lanes=count,
+        between=(5.0, 50.0),
+    )
+    assert found.value == pytest.approx(9.953, rel=1.5e-3) and not found.monotone
+    assert found.interval[0] <= 9.953 <= found.interval[1]
+    assert found.alternating[1] > 10.1 and len(rows) < 16
+
+
+def test_a_violation_that_no_lane_of_the_first_row_sees():
+    """The margin rises and falls over the lanes, and is negative between two of them."""
+    found, _, _ = searched(lambda x: 0.03 * abs(x - 5.55) - 0.005)
+    assert found.met and found.value == pytest.approx(5.55 - 1 / 6, rel=1e-3)
+    assert found.alternating[1] == 10.0
 
 
 def test_a_range_without_a_limit_and_one_beyond_it():

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -18,6 +19,8 @@ from ...sweeps.axes import Axis
 from ...sweeps.sweep import sweep
 
 VALUE = "largest_value"
+NEIGHBOURS = 2
+"""Intervals on either side whose changes of the margin an interval's own may be as large as."""
 CONFIDENCE = 0.95
 """Of the quantiles' intervals."""
 
@@ -28,19 +31,22 @@ class LaneMargins:
 
     - `margins`: (n,) the smallest over the outputs, of the quantile over the draws.
     - `low`, `high`: (n,) ends of their confidence intervals; the margins themselves without draws.
+    - `peak`: a text on the output with the smallest margin at the first place.
     """
 
     places: Float[np.ndarray, " n"]
     margins: Float[np.ndarray, " n"]
     low: Float[np.ndarray, " n"]
     high: Float[np.ndarray, " n"]
+    peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
         """These and others, in order; of equal places the first."""
         places = np.concatenate([self.places, others.places])
         places, kept = np.unique(places, return_index=True)
-        rows = zip(self._rows, others._rows, strict=True)
-        return LaneMargins(places, *(np.concatenate(pair)[kept] for pair in rows))
+        pairs = zip(self._rows, others._rows, strict=True)
+        margins, low, high = (np.concatenate(pair)[kept] for pair in pairs)
+        return LaneMargins(places, margins, low, high, self.peak)
 
     @property
     def _rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -50,6 +56,20 @@ class LaneMargins:
         """Which lane is the first that does not hold, and the one before it; or ``None``."""
         fails = np.flatnonzero(~(self.margins >= 0.0))
         return (int(fails[0]) - 1, int(fails[0])) if len(fails) else None
+
+    def doubtful(self) -> Bool[np.ndarray, " m"]:
+        """Of each interval (n - 1,) below the first lane that does not hold, that one's included,
+        whether the smaller of the margins at its ends is below the largest change of the margin
+        over it or over one of its `NEIGHBOURS`: a violation may lie inside."""
+        gap = self.gap()
+        count = len(self.places) - 1 if gap is None else gap[1]
+        ends = self.margins[: count + 1]
+        changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
+        around = np.pad(changes, NEIGHBOURS)
+        largest = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        found = np.zeros(len(self.places) - 1, bool)
+        found[:count] = np.minimum(ends[:-1], ends[1:]) < largest
+        return found
 
     def falls(self, tolerance: float) -> bool:
         """Whether no margin is above one at a smaller place, by more than a tolerance and what the
@@ -94,11 +114,24 @@ class LaneProblem:
             progress=self.progress,
         )
         fine = found["result"].values == result_number(RESULTS.successful)
-        rows = []
+        rows = {}
         for name, limit in self.limits.items():
             peaks = np.where(fine, found[name].values, np.inf).reshape(len(values), count)
-            rows.append(limit_margins(peaks, limit, self.quantile))
-        return LaneMargins(places, *np.min(np.array(rows), axis=0))
+            rows[name] = limit_margins(peaks, limit, self.quantile)
+        margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+        peak = self._peak({name: float(row[0][0]) for name, row in rows.items()})
+        return LaneMargins(places, margins, low, high, peak)
+
+    def _peak(self, margins: Mapping[str, float]) -> str:
+        """A text on the output with the smallest of the margins."""
+        name = min(margins, key=lambda name: margins[name])
+        if not np.isfinite(margins[name]):
+            return "the run fails there"
+        unit, limit = self.outputs[name].units().get("", "1"), self.limits[name]
+        return (
+            f"`{name}` reaches {limit * math.exp(-margins[name]):.6g} {unit} there, and its limit "
+            f"is {limit:.6g} {unit}"
+        )
 
 
 def limit_margins(

@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import require, require_count, require_positive, require_range
+from ...fields.checks import as_shown, require, require_count, require_positive, require_range
 from ...fields.conversion import as_numbers
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -24,6 +24,8 @@ from .margins import Margins, largest_within
 QUANTITY = "quantity"
 CLOSE = 2.0
 """How far below the first lane that fails a second row looks closely, in steps of the first row."""
+INSPECTIONS = 12
+"""Rows at most that look closely at where a violation may lie between two lanes."""
 TOLD = 0.1
 """Share of the change of a margin that its slopes may miss where it counts as smooth."""
 
@@ -35,11 +37,16 @@ class Largest:
     """The largest value that holds, with all smaller ones that were looked at.
 
     - `value`: in the parameter's `unit`; the upper end of the range if no limit is met there.
-    - `interval`: values between which the true one is: the last that holds and the first that
-      does not, or, with a quantile of draws, those that its 95 % confidence interval leaves open.
+    - `interval`: values between which the first violation found begins: the last that holds and the
+      first that does not, or, with a quantile of draws, those that its 95 % confidence interval
+      leaves open.
     - `met`: whether a limit was met within the range.
     - `monotone`: whether all margins that were seen fall with the parameter. If not, a larger
-      value may hold again, and one between those looked at may not.
+      value may hold again, and a violation narrower than `spacing` may have been missed.
+    - `alternating`: the first value that does not hold, and the largest that holds above it: passes
+      and violations alternate between them. ``None`` if no value above the first violation holds.
+    - `spacing`: the largest distance between neighbouring values looked at up to `value`, relative
+      to the larger.
     - `by_gradient`: whether Newton's method found it; if not, ever finer rows of values did.
     - `values`, `margins`: (n,) what was looked at in lanes, and the smallest margin
       log(limit / peak) there, -inf where a run failed.
@@ -63,6 +70,8 @@ class Largest:
     met: bool
     monotone: bool
     by_gradient: bool
+    alternating: tuple[float, float] | None
+    spacing: float
     values: Float[np.ndarray, " n"]
     margins: Float[np.ndarray, " n"]
     looks: tuple[Margins, ...]
@@ -70,18 +79,31 @@ class Largest:
     def __str__(self) -> str:
         """The value, how sure it is, and what was seen on the way, in a sentence."""
         low, high = self.interval
-        if not self.met:
-            return f"No limit is met up to {self.value:.6g} {self.unit}, the end of the range."
-        how = f"Newton's method in {len(self.looks)} looks" if self.by_gradient else "lanes"
         fall = (
-            "all margins seen fall with it"
+            "All margins seen fall with it."
             if self.monotone
-            else "margins rise and fall: between the values looked at some may not hold"
+            else f"Margins rise and fall: a violation between two of the values looked at, up to "
+            f"{self.spacing:.1%} apart, may have been missed."
         )
-        return (
-            f"Up to {self.value:.6g} {self.unit} (between {low:.6g} and {high:.6g}), by {how} and "
-            f"{len(self.values)} lanes; {fall}."
+        if not self.met:
+            found = f"No limit is met up to {self.value:.6g} {self.unit}, the end of the range."
+            return f"{found} {fall}"
+        how = f"Newton's method in {len(self.looks)} looks" if self.by_gradient else "lanes"
+        form = f".{_digits(low, high)}g"
+        found = (
+            f"Up to {self.value:{form}} {self.unit} (the first violation begins between "
+            f"{low:{form}} and {high:{form}}), by {how} and {len(self.values)} lanes."
         )
+        if self.alternating is not None:
+            first, last = (f"{value:{form}}" for value in self.alternating)
+            found += f" From {first} to {last} passes and violations alternate."
+        return f"{found} {fall}"
+
+
+def _digits(low: float, high: float) -> int:
+    """Significant digits of the ends of an interval, one more than they have in common."""
+    width = abs(high - low) / max(abs(low), abs(high), np.finfo(float).tiny)
+    return int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))
 
 
 def largest(
@@ -107,8 +129,10 @@ def largest(
     their limits, and all smaller values of the range too.
 
     Rows of lanes tell where a limit is first exceeded; a second row looks closely at what lies
-    just below. Where derivatives tell how margins change there, Newton's method goes on from them,
-    inside its bracket; where they don't, since impacts come and go, further rows do.
+    just below. Where margins rise and fall, further rows look between lanes whose margins are
+    smaller than they change from lane to lane. Where derivatives tell how margins change there,
+    Newton's method goes on from them, inside its bracket; where they don't, since impacts come and
+    go, further rows do.
 
     ```python
     import clearjoint as cj
@@ -147,7 +171,7 @@ def largest(
     **Returns:** a `Largest`.
 
     **Raises:** `ValueError` for arguments that no run can use, and if the least value does not
-    hold.
+    hold; the message has the peak that it reaches.
     """
     named = isinstance(quantity, Mapping)
     quantities: dict[str, Watched] = dict(quantity) if named else {QUANTITY: quantity}
@@ -210,11 +234,13 @@ class _Search:
         """The largest value between two places; by `look` too where margins are smooth."""
         seen = self.problem.margins(np.linspace(low, high, self.lanes))
         least = self._value(low)
-        remedy = "lower it, or raise the limit"
+        remedy = f"{seen.peak}; lower it, or raise the limit"
         require(bool(seen.margins[0] >= 0.0), "between[0]", least, "a value that holds", remedy)
+        if seen.gap() is not None:
+            seen = self._refined(seen, close=True)
+        seen = self._inspected(seen)
         if seen.gap() is None:
             return self._largest(seen, self._value(high), unit, None)
-        seen = self._refined(seen, close=True)
         looks = () if look is None else self._looks(seen, look)
         if looks:
             return self._largest(seen, self._value(looks[-1].place), unit, looks)
@@ -229,6 +255,24 @@ class _Search:
         start = max(seen.places[0], holds - CLOSE * (fails - holds)) if close else holds
         return seen.with_others(self.problem.margins(np.linspace(start, fails, self.lanes)))
 
+    def _inspected(self, seen: LaneMargins) -> LaneMargins:
+        """Rows of lanes, where margins do not fall alone, in the intervals that may hold a
+        violation, until these are as narrow as the tolerance."""
+        for _ in range(INSPECTIONS):
+            open_ones = seen.doubtful() & (self._widths(seen) > self.tolerance)
+            if seen.falls(self.tolerance) or not open_ones.any():
+                break
+            widths = np.where(open_ones, np.diff(seen.places), 0.0)
+            parts = np.ones(len(widths), int)
+            for _ in range(self.lanes):  # each lane into what is then the widest
+                parts[np.argmax(widths / parts)] += 1
+            rows = [
+                start + width * np.arange(1, count) / count
+                for start, width, count in zip(seen.places, widths, parts, strict=False)
+            ]
+            seen = seen.with_others(self.problem.margins(np.concatenate(rows)))
+        return seen
+
     def _looks(self, seen: LaneMargins, look: Callable[[float], Margins]) -> tuple[Margins, ...]:
         """Newton's looks in the gap, the last at its end; none where slopes don't tell how margins
         change from one side of it to the other."""
@@ -240,12 +284,14 @@ class _Search:
         if not (first.holds and not last.holds and missed <= TOLD * abs(change)):
             return ()
         path = largest_within(look, holds, fails, self.tolerance).path
-        return (first, last, *path[1:])
+        return (last, *path)
 
     def _largest(
         self, seen: LaneMargins, value: float, unit: str, looks: tuple[Margins, ...] | None
     ) -> Largest:
         met = seen.gap() is not None
+        again = int(np.flatnonzero(seen.margins >= 0.0)[-1])
+        first = _gap(seen)[1] if met else len(seen.places) - 1
         return Largest(
             value=value,
             unit=unit,
@@ -253,6 +299,10 @@ class _Search:
             met=met,
             monotone=seen.falls(self.tolerance),
             by_gradient=looks is not None,
+            alternating=(self._value(seen.places[first]), self._value(seen.places[again]))
+            if again > first
+            else None,
+            spacing=float(self._widths(seen)[:first].max()),
             values=np.array([self._value(place) for place in seen.places]),
             margins=np.nan_to_num(seen.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
             looks=looks or (),
@@ -274,11 +324,16 @@ class _Search:
 
     def _width(self, seen: LaneMargins) -> float:
         """How far the ends of the gap are apart, in the larger of their values."""
-        ends = [self._value(seen.places[k]) for k in _gap(seen)]
-        return abs(ends[1] - ends[0]) / max(map(abs, ends))
+        return float(self._widths(seen)[_gap(seen)[0]])
+
+    def _widths(self, seen: LaneMargins) -> Float[np.ndarray, " m"]:
+        """How far neighbouring values are apart, relative to the larger."""
+        values = np.array([self._value(float(place)) for place in seen.places])
+        sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), np.finfo(float).tiny)
+        return np.abs(np.diff(values)) / sizes
 
     def _value(self, place: float) -> float:
-        return float(self.parameter.scale.value(place))
+        return as_shown(float(self.parameter.scale.value(place)))
 
 
 def _gap(seen: LaneMargins) -> tuple[int, int]:

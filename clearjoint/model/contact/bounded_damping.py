@@ -4,7 +4,7 @@ and one that is softer on the way out."""
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require
+from ...fields.checks import checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
@@ -21,10 +21,9 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
     force_jumps = False
 
     def __check_init__(self):
-        exponent = concrete(self.exponent)
-        if exponent is not None:
-            least = bool(exponent >= 1.0)
-            require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
+        if (known := checkable(self.exponent)) is not None:
+            (exponent,) = known
+            require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
 
     def slope_jumps(self) -> bool:
         """Unless the elastic force, which bounds the damping, begins as a power above one."""

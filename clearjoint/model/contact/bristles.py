@@ -10,7 +10,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -213,13 +213,14 @@ class ElastoPlastic(AbstractDampedBristles):
 
     def _check_together(self) -> None:
         super()._check_together()
-        elastic, full = concrete(self.elastic_deflection), concrete(self.full_deflection())
-        if elastic is not None and full is not None:
+        known = checkable(self.elastic_deflection, self.full_deflection())
+        if known is not None:
+            elastic, full = known
             require(
-                bool(elastic < full),
+                elastic < full,
                 "elastic_deflection",
-                float(elastic),
-                f"below kinetic/stiffness = {float(full)} m",
+                elastic,
+                f"below kinetic/stiffness = {as_shown(full)} m",
                 "give z_ba in m, half of that for example",
             )
 

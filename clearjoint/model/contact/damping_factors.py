@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.cautions import LawRangeWarning, caution
-from ...fields.checks import concrete, require
+from ...fields.checks import checkable, concrete, require
 from ...math.vectors import Scalar
 from .hunt_crossley import AbstractDampedLaw
 from .restitution import exact_damping_factor
@@ -112,12 +112,12 @@ class AbstractReboundingLaw(AbstractDampedLaw):
     """A law whose damping is infinite for a requested restitution of zero, which is refused."""
 
     def __check_init__(self):
-        restitution = concrete(self.restitution)
-        if restitution is not None:
+        if (known := checkable(self.restitution)) is not None:
+            (restitution,) = known
             require(
-                bool(restitution > 0),
+                restitution > 0,
                 "restitution",
-                float(restitution),
+                restitution,
                 "positive for this law",
                 "its damping is infinite at 0; use a small value such as 0.01",
             )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require
+from ...fields.checks import checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
@@ -122,12 +122,12 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
             "a number or an AbstractStiffness",
             "the damping of this law follows the factor of a power of the penetration",
         )
-        restitution = concrete(self.restitution)
-        if restitution is not None:
+        if (known := checkable(self.restitution)) is not None:
+            (restitution,) = known
             require(
-                bool(restitution > 0.0),
+                restitution > 0.0,
                 "restitution",
-                float(restitution),
+                restitution,
                 "positive for this law",
                 "its logarithm or inverse is in the damping; use a small value such as 0.01",
             )

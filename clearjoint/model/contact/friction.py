@@ -5,7 +5,7 @@ import abc
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -137,13 +137,13 @@ class Ambrosio(AbstractFriction):
     upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
     def _check_together(self) -> None:
-        lower, upper = concrete(self.lower_speed), concrete(self.upper_speed)
-        if lower is not None and upper is not None:
+        if (known := checkable(self.lower_speed, self.upper_speed)) is not None:
+            lower, upper = known
             require(
-                bool(upper > lower),
+                upper > lower,
                 "upper_speed",
-                float(upper),
-                f"above lower_speed = {float(lower)}",
+                upper,
+                f"above lower_speed = {as_shown(lower)}",
                 "give v1 > v0 in m/s",
             )
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require, require_positive, require_range
+from ...fields.checks import checkable, require, require_positive, require_range
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
@@ -58,10 +58,9 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         """chi, the hysteresis damping factor times the entry speed over K."""
 
     def __check_init__(self):
-        exponent = concrete(self.exponent)
-        if exponent is not None:
-            least = bool(exponent >= 1.0)
-            require(least, "exponent", float(exponent), "at least 1", "use 1.5 for Hertz")
+        if (known := checkable(self.exponent)) is not None:
+            (exponent,) = known
+            require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
             require(

@@ -7,7 +7,7 @@ hold it.
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import concrete, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
@@ -17,13 +17,13 @@ from .friction import AbstractFriction
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
     """Check that friction does not rise from breakaway to kinetic friction."""
-    slow, fast = concrete(breakaway), concrete(kinetic)
-    if slow is not None and fast is not None:
+    if (known := checkable(breakaway, kinetic)) is not None:
+        slow, fast = known
         require(
-            bool(slow >= fast),
+            slow >= fast,
             "breakaway",
-            float(slow),
-            f"at least kinetic = {float(fast)}",
+            slow,
+            f"at least kinetic = {as_shown(fast)}",
             "give mu_S >= mu_C",
         )
 
@@ -64,12 +64,12 @@ class Stribeck(AbstractFallingFriction):
 
     def _check_together(self) -> None:
         super()._check_together()
-        exponent = concrete(self.exponent)
-        if exponent is not None:
+        if (known := checkable(self.exponent)) is not None:
+            (exponent,) = known
             require(
-                bool(exponent >= 1.0),
+                exponent >= 1.0,
                 "exponent",
-                float(exponent),
+                exponent,
                 "at least 1",
                 "give delta >= 1; below, the slope at rest is infinite",
             )

@@ -9,12 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 
-from ...fields.checks import as_number, concrete, require, require_finite
+from ...fields.checks import as_number, checkable, require, require_finite
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import Column, TableRows
+from ...fields.types import ArrayLike, Column, TableRows
 from ...math.interpolation import Slope, hermite_value
 from ...math.vectors import Scalar
 
@@ -174,9 +173,9 @@ def require_rising(times: ArrayLike) -> None:
     remedy = "pass two at least, sorted, none of them twice"
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "two times or more, in a row", remedy)
     require_finite("times", times)
-    numbers = concrete(times)
-    if numbers is not None:
-        require(bool((np.diff(numbers) > 0).all()), "times", numbers, "rising", remedy)
+    if (known := checkable(times)) is not None:
+        (numbers,) = known
+        require((numbers[1:] > numbers[:-1]).all(), "times", numbers, "rising", remedy)
 
 
 def require_continuous(function: AbstractFunctionOfTime) -> None:

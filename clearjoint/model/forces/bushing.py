@@ -3,17 +3,16 @@
 from typing import NamedTuple
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
-    concrete,
+    checkable,
     require,
     require_euler_parameters,
     require_point,
     require_shape,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Triple
+from ...fields.types import ArrayLike, Quadruple, Triple
 from ...math.rotation_vectors import RotationVector, rotation_vector
 from ...math.rotations import rotation_matrix
 from ...math.vectors import Matrix, Scalar, Vector
@@ -29,12 +28,10 @@ NONE = (0.0, 0.0, 0.0)
 def _require_none_negative(argument: str, value: ArrayLike) -> None:
     """Check a number for each axis, none of them negative."""
     require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
-    numbers = concrete(value)
-    if numbers is not None:
-        fine = bool((numbers >= 0.0).all())
-        require(
-            fine, argument, numbers, "zero or positive", "give stiffness and damping in SI units"
-        )
+    if (known := checkable(value)) is not None:
+        (numbers,) = known
+        fine, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
+        require(fine, argument, numbers, "zero or positive", remedy)
 
 
 class _Strain(NamedTuple):

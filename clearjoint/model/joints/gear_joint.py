@@ -4,18 +4,16 @@ import math
 from dataclasses import replace
 
 import equinox as eqx
-import numpy as np
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
-    concrete,
+    checkable,
     require,
     require_axis,
     require_euler_parameters,
     require_positive,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Single, Triple
+from ...fields.types import ArrayLike, Quadruple, Single, Triple
 from ...math.periodic import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import EulerParameters, Scalar, Vector
@@ -31,10 +29,9 @@ def _require_teeth(argument: str, value: ArrayLike) -> None:
     """Check a number of teeth."""
     remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
     require_positive(argument, value, remedy)
-    number = concrete(value)
-    if number is not None:
-        whole = bool(np.round(number) == number)
-        require(whole, argument, float(number), "a whole number, positive", remedy)
+    if (known := checkable(value)) is not None:
+        (number,) = known
+        require(number.round() == number, argument, number, "a whole number, positive", remedy)
 
 
 class GearJoint(AbstractConstraint):

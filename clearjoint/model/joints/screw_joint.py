@@ -4,11 +4,10 @@ import math
 from dataclasses import replace
 
 import equinox as eqx
-from numpy.typing import ArrayLike
 
-from ...fields.checks import concrete, require, require_axis, require_point, require_shape
+from ...fields.checks import checkable, require, require_axis, require_point, require_shape
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import ArrayLike, Single, Triple
 from ...math.periodic import wrapped
 from ...math.rotations import unit
 from ...math.vectors import Scalar
@@ -23,10 +22,10 @@ from .screw_motion import ScrewMotion, along, shortest_turn
 def _require_lead(argument: str, value: ArrayLike) -> None:
     """Check a lead to be one number that is not zero."""
     require_shape(argument, value, (), "pass a single number in m")
-    number = concrete(value)
-    if number is not None:
+    if (known := checkable(value)) is not None:
+        (number,) = known
         remedy = "give the advance in a turn in m; a RevoluteJoint has none"
-        require(float(number) != 0.0, argument, float(number), "other than zero", remedy)
+        require(number != 0.0, argument, number, "other than zero", remedy)
 
 
 class ScrewJoint(AbstractAxisJoint):

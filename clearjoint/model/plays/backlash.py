@@ -6,7 +6,13 @@ from typing import Annotated
 
 import equinox as eqx
 
-from ...fields.checks import as_number, concrete, require, require_axis, require_positive
+from ...fields.checks import (
+    as_number,
+    checkable,
+    require,
+    require_axis,
+    require_positive,
+)
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import within_a_period
@@ -158,12 +164,12 @@ class Backlash(AbstractContactJoint):
         require_flat_law(self.law, "flanks")
 
     def _check_together(self) -> None:
-        play = concrete(self.play)
-        if play is not None:
+        if (known := checkable(self.play)) is not None:
+            (play,) = known
             require(
-                bool(play < TURN),
+                play < TURN,
                 "play",
-                float(play),
+                play,
                 "smaller than a turn",
                 "give the angle from flank to flank in rad",
             )

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import optimistix
 from jaxtyping import Complex, Float
-from numpy.typing import ArrayLike
 
 from ...compilation import Compiled
 from ...fields.checks import require_positive, require_shape
 from ...fields.conversion import on_device
+from ...fields.types import ArrayLike
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..film.laws import FilmGap
 from .lubricated import LubricatedJoint

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...fields.checks import (
     as_number,
+    as_shown,
     caution_above,
     caution_unless,
     concrete,
@@ -143,7 +144,7 @@ class ClearanceJoint(AbstractContactJoint):
                     not number <= 0.0,
                     "journal_radius",
                     journal_radius,
-                    f"smaller than the bearing's {float(outer)} m",
+                    f"smaller than the bearing's {as_shown(float(outer))} m",
                     "swap the radii, or use an ideal RevoluteJoint for no clearance",
                 )
         self.bearing_body, self.journal_body = bearing_body, journal_body

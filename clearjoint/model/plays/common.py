@@ -3,9 +3,8 @@
 import abc
 
 import equinox as eqx
-import numpy as np
 
-from ...fields.checks import concrete, require
+from ...fields.checks import as_shown, checkable, require
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import GROUND, Motion
@@ -78,27 +77,22 @@ def _remedy(value: object, names: str) -> str:
 def require_smaller_clearance(clearance: Single, radius: Single, of: str) -> None:
     """Check that a radial clearance, m, is smaller than a radius, m, of which one is told
     what it is."""
-    width, size = concrete(clearance), concrete(radius)
-    if width is not None and size is not None:
-        require(
-            bool(width < size),
-            "clearance",
-            float(width),
-            f"smaller than {of} {float(size)} m",
-            "check the units (m)",
-        )
+    if (known := checkable(clearance, radius)) is not None:
+        width, size = known
+        expected = f"smaller than {of} {as_shown(size)} m"
+        require(width < size, "clearance", width, expected, "check the units (m)")
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
     """Check that a direction (3,) is at a right angle to an axis (3,), both by name."""
-    numbers, base = concrete(direction), concrete(axis)
-    if numbers is not None and base is not None:
-        cosine = numbers @ base / (np.linalg.norm(numbers) * np.linalg.norm(base))
+    if (known := checkable(direction, axis)) is not None:
+        numbers, base = known
+        lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
         require(
-            abs(float(cosine)) < RIGHT_ANGLE,
+            abs((numbers * base).sum()) < RIGHT_ANGLE * lengths,
             argument,
             numbers,
-            f"at a right angle to `{other}` = {base.tolist()}",
+            f"at a right angle to `{other}` = {as_shown(base)}",
             "turn one of them",
         )
 

@@ -3,11 +3,11 @@
 import math
 
 import equinox as eqx
-import numpy as np
-from numpy.typing import ArrayLike
 
 from ...fields.checks import (
+    as_shown,
     caution_above,
+    checkable,
     concrete,
     require,
     require_axis,
@@ -15,7 +15,7 @@ from ...fields.checks import (
     require_shape,
 )
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import ArrayLike, Single, Triple
 from ...math.functions import cosine, sine, where, within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
@@ -41,12 +41,12 @@ PRESSURE_ANGLES = 0.1, 0.8
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
-    number = concrete(value)
-    if number is not None:
+    if (known := checkable(value)) is not None:
+        (number,) = known
         require(
-            bool(number == np.round(number) and abs(number) >= 1.0),
+            (number == number.round()) & (abs(number) >= 1.0),
             argument,
-            float(number),
+            number,
             "a whole number",
             "count the teeth; those of an internal gear, the second, are negative",
         )
@@ -140,22 +140,22 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         require_flat_law(self.law, "flanks")
 
     def _check_together(self) -> None:
-        first, second = concrete(self.teeth_first), concrete(self.teeth_second)
-        if first is not None and second is not None:
+        if (known := checkable(self.teeth_first, self.teeth_second)) is not None:
+            first, second = known
             require(
-                bool(first > 0.0 and (second > 0.0 or -second > first)),
+                (first > 0.0) & ((second > 0.0) | (-second > first)),
                 "teeth_second",
-                float(second),
-                f"positive, or more than the first gear's {first:g} for an internal gear",
+                second,
+                f"positive, or more than the first gear's {as_shown(first)} for an internal gear",
                 "name the inner gear first, with a positive number, and the internal one second",
             )
-        backlash, module = concrete(self.backlash), concrete(self.module)
-        if backlash is not None and module is not None:
+        if (known := checkable(self.backlash, self.module)) is not None:
+            backlash, module = known
             require(
-                bool(backlash < math.pi * module),
+                backlash < math.pi * module,
                 "backlash",
-                float(backlash),
-                f"smaller than the pitch of {math.pi * module:g} m",
+                backlash,
+                f"smaller than the pitch of {as_shown(math.pi * module)} m",
                 "check the units (m)",
             )
 

@@ -58,14 +58,18 @@ def run(
     stops: Float[jax.Array, " stops"],
     longest: Scalar,
     restitution: Scalar | None,
+    admissible: Condition | None = None,
 ) -> RigidOutcome:
     """Run a scene in structured form through rising stops, s, in steps of `longest` s at most.
 
     **Arguments:** `restitution`: of every contact, or ``None`` for what its law delivers.
+    `admissible`: whether all numbers are within their ranges; ``None`` if that is known.
     """
     system = System(unpack(form), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
     first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    if admissible is not None:
+        first = replace(first, result=RESULTS.where(admissible, first.result, RESULTS.domain))
     times, places = _with_breakpoints(system.scene, stops)
 
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:

@@ -3,18 +3,18 @@
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
 from ...fields.checks import require_positive
+from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, structured
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
-from ..run_checks import check_precision, check_start, is_traced
+from ..run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from ..saving import Saving, saving_or_nothing
 from ..solution import Trajectory, raise_failure
 from ..spans import check_span
@@ -78,9 +78,16 @@ def simulate_nonsmooth(
     traced = is_traced((scene, state, end_time, start_time, step, restitution))
     times: ArrayLike | None = save.times
     redundant_constraints: tuple[str, ...] = ()
-    if not traced:
+
+    def check() -> None:
         require_positive("step", step, "give the longest step in s")
         check_span(start_time, end_time)
+        save.times_between(start_time, end_time)
+        check_numbers(scene, state)
+        require_restitution(scene, restitution)
+
+    admissible = in_domain(check)
+    if not traced:
         times = save.times_between(start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
@@ -88,7 +95,9 @@ def simulate_nonsmooth(
     )
     stops = _stops(start_time, times, end_time)
     chosen = None if restitution is None else _array(restitution)
-    run = run_compiled(structured(scene), formulation, state, stops, _array(step), chosen)
+    run = run_compiled(
+        structured(scene), formulation, state, stops, _array(step), chosen, admissible
+    )
     solution = _solution(run, stops, times is not None, formulation, redundant_constraints)
     return solution if traced else _reported(jax.device_get(solution), scene, throw)
 

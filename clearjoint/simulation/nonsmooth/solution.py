@@ -12,7 +12,7 @@ from ...fields.readable import AbstractReadable
 from ...model.bodies import State
 from ...results import RESULTS
 from ..aliases import Integers, Numbers
-from ..solution import Trajectory
+from ..solution import Trajectory, is_abstract, run_text
 from ..state_tables import contact_label
 
 if TYPE_CHECKING:
@@ -86,6 +86,18 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     residual: Numbers
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        """How the run ended, what it kept, and where the bodies are, in a few lines."""
+        if is_abstract(self):
+            return super().__repr__()
+        lines = [f"{self.steps} steps"]
+        if self.saved is not None:
+            lines.append(f"saved: {self.saved}")
+        for joint, family in self.contacts.items():
+            counts = (f"{one.impacts} at {contact!r}" for contact, one in family.items())
+            lines.append(f"impacts of {joint!r}: {', '.join(counts)}")
+        return run_text(self, self.final, self.redundant_constraints, lines)
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` of the saved states that were reached, as of

@@ -19,7 +19,8 @@ import numpy as np
 from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
+
+from ...fields.types import ArrayLike
 
 DIGITS = 16
 _WRAPPERS = {

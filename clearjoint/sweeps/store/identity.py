@@ -9,8 +9,8 @@ import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Int, PyTree
-from numpy.typing import ArrayLike
 
+from ...fields.types import ArrayLike
 from ...simulation.batch.device_pool import Task
 from ..axes import Lanes
 
