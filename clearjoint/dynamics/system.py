@@ -36,11 +36,11 @@ constraints drift by a thousandth of this at usual tolerances."""
 
 
 class Prescribed(NamedTuple):
-    """A constraint's value, rate and acceleration, m or rad and s, by the time alone."""
+    """A constraint's value, m or rad, and its rates while bodies stand still."""
 
     value: Scalar
     rate: Scalar
-    acceleration: Scalar
+    second_rate: Scalar
 
 
 class System(eqx.Module):

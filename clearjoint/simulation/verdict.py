@@ -1,20 +1,14 @@
 """Whether a trial is accepted, how long the next step shall be, and whether the run has failed."""
 
-import math
-
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from ..compilation import traced_once
-from ..dynamics.breakpoints import breakpoints, seen
+from ..dynamics.breakpoints import breakpoints, drivers_are_smooth, seen
 from ..dynamics.contact_events import Reaches, changes, time_since_begin, too_deep
-from ..dynamics.coordinates import MotionVariables
-from ..dynamics.system import Prescribed, System
+from ..dynamics.system import System
 from ..fields.types import Single
-from ..math.periodic import wrapped
 from ..math.vectors import Condition, Scalar
 from ..results import RESULTS
 from .aliases import Flag
@@ -28,16 +22,10 @@ from .step_state import Method, Proposal, Step, Variables, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 from .unseen_jumps import jumped_unseen, may_jump_unseen
 
-PLACES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
-"""Gauss's quadrature of order ten, over -1 to 1."""
-SMOOTH = 3.0
-"""Tolerances of a step by which a driver's change may differ from the quadrature of its rates."""
-ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding of a driver's value, m or rad, and of its rate, per second. Those of a table of large
-values at short intervals cancel to this."""
-DEFAULT_RTOL = 1e-6
-"""Relative tolerance for drivers in runs of fixed steps."""
-ROUNDINGS = 64.0
+DRIVER_TOLERANCE = 3.0
+"""Relative tolerances of a step by which a driver's changes may differ from its rates'."""
+FIXED_STEPS_RTOL = 1e-6
+"""The relative tolerance for drivers in runs of fixed steps."""
 SHORTER = 0.2
 """Length of the next trial after a step over which a driver is not smooth, on that step's."""
 
@@ -72,7 +60,8 @@ def judge(
     judgement = _judgement(method, system, step, trial)
     keep, t_next = judgement.keep, judgement.t_next
     controller_state = judgement.controller_state
-    smooth = _drivers_are_smooth(method, system, step, trial)
+    rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
+    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
     if smooth is not None:
         # A kink that no breakpoint declares is approached in shorter and shorter steps.
@@ -179,47 +168,3 @@ def _result(
         result = RESULTS.where(keep & apart, RESULTS.not_followed, result)
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)
-
-
-def _drivers_are_smooth(
-    method: Method, system: System, step: Step, trial: Trial
-) -> Condition | None:
-    """Whether constraints that depend on time change over a trial step by what their rates say;
-    ``None`` without any.
-
-    The equations of motion take second rates alone from a driver, at the solver's stages. Neither
-    a kink nor a jump has one, so that error estimates miss both, and the run would go on with the
-    old speed. Bodies are taken as they are at the step's end, and at rest: all that changes is
-    then what is prescribed. Angles count modulo 2 pi.
-    """
-    here = trial.outcome.y.motion
-
-    @traced_once
-    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
-        return system.prescribed(variables, t)
-
-    def total(values: list[Scalar]) -> Scalar:
-        return 0.5 * h * sum(w * value for w, value in zip(WEIGHTS, values, strict=True))
-
-    if not jax.eval_shape(lambda: system.prescribed(here, trial.t1)):
-        return None
-    t0, t1 = step.t, trial.t1
-    h, eps = t1 - t0, jnp.finfo(jnp.result_type(t1)).eps
-    inside = [t0 + 0.5 * (1.0 + x) * h for x in PLACES]
-    within = [seen(system, t0, t) for t in (t0, t1, *inside)]
-    past_end = seen(system, t1, t1)  # on the other side, where the step ends at a breakpoint
-    rounding = ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(t1)))
-    rtol = getattr(method.controller, "rtol", DEFAULT_RTOL)
-    smooth: Condition | None = None
-    at_times = [prescribed(system, here, t) for t in (past_end, *within)]
-    for beyond, start, end, *inner in zip(*at_times, strict=True):
-        rates, accelerations = zip(*((one.rate, one.acceleration) for one in inner), strict=True)
-        value = wrapped(beyond.value - start.value - total(rates), 2.0 * math.pi)
-        rate = end.rate - start.rate - total(accelerations)
-        change = total([jnp.abs(acceleration) for acceleration in accelerations])
-        speed = jnp.abs(start.rate) + jnp.abs(end.rate) + change
-        allowed = (SMOOTH * rtol + rounding) * speed
-        fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
-        fine &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
-        smooth = fine if smooth is None else smooth & fine
-    return smooth
