@@ -46,9 +46,11 @@ class RESULTS(eqx.Enumeration):
         "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
     )
     not_followed = (
-        "A driver is off what it prescribes by more than a thousandth of a radian (or of a metre): "
-        "its angle has a step, which nothing can follow, or kinks that its `breakpoints` don't "
-        "declare; or the tolerances are too loose for the stabilisation to hold it."
+        "A driver or an ideal joint is not followed. Either a driver's value has a step, which "
+        "nothing can follow, or a kink that its `breakpoints` don't declare, at the time reached: "
+        "take `PiecewiseLinear`, or declare the times of kinks. Or a joint or driver is off by "
+        "more than 1e-3 m or rad, or by a journal's clearance: tighten `rtol`, or take "
+        "`JointCoordinates()` or `Projection()`."
     )
     force_jumped = (
         "A force of a class of one's own jumped where the motion decides, and the derivatives from "

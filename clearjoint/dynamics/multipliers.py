@@ -29,7 +29,8 @@ def response(
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
         return [0.0] * len(directions[0]), multipliers
-    rows, aims = [directions[k] for k in kept], [targets[k] for k in kept]
+    rows = [solver.significant(directions[k]) for k in kept]
+    aims = [targets[k] for k in kept]
     weighted = [mechanics.solved(row) for row in rows]
     solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
     change, own = solve(rows, weighted, aims, solver)

@@ -2,13 +2,15 @@
 instant, in one object that is made once, at the entry of each compiled function."""
 
 import functools
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Scalar, is_zero
-from ..model.bodies import BodyState
+from ..math.groups import least
+from ..math.vectors import ZERO, Condition, Scalar, is_zero
+from ..model.bodies import BodyState, Motion
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_events import Reach, Reaches, reaches
@@ -27,6 +29,18 @@ from .formulation import Formulation
 from .grouping.condensing import whole
 from .grouping.coordinates import grouped
 from .projection import projected_positions, projected_velocities
+
+FARTHEST = 1e-3
+"""m or rad: a joint or driver farther off what it prescribes is not followed. Stabilised
+constraints drift by a thousandth of this at usual tolerances."""
+
+
+class Prescribed(NamedTuple):
+    """A constraint's value, m or rad, and its rates while bodies stand still."""
+
+    value: Scalar
+    rate: Scalar
+    second_rate: Scalar
 
 
 class System(eqx.Module):
@@ -202,12 +216,29 @@ class System(eqx.Module):
         """Whether any constraint is left to project onto."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
-    def off_prescribed(self, variables: MotionVariables, t: Scalar) -> Scalar | None:
-        """The largest value of a constraint that depends on time, m or rad; ``None`` without
-        any."""
+    def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
+        """What each constraint that depends on time has at a time for bodies that stand still."""
+        motions = {
+            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
+            for name, motion in self.motions(variables).items()
+        }
+        rows = flattened(self.rows(motions, t))
+        return [
+            Prescribed(row.value, row.time_rate, row.bias)
+            for row in rows
+            if not is_zero(row.time_rate)
+        ]
 
-        def values() -> list[Scalar]:
-            rows = flattened(self.rows(self.motions(variables), t))
-            return [jnp.abs(row.value) for row in rows if not is_zero(row.time_rate)]
-
-        return functools.reduce(jnp.maximum, values()) if jax.eval_shape(values) else None
+    def is_apart(self, variables: MotionVariables, t: Scalar) -> Condition | None:
+        """Whether any constraint is off by more than `FARTHEST`, or by a journal's clearance if
+        one is smaller; ``None`` without constraints."""
+        if not self.is_constrained(variables, t):
+            return None
+        motions = self.motions(variables)
+        values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]
+        farthest: Scalar = FARTHEST
+        for joint in self.scene.contact_joints().values():
+            for contact in joint.contacts(motions).values():
+                if contact.gap.clearance is not None:
+                    farthest = jnp.minimum(farthest, least(contact.gap.clearance))
+        return functools.reduce(jnp.maximum, values) > farthest

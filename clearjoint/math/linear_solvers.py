@@ -94,6 +94,10 @@ def _least_degree_order(matrix: Rows) -> list[int]:
 class AbstractSolver:
     """A way to solve matrix x = right in either form."""
 
+    def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
+        """A row of the matrix's factor without what is rounding only; as it is by default."""
+        return list(row)
+
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
         """The solution for a matrix given by its lower triangle, row by row."""
         raise NotImplementedError
@@ -126,13 +130,27 @@ class LeastNorm(AbstractSolver):
 
     relative_shift = 1e-8
     sweeps = 3
+    rounding = 1e-12
+    """Of the entries of rows, which are unit directions and arms in m. Rows that hold by the choice
+    of coordinates have no others: their matrix would be rounding, and so the solution."""
+
+    def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
+        """The row with zeros for entries that are rounding."""
+        return [
+            one if is_zero(one) else jnp.where(jnp.abs(one) > self.rounding, one, 0.0)
+            for one in row
+        ]
+
+    def _shift(self, trace: Scalar, n: int) -> Scalar:
+        """What is added to the diagonal: of a matrix of zeros, one."""
+        return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
         """By L D L^T of the shifted matrix."""
         trace: Scalar = 0.0
         for i in range(len(matrix)):
             trace = add(trace, matrix[i][i])
-        shift = trace * (self.relative_shift / len(matrix))
+        shift = self._shift(trace, len(matrix))
         shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
         factorisation = UnrolledFactorisation(shifted)
         x = factorisation.solve(right)
@@ -145,7 +163,7 @@ class LeastNorm(AbstractSolver):
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
         """By Cholesky factorisation of the shifted matrix."""
         n = matrix.shape[0]
-        shift = jnp.trace(matrix) * (self.relative_shift / n)
+        shift = self._shift(jnp.trace(matrix), n)
         factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
         x = jnp.zeros(n)
         for _ in range(self.sweeps):

@@ -11,6 +11,10 @@ from ..math.vectors import Scalar
 ROUNDINGS = 4.0
 """Times may be so many roundings outside of a span: sums of steps, and single precision, are."""
 
+SHORTEST = 1e10
+"""A span is at least as many of the smallest normal numbers: processors take smaller ones, of which
+its first steps would be, for zero."""
+
 
 def check_span(start: Scalar, end: Scalar) -> None:
     """Check the span of a run in s.
@@ -28,6 +32,14 @@ def check_span(start: Scalar, end: Scalar) -> None:
             end,
             f"finite and after start_time = {as_shown(start)}",
             "give times in s",
+        )
+        shortest = SHORTEST * float(jnp.finfo(float).tiny)
+        require(
+            last - first >= shortest,
+            "end_time",
+            end,
+            f"at least {shortest:.1g} s after start_time = {as_shown(start)}",
+            "give times in s; shorter spans are zero to the processor",
         )
 
 

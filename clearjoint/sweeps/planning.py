@@ -17,7 +17,7 @@ from ..simulation.impact_recorder import ImpactRecorder
 from ..simulation.method import Scheme
 from ..simulation.sections import Section
 from ..simulation.settings import Settings
-from ..simulation.spans import checked_times
+from ..simulation.spans import check_span, checked_times
 from .axes import Axis, Lanes, variable_leaves
 from .outputs import AbstractSaved, ImpactTable, Output
 from .store.identity import Identity, row_digests, run_digests
@@ -93,6 +93,7 @@ def _ends(
         f"finite and after start_time = {start_time}",
         "give times in s",
     )
+    check_span(start_time, float(ends.min()))
     return ends
 
 

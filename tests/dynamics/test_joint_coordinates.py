@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import clearjoint as cj
 from clearjoint import bricard, double_four_bar
@@ -349,3 +350,23 @@ def test_orientations_keep_their_sign_over_several_turns():
     half = 1.25 * np.pi
     expected = (np.cos(half), 0.0, 0.0, np.sin(half))
     np.testing.assert_allclose(end.bodies["wheel"].orientation, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("apart", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_a_door_on_two_hinges_swings_as_on_one(apart):
+    """All rows of a hinge hold by the coordinates; the angle is a physical pendulum's."""
+    places = {"low": -apart, "high": apart}
+    joints = {
+        name: cj.RevoluteJoint("ground", "door", (0, 0, z), (-0.5, 0, z), (0, 0, 1), (0, 0, 1))
+        for name, z in places.items()
+    }
+    scene = cj.Scene({"door": cj.Body(20.0, (5.0, 6.0, 2.0))}, joints, gravity=(0, -9.81, 0))
+    state = cj.State({"door": cj.body_state((0.5, 0, 0))})
+    final = cj.simulate(scene, state, 0.5, cj.Settings(rtol=1e-9)).final.bodies["door"]
+
+    def rates(t, y):
+        return [y[1], -20.0 * 9.81 * 0.5 * np.cos(y[0]) / (2.0 + 20.0 * 0.25)]
+
+    angle = solve_ivp(rates, (0.0, 0.5), [0.0, 0.0], rtol=1e-11, atol=1e-12).y[0, -1]
+    expected = 0.5 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    np.testing.assert_allclose(final.position, expected, atol=1e-7)

@@ -200,10 +200,10 @@ class Table(Ramp):
 
 
 class Step(Ramp):
-    """An angle that jumps."""
+    """An angle that jumps by as many rad as the `speed` has rad/s."""
 
     def angle(self, t):
-        return jnp.where(t < self.start, 0.0, 0.5)
+        return jnp.where(t < self.start, 0.0, self.speed)
 
 
 def crank_and_arm(drive):
@@ -271,19 +271,51 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
     assert shaft_angle(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-5])
 @pytest.mark.parametrize(
-    ("drive", "latest"),
+    "drive",
     [
-        (Ramp(10.0, 0.1, declared=False), 0.15),
-        (Step(0.0, 0.1), 0.15),
-        (Step(0.0, 0.1, False), 0.15),
+        lambda size: Ramp(size, 0.1, declared=False),
+        lambda size: Step(size, 0.1),
+        lambda size: Step(size, 0.1, declared=False),
     ],
     ids=["undeclared kink", "declared step", "undeclared step"],
 )
-def test_a_driver_that_is_not_followed_is_told(drive, latest):
-    scene = shaft_scene(drive)
+def test_a_driver_that_is_not_followed_is_told(drive, size):
+    """However small: the run ends where the driver's angle is not smooth."""
+    scene = shaft_scene(drive(size))
     state = cj.State({"shaft": cj.body_state(ORIGIN)})
     with pytest.raises(cj.SimulationError, match="breakpoints") as raised:
         cj.simulate(scene, state, 1.0)
     assert raised.value.solution.result == cj.RESULTS.not_followed
-    assert 0.1 <= raised.value.solution.time < latest
+    assert raised.value.solution.time == pytest.approx(0.1, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["look", "default", "study"])
+@pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
+def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
+    """Among them one within a run's last step."""
+    times, distances = jnp.array([0.0, kink, 0.2]), jnp.array([0.0, 0.0, 5e-4])
+    drive = cj.PrescribedTranslation(
+        "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0), lambda t: jnp.interp(t, times, distances)
+    )
+    guide = cj.PrismaticJoint("ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0))
+    scene = cj.Scene({"shaft": SHAFT}, {"guide": guide, "drive": drive})
+    state = cj.State({"shaft": cj.body_state(ORIGIN)})
+    solution = cj.simulate(scene, state, 0.2, getattr(cj.presets, preset), throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+    assert solution.time == pytest.approx(kink, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_projection_takes_no_step_of_a_driver_for_an_error_of_integration():
+    """One linearised projection over 0.2 rad left the arm's hinge 2 mm open."""
+    scene, state = crank_and_arm(Step(0.2, 0.1, declared=False))
+    coordinates, stabilisation = cj.AbsoluteCoordinates(), cj.Projection()
+    settings = cj.Settings(coordinates=coordinates, stabilisation=stabilisation)
+    save = cj.Saving(np.linspace(0.0, 0.2, 21))
+    solution = cj.simulate(scene, state, 0.2, settings, save, throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+    assert solution.time == pytest.approx(0.1, abs=1e-9)
+    assert all(drift.max() < 1e-9 for drift in cj.observe(scene, solution).drift.values())

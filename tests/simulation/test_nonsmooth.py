@@ -360,3 +360,54 @@ def test_velocities_jump_with_a_driver_at_its_kink():
     np.testing.assert_allclose(spins, [0.0, 10.0, 10.0], atol=1e-12)
     e0, _, _, e3 = solution.final.bodies["shaft"].orientation
     assert 2.0 * np.arctan2(e3, e0) == pytest.approx(10.0 * (0.5 - 0.123), abs=1e-9)
+
+
+def test_box_problems_of_rows_that_depend_on_each_other_are_solved():
+    """Four rows in three directions, with velocities that are off their span by 1e-7 of it, as the
+    slips of a tilted journal's bases: impulses go along the null space as far as a bound."""
+    random, n = np.random.default_rng(1), 4
+    solve = jax.jit(
+        lambda matrix, start, bound: BoxProblem(
+            [[matrix[i, j] for j in range(i + 1)] for i in range(n)], list(-bound), list(bound)
+        ).solve(list(start))
+    )
+    for _ in range(100):
+        factor = random.normal(size=(n, n - 1))
+        matrix = factor @ factor.T
+        start = factor @ random.normal(size=n - 1) + 1e-7 * random.normal(size=n)
+        bound = 0.1 * np.abs(random.normal(size=n))
+        found, residual = solve(matrix, start, bound)
+        x, y = np.array(found), matrix @ np.array(found) + start
+        assert residual < 1e-9
+        least = np.clip(x - y / np.diag(matrix), -bound, bound)
+        np.testing.assert_allclose(x, least, atol=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("restitution", [0.01, 0.5, 0.9])
+@pytest.mark.parametrize("coefficient", [0.1, 0.2, 0.3, 0.4])
+def test_impacts_of_both_bases_with_friction_are_solved(restitution, coefficient):
+    """A base slides or sticks, and what both have along the axis is one row twice."""
+    law, friction = cj.ExactRestitution(restitution, 1e9), cj.RegularisedCoulomb(coefficient)
+    scene, state = cj.double_pendulum(law=law, friction=friction)
+    for step in (1e-4, 2e-5):
+        solution = cj.simulate_nonsmooth(scene, state, 0.2, step=step)
+        contacts = solution.contacts["shoulder"].values()
+        assert all(contact.dissipated >= 0.0 for contact in contacts)
+
+
+def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
+    drive = cj.PrescribedAngle(
+        "ground", "shaft", (0, 0, 1), lambda t: 1e-3 * jnp.maximum(t - 0.1, 0.0)
+    )
+    hinge = cj.RevoluteJoint("ground", "shaft", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    scene = cj.Scene({"shaft": cj.Body(1.0, (0.03, 0.03, 0.02))}, {"hinge": hinge, "drive": drive})
+    state = cj.State({"shaft": cj.body_state((0, 0, 0))})
+    solution = cj.simulate_nonsmooth(scene, state, 0.2, step=1e-3, throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+    assert solution.time == pytest.approx(0.1, abs=1.1e-3)
+
+
+def test_more_steps_than_any_run_can_take_are_refused():
+    with pytest.raises(ValueError, match="`step` must be at least"):
+        cj.simulate_nonsmooth(*ball(), 1.0, step=1e-310)

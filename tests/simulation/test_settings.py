@@ -215,3 +215,16 @@ def test_derivatives_take_a_first_step_and_a_controller_of_ones_own():
     assert found.values["angle"][0] == pytest.approx(SPEED / w * np.sin(w * time), rel=1e-4)
     along = found.derivatives["angle"][0, 0]
     assert along == pytest.approx(slope * w / (2.0 * stiffness), rel=1e-4)
+
+
+@pytest.mark.parametrize("end", [5e-324, 1e-310, 1e-300])
+def test_spans_that_are_zero_to_the_processor_are_refused(end):
+    """It takes subnormal numbers for zero, and a run of such steps would never end."""
+    scene, state = cj.double_pendulum()
+    with pytest.raises(ValueError, match="`end_time` must be at least"):
+        cj.simulate(scene, state, end)
+    with pytest.raises(ValueError, match="`end_time` must be at least"):
+        cj.simulate_nonsmooth(scene, state, end, step=1e-3)
+    axis = {"clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, [1e-4, 2e-4])}
+    with pytest.raises(ValueError, match="`end_time` must be"):
+        cj.sweep(scene, state, end, axes=axis, outputs={"n": cj.ImpactCount("shoulder")})

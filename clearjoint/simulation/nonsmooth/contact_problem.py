@@ -9,6 +9,7 @@ nonlinear programming approach to the unilateral contact and friction boundary v
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,14 +27,31 @@ from ...model.joints.base import AbstractContactJoint, Contact, Row
 from ...model.scene import Scene
 from .bounded_lcp import BoxProblem, Impulses, largest
 
-ALTERNATIONS = 100
+ALTERNATIONS = 3000
 TOLERANCE = 1e-9
 """Of the alternation between normal and tangential impulses."""
 FAST = 1e3
 """Slip speed, m/s, at which a friction law is asked for its Coulomb coefficient."""
 
-Turn = tuple[Impulses, Impulses, Scalar, Scalar]
-"""Normal and tangential impulses, their residual, and the number of turns so far."""
+LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
+"""Bounds of the factor by which a turn's change of the tangential impulses is extrapolated."""
+
+
+class Turn(NamedTuple):
+    """A turn of the alternation.
+
+    `normal`, `tangential`: the impulses that it found, their `residual` and the number of `turns`
+    so far; `tried`: the tangential impulses for the next turn; `change`, `factor`: by how much this
+    one changed what it had tried, and by what that was multiplied.
+    """
+
+    normal: Impulses
+    tangential: Impulses
+    residual: Scalar
+    turns: Scalar
+    tried: Impulses
+    change: Impulses
+    factor: Scalar
 
 
 @dataclass(frozen=True)
@@ -186,27 +204,41 @@ class ContactProblem:
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
         def go(now: Turn) -> Turn:
-            _, tangential, _, turns = now
-            aims_with_friction = self._with_impulses(normals, tangents, aims, tangential)
+            tried = now.tried
+            aims_with_friction = self._with_impulses(normals, tangents, aims, tried)
             normal, normal_residual = self.normal_impulses(closed, aims_with_friction)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
-            following, slip_residual = problem.solve(
+            tangential, slip_residual = problem.solve(
                 self._with_impulses(tangents, normals, slips, normal)
             )
-            differences = [a - b for a, b in zip(following, tangential, strict=True)]
-            changes = self._with_impulses(normals, tangents, [0.0] * count, differences)
-            change = _largest_of(closed, changes) / scale
-            residual = largest([normal_residual, slip_residual, change])
-            return normal, following, residual, turns + 1
+            change = [a - b for a, b in zip(tangential, tried, strict=True)]
+            changes = self._with_impulses(normals, tangents, [0.0] * count, change)
+            residual = largest(
+                [normal_residual, slip_residual, _largest_of(closed, changes) / scale]
+            )
+            factor = _extrapolation(now, change)
+            following = [a + factor * b for a, b in zip(tried, change, strict=True)]
+            return Turn(normal, tangential, residual, now.turns + 1, following, change, factor)
 
         def goes(now: Turn) -> Condition:
-            return (now[2] > TOLERANCE) & (now[3] < ALTERNATIONS)
+            return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
-        zero = jnp.zeros(())
-        start: Turn = [zero] * count, [zero] * (size - count), zero, jnp.zeros((), int)
-        normal, tangential, residual, _ = jax.lax.while_loop(goes, go, go(start))
-        return [*normal, *tangential], residual
+        zero, nothing = jnp.zeros(()), [jnp.zeros(())] * (size - count)
+        start = Turn([zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1)
+        found = jax.lax.while_loop(goes, go, go(start))
+        return [*found.normal, *found.tangential], found.residual
+
+
+def _extrapolation(last: Turn, change: Impulses) -> Scalar:
+    """The factor for a change after that of the last turn (B. Irons, R. Tuck, A version of the
+    Aitken accelerator for computer iteration, 1969). Where bases stick and axial impulses pass from
+    one to the other, plain turns go on for thousands."""
+    bend = [a - b for a, b in zip(change, last.change, strict=True)]
+    square = inner(bend, bend)
+    factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
+    usable = (last.turns > 0) & (square > 0.0)
+    return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:

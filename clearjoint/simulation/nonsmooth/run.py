@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ...compilation import Compiled
-from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
+from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, seen, since_breakpoints
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
@@ -21,6 +21,9 @@ from ..step_state import choose
 from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 from .solution import ContactTotals
+
+DRIVER_TOLERANCE = 1e-5
+"""Relative, by which the changes of a driver in a step may differ from those by its rates."""
 
 
 class RigidRun(eqx.Module):
@@ -155,6 +158,11 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
     result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
+    good = finite & end.solved & end.shallow
+    smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
+    if smooth is not None:
+        result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
+        good = good & smooth
     following = RigidRun(
         t=t + h,
         variables=end.variables,
@@ -164,7 +172,7 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
         result=now.result,
         steps=now.steps + 1,
     )
-    return replace(choose(finite & end.solved & end.shallow, following, now), result=result)
+    return replace(choose(good, following, now), result=result)
 
 
 def _is_contact(tree: object) -> bool:

@@ -8,7 +8,7 @@ from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
-from ...fields.checks import require_positive
+from ...fields.checks import require, require_positive
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, structured
 from ...model.bodies import State
@@ -21,6 +21,9 @@ from ..spans import check_span
 from .restitution import require_restitution
 from .run import RigidOutcome, run_compiled
 from .solution import ContactTotals, NonsmoothSolution
+
+MOST_STEPS = 1e9
+"""Steps that a run may have: more take hours, and nothing else bounds them."""
 
 
 def simulate_nonsmooth(
@@ -88,6 +91,14 @@ def simulate_nonsmooth(
 
     admissible = in_domain(check)
     if not traced:
+        shortest = (float(end_time) - float(start_time)) / MOST_STEPS
+        require(
+            bool(float(step) >= shortest),
+            "step",
+            step,
+            f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span",
+            "give a longer step in s, or an earlier end_time",
+        )
         times = save.times_between(start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
