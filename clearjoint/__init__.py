@@ -12,6 +12,9 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
+from .compilation import remember_contents as _remember_contents
+
+# isort: split
 from . import presets as presets
 from . import quantities as quantities
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
@@ -253,3 +256,5 @@ from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .views.viewing import View as View
 from .views.viewing import view as view
+
+_remember_contents()

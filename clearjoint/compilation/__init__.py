@@ -6,6 +6,9 @@
 - `seconds_of_compiling` tells for how long a program has been in the making.
 """
 
+from .package_code import remember_contents as remember_contents
+
+# isort: split
 from .clock import seconds_of_compiling as seconds_of_compiling
 from .compiled import Compiled as Compiled
 from .host_first import HostFirst as HostFirst
