@@ -47,7 +47,7 @@ def _folder() -> Path | None:
     if not (_is_on and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
-    return Path(cache) / FOLDER if cache else None
+    return Path(cache) / FOLDER if cache and "://" not in cache else None
 
 
 def _tell(error: RuntimeError) -> None:

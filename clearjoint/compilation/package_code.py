@@ -21,8 +21,27 @@ LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "ja
 _OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
 """Modules whose variables change while a process runs; programs depend on none of them."""
 
-_BOOKKEEPING = ("__slotnames__", "__annotations__", "__annotations_cache__")
-"""Attributes that Python adds to classes when they are pickled or asked for annotations."""
+_BOOKKEEPING = frozenset(
+    {
+        "__abstractclassvars__",
+        "__abstractmethods__",
+        "__abstractvars__",
+        "__annotations__",
+        "__annotations_cache__",
+        "__dataclass_params__",
+        "__dict__",
+        "__doc__",
+        "__match_args__",
+        "__module__",
+        "__orig_bases__",
+        "__parameters__",
+        "__slotnames__",
+        "__slots__",
+        "__weakref__",
+        "_abc_impl",
+    }
+)
+"""Attributes of classes that compute nothing; Python adds some of them late."""
 
 
 class ChangedCodeError(Exception):
@@ -129,24 +148,25 @@ def _inside(value: object, module: str) -> Iterator[object]:
         yield from (part for item in list(value.items()) for part in item)
     elif isinstance(value, list):
         yield from value
-    elif isinstance(value, type) and _home(value) == module:
+    elif isinstance(value, type) and _is_listed_in(module, value):
         for name, inner in list(vars(value).items()):
             if name not in _BOOKKEEPING:
-                yield from (name, inner, getattr(inner, "__code__", None))
+                yield from (name, inner)
+                if isinstance(inner, types.FunctionType):
+                    yield inner.__code__
 
 
-def _home(cls: type) -> str:
-    """The module in which the attributes of a class are looked at."""
-    package = cls.__module__.split(".")[0]
-    return package if package in LIBRARIES and package not in ("jax", "numpy") else cls.__module__
+def _is_listed_in(module: str, cls: type) -> bool:
+    """Whether the attributes of a class are looked at with a module: that in which it is defined,
+    or the library whose public class it is."""
+    return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 
 
 def _same(before: list[object], now: list[object]) -> bool:
-    return len(before) == len(now) and all(a is b or _equal(a, b) for a, b in zip(before, now))
-
-
-def _equal(one: object, other: object) -> bool:
-    return type(one) is str and one == other
+    if len(before) != len(now):
+        return False
+    pairs = zip(before, now, strict=True)
+    return all(a is b or (type(a) is str and a == b) for a, b in pairs)
 
 
 _STATE = _State()

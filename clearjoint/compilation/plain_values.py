@@ -41,9 +41,9 @@ class Placeholder:
 def described(value: object) -> str:
     """The digest of a value, equal in all processes for equal values.
 
-    **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays, tuples,
-    lists, dictionaries, and of instances of classes, classes and functions that a module of this
-    package or of `NUMERIC` has under their names.
+    **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays,
+    tuples, lists and dictionaries, and of functions, classes and their instances that a module of
+    this package or of `NUMERIC` has under their names.
 
     >>> from clearjoint.compilation.plain_values import described
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
