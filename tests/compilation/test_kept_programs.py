@@ -1,10 +1,8 @@
 """Programs that are kept on disk: loaded by the next process, and only where they are the same."""
 
-import json
 import os
-import subprocess
-import sys
-from pathlib import Path
+import tempfile
+import threading
 from typing import Any
 
 import equinox as eqx
@@ -14,11 +12,14 @@ import numpy as np
 import pytest
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-import clearjoint as cj
-from clearjoint.compilation import Compiled, keep_programs, kept_programs, plain_values
+from clearjoint.compilation import (
+    Compiled,
+    keep_programs,
+    kept_programs,
+    package_code,
+    plain_values,
+)
 from clearjoint.compilation.program_store import ProgramStore
-
-ROOT = Path(cj.__file__).parents[1]
 
 
 class Pair(eqx.Module):
@@ -63,6 +64,8 @@ def compiled(monkeypatch, tmp_path):
         return original(function, *rest)
 
     monkeypatch.setattr(kept_programs, "compiled_program", compiled_program)
+    monkeypatch.setattr(package_code, "_STATE", package_code._State())
+    package_code.remember_contents()
     accepted = (*plain_values.NUMERIC, __name__.split(".")[0])
     monkeypatch.setattr(plain_values, "NUMERIC", accepted)
     before = jax.config.jax_compilation_cache_dir  # pyright: ignore
@@ -214,6 +217,19 @@ def test_the_folder_is_its_owners_alone(compiled, tmp_path):
     assert (tmp_path / "programs").stat().st_mode & 0o077 == 0
 
 
+def test_a_folder_that_may_only_be_read_is_read(compiled, monkeypatch):
+    first = Compiled(added)(PAIR, 2.0)
+
+    def refuses(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "utime", refuses)
+    monkeypatch.setattr(tempfile, "mkstemp", refuses)
+    again = Compiled(added)(PAIR, 2.0)
+    assert compiled == ["added"]
+    np.testing.assert_array_equal(first[0].first, again[0].first)
+
+
 def test_memory_that_is_given_away_is(compiled):
     for _ in range(2):
         row = jnp.arange(8.0)
@@ -287,3 +303,51 @@ def test_the_folder_is_bounded_and_loses_what_was_not_used_for_longest(tmp_path)
     store.write("c", contents["c"])
     assert store.read("b") is None
     assert [store.read(name) for name in "ac"] == [contents["a"], contents["c"]]
+
+
+THREADS = 8
+
+
+def in_threads(function):
+    """What a function of 0, 1, ... gives in threads that begin together."""
+    found: dict[int, Any] = {}
+    barrier = threading.Barrier(THREADS)
+
+    def work(k):
+        barrier.wait()
+        try:
+            found[k] = function(k)
+        except Exception as error:
+            found[k] = error
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(THREADS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return [found[k] for k in range(THREADS)]
+
+
+def test_threads_that_compile_at_once_keep_each_its_own_program(compiled, tmp_path):
+    """From JAX's cache too, of which what is read belongs to the thread that reads it."""
+    least = "jax_persistent_cache_min_compile_time_secs"
+    before = jax.config.jax_persistent_cache_min_compile_time_secs  # pyright: ignore
+    jax.config.update(least, 0.0)
+
+    def added_to(k):
+        return np.asarray(Compiled(added)(Pair(row, row, f"{k}"), float(k))[0].first)
+
+    row = np.random.default_rng(1).normal(size=50)
+    try:
+        for _ in range(4):
+            for file in files(tmp_path):
+                file.unlink()
+            for k, found in enumerate(in_threads(added_to)):
+                np.testing.assert_array_equal(found, row + k * row)
+            jax.clear_caches()
+    finally:
+        jax.config.update(least, before)
+    assert len(compiled) == 4 * THREADS and len(files(tmp_path)) == THREADS
+    for k, found in enumerate(in_threads(added_to)):
+        np.testing.assert_array_equal(found, row + k * row)
+    assert len(compiled) == 4 * THREADS
