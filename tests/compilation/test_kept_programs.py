@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+import clearjoint as cj
 from clearjoint.compilation import (
     Compiled,
     keep_programs,
@@ -339,15 +340,32 @@ def test_threads_that_compile_at_once_keep_each_its_own_program(compiled, tmp_pa
 
     row = np.random.default_rng(1).normal(size=50)
     try:
-        for _ in range(4):
+        for _ in range(2):
             for file in files(tmp_path):
                 file.unlink()
             for k, found in enumerate(in_threads(added_to)):
-                np.testing.assert_array_equal(found, row + k * row)
+                np.testing.assert_allclose(found, row + k * row, rtol=1e-14)
             jax.clear_caches()
     finally:
         jax.config.update(least, before)
-    assert len(compiled) == 4 * THREADS and len(files(tmp_path)) == THREADS
+    assert len(compiled) == 2 * THREADS and len(files(tmp_path)) == THREADS
     for k, found in enumerate(in_threads(added_to)):
-        np.testing.assert_array_equal(found, row + k * row)
-    assert len(compiled) == 4 * THREADS
+        np.testing.assert_allclose(found, row + k * row, rtol=1e-14)
+    assert len(compiled) == 2 * THREADS
+
+
+@pytest.mark.slow
+def test_threads_that_simulate_at_once_have_each_its_own_scene(compiled):
+    def fall(k):
+        body = {f"mass {k}": cj.Body(2.0, (1.0, 1.0, 1.0))}
+        scene = cj.Scene(body, gravity=(0.0, 1.0 + k, 0.0))
+        state = cj.State({f"mass {k}": cj.body_state((0.0, 0.0, 0.0))})
+        end = cj.simulate(scene, state, 0.1, progress=False).final
+        return float(end.bodies[f"mass {k}"].velocity[1])
+
+    expected = [0.1 * (1.0 + k) for k in range(THREADS)]
+    assert in_threads(fall) == pytest.approx(expected)
+    number = len(compiled)
+    jax.clear_caches()
+    assert in_threads(fall) == pytest.approx(expected)
+    assert number >= THREADS and len(compiled) == number
