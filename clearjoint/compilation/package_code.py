@@ -12,8 +12,11 @@ import os
 import sys
 import threading
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from operator import attrgetter, is_
 
+Reader = Callable[[], Iterable[object]]
 PACKAGE = __name__.split(".")[0]
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
@@ -28,6 +31,7 @@ _BOOKKEEPING = frozenset(
         "__abstractvars__",
         "__annotations__",
         "__annotations_cache__",
+        "__dataclass_fields__",
         "__dataclass_params__",
         "__dict__",
         "__doc__",
@@ -51,16 +55,21 @@ class ChangedCodeError(Exception):
 class _State:
     """What is known of the package's code in this process.
 
-    `lock` guards the others. `held` has by module what it held when the import of the package
-    ended, `digest` the digest of the source files, `modules` the number of modules that were loaded
-    when the files were last compared, and `changed` whether a change was ever found: functions that
-    JAX has traced since then may hold replaced code for as long as the process lives.
+    - `lock`: guards the others.
+    - `files`: what `_files` gave when the import of the package began.
+    - `held`: what reads the contents of modules, with the contents when that import ended.
+    - `remembered`: names of the package's modules among these.
+    - `digest`: that of the source files, once it was asked for.
+    - `modules`: number of modules of the package that were loaded when `files` were last compared.
+    - `changed`: whether a change was ever found. What JAX has traced since then may hold replaced
+      code for as long as the process lives.
     """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.files = _files()
-        self.held: dict[str, list[object]] = {}
+        self.held: list[tuple[Reader, tuple[object, ...]]] = []
+        self.remembered: frozenset[str] = frozenset()
         self.digest: str | None = None
         self.modules = 0
         self.changed = False
@@ -70,13 +79,17 @@ def remember_contents() -> None:
     """Note what the modules of the package and of `LIBRARIES` hold: to be called at the end of the
     import of the package."""
     names = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
-    names = [name for name in names if not name.startswith(_OF_THE_PROCESS)]
-    _STATE.held = {name: _contents(name) for name in (*names, *LIBRARIES) if name in sys.modules}
+    own = [name for name in names if not name.startswith(_OF_THE_PROCESS)]
+    readers = [
+        read for name in (*own, *LIBRARIES) if name in sys.modules for read in _readers(name)
+    ]
+    _STATE.held = [(read, tuple(read())) for read in readers]
+    _STATE.remembered = frozenset(own)
 
 
 def is_remembered(module: str) -> bool:
     """Whether a module was loaded when `remember_contents` was called, so that a change is seen."""
-    return module in _STATE.held
+    return module in _STATE.remembered
 
 
 def source_digest() -> str:
@@ -103,7 +116,7 @@ def _is_as_imported() -> bool:
         if _files() != _STATE.files:
             return False
         _STATE.modules = loaded
-    return all(_same(held, _contents(name)) for name, held in _STATE.held.items())
+    return all(_same(values, tuple(read())) for read, values in _STATE.held)
 
 
 def _files() -> dict[str, tuple[int, ...]]:
@@ -129,31 +142,43 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
     return whole.hexdigest()
 
 
-def _contents(module: str) -> list[object]:
-    """Names and values in a module and in its classes, in turn. Modules are left out, since the
-    import of a module adds it to the package that it is in."""
-    found: list[object] = []
-    for name, value in list(vars(sys.modules[module]).items()):
-        if not (name.startswith("__") or isinstance(value, types.ModuleType)):
-            found += (name, *_inside(value, module))
-    return found
+def _readers(module: str) -> Iterator[Reader]:
+    """What reads the values that a module has under its names, and what may be replaced in them.
+
+    Names that are added later are none of the package's own.
+    """
+    held = vars(sys.modules[module])
+    names = [name for name in held if not name.startswith("__")]
+    names = [name for name in names if not isinstance(held[name], types.ModuleType)]
+    yield partial(map, held.get, names)
+    functions: list[object] = []
+    for value in map(held.get, names):
+        yield from _items(value)
+        if isinstance(value, type) and _is_listed_in(module, value):
+            inner = vars(value)
+            attributes = sorted(inner.keys() - _BOOKKEEPING)
+            yield partial(_attribute_names, inner)
+            yield partial(map, inner.get, attributes)
+            functions += map(inner.get, attributes)
+            for attribute in attributes:
+                yield from _items(inner[attribute])
+        functions.append(value)
+    functions = [value for value in functions if isinstance(value, types.FunctionType)]
+    for part in ("__code__", "__defaults__", "__kwdefaults__"):
+        yield partial(map, attrgetter(part), functions)
 
 
-def _inside(value: object, module: str) -> Iterator[object]:
-    """A value, with what may be replaced in it."""
-    yield value
-    if isinstance(value, types.FunctionType):
-        yield from (value.__code__, value.__defaults__, value.__kwdefaults__)
-    elif isinstance(value, dict):
-        yield from (part for item in list(value.items()) for part in item)
+def _items(value: object) -> Iterator[Reader]:
+    """What reads the items of a dictionary or a list."""
+    if isinstance(value, dict):
+        yield partial(list, value.keys())
+        yield partial(list, value.values())
     elif isinstance(value, list):
-        yield from value
-    elif isinstance(value, type) and _is_listed_in(module, value):
-        for name, inner in list(vars(value).items()):
-            if name not in _BOOKKEEPING:
-                yield from (name, inner)
-                if isinstance(inner, types.FunctionType):
-                    yield inner.__code__
+        yield partial(list, value)
+
+
+def _attribute_names(attributes: Mapping[str, object]) -> list[str]:
+    return sorted(attributes.keys() - _BOOKKEEPING)
 
 
 def _is_listed_in(module: str, cls: type) -> bool:
@@ -162,11 +187,8 @@ def _is_listed_in(module: str, cls: type) -> bool:
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 
 
-def _same(before: list[object], now: list[object]) -> bool:
-    if len(before) != len(now):
-        return False
-    pairs = zip(before, now, strict=True)
-    return all(a is b or (type(a) is str and a == b) for a, b in pairs)
+def _same(before: tuple[object, ...], now: tuple[object, ...]) -> bool:
+    return len(before) == len(now) and all(map(is_, before, now))
 
 
 _STATE = _State()
