@@ -12,6 +12,7 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
+# First of all, so that the source files are noted before any other module is read from them.
 from .compilation import remember_contents as _remember_contents
 
 # isort: split

@@ -5,8 +5,11 @@
   `keeps_programs` says whether that is on.
 - `prepare_folder` makes the folder for them.
 - `seconds_of_compiling` tells for how long a program has been in the making.
+- `remember_contents` is called once, when the import of the package ends (see `package_code`).
+  `plain_values.described` and `package_code.source_digest` make keys for what is kept of values.
 """
 
+# First of all, so that the source files are noted before any other module is read from them.
 from .package_code import remember_contents as remember_contents
 
 # isort: split
