@@ -170,13 +170,13 @@ CONFIGURE = """
 import os, jax, clearjoint
 from clearjoint.runtime import missing
 print(*missing())
-clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+clearjoint.configure(devices=3, cache="FOLDER")
 print(missing(), jax.numpy.zeros(1).dtype, jax.device_count())
 print(jax.config.jax_compilation_cache_dir)
 from clearjoint.compilation import keeps_programs
 print(keeps_programs())
 print(os.environ["XLA_FLAGS"])
-clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+clearjoint.configure(devices=3, cache="FOLDER")
 try:
     clearjoint.configure(devices=2)
 except RuntimeError as error:
@@ -184,11 +184,12 @@ except RuntimeError as error:
 """
 
 
-def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses():
-    absent, state, cache, keeps, flags, refusal = python(CONFIGURE, CLEARJOINT_KEEP_PROGRAMS="0")
+def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses(tmp_path):
+    code = CONFIGURE.replace("FOLDER", str(tmp_path))
+    absent, state, cache, keeps, flags, refusal = python(code, CLEARJOINT_KEEP_PROGRAMS="0")
     assert absent.split() == [FUSION, THRESHOLD, "jax_compilation_cache_dir"]
     assert state == "[] float64 3"
-    assert cache == "/tmp/clearjoint-test" and keeps == "False"
+    assert cache == str(tmp_path) and keeps == "False"
     assert flags == runtime.xla_flags(vector_width=runtime.WIDE)
     assert "before JAX computes" in refusal and "python -m clearjoint" in refusal
 
