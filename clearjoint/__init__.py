@@ -12,6 +12,10 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 """
 
+# First of all, so that the source files are noted before any other module is read from them.
+from .compilation import remember_contents as _remember_contents
+
+# isort: split
 from . import presets as presets
 from . import quantities as quantities
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
@@ -262,3 +266,4 @@ from .views.viewing import view as view
 __dir__ = _without_modules(
     globals(), "densities", "extend", "plot", "presets", "quantities", "testing"
 )
+_remember_contents()

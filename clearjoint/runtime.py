@@ -10,6 +10,7 @@ bits: sweeps take some 15 % longer, single runs no longer. Wide ones need a cure
 `configure` brings.
 """
 
+import math
 import os
 import time
 import warnings
@@ -20,7 +21,7 @@ from typing import Protocol
 import jax
 from jax.interpreters import mlir
 
-from .compilation import keep_programs, keeps_programs
+from .compilation import keep_programs, keeps_programs, prepare_folder
 from .fields.checks import require_count
 
 _FOR_SPEED = (
@@ -35,6 +36,9 @@ _FOR_COMPILING = (
 length. Without either, a sweep compiles in two thirds of the time, and runs take 1 % longer."""
 _LEVEL = ("--xla_backend_optimization_level", "1")
 """Shortens compiling, and no run takes longer."""
+_KEEP = "CLEARJOINT_KEEP_PROGRAMS"
+_CACHE = "jax_compilation_cache_dir"
+_LEAST_KEPT = "jax_persistent_cache_min_compile_time_secs"
 _WIDTH = "--xla_cpu_prefer_vector_width"
 WIDE, NARROW = 512, 256
 """Bits of the vectors that XLA computes with: in wide ones its arctangents are wrong until they are
@@ -45,11 +49,7 @@ LEAST_DEVICES = 2
 what runs on several, and the last bits of results then depend on the number of devices."""
 SLOW_AFTER = 10.0
 """Seconds of stepping after which a run says what settings are missing."""
-_SHARED = (
-    "jax_enable_x64",
-    "jax_compilation_cache_dir",
-    "jax_persistent_cache_min_compile_time_secs",
-)
+_SHARED = ("jax_enable_x64", _CACHE, _LEAST_KEPT)
 Setting = bool | float | str | None
 """The value of a setting of a process."""
 _said = False
@@ -124,17 +124,29 @@ def settings(devices: int | None = None, cache: str | os.PathLike | None = None)
 def configure(devices: int | None = None, cache: str | os.PathLike | None = None) -> None:
     """Set 64-bit floats, the compiler options, one device a core, and the compilation cache.
 
-    Call it once, after the imports and before anything is computed with JAX. From then on compiled
-    programs are kept in the cache's folder too, so that the next process neither traces nor
-    compiles what this one has. They are read as code: share the folder with nobody you don't trust.
+    Call it once, after the imports and before anything is computed with JAX.
+
+    From then on the compiled programs of calls whose arguments consist of this package's classes,
+    numbers, strings and arrays alone are kept in the cache's folder, so that the next process
+    neither traces nor compiles them. A call with a class or a function of your own is traced in
+    each process, so that a change of your code always counts; its machine code comes from JAX's
+    compilation cache, in the same folder. The environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``
+    switches the former off, and ``JAX_ENABLE_COMPILATION_CACHE=0`` both: do so if you replace
+    private functions in the packages that this one computes with (JAX, Diffrax, Equinox, ...).
+    Replaced functions and constants of this package are noticed, and so is an upgrade of it while
+    a process runs.
+
+    What is read from the folder is executed: it is made for you alone, and one to which others may
+    write is not used, with a warning. Of a folder that may only be read, what it holds is used.
 
     **Arguments:**
 
     - `devices`: CPU devices that share the lanes of sweeps; one a core, and two at least, unless
       given. JAX shows so many, and two if it is one, the second of which stays idle.
-    - `cache`: folder of the persistent compilation cache; `default_cache()` unless given.
+    - `cache`: folder of the persistent compilation cache; the variable ``CLEARJOINT_CACHE``, or
+      ``clearjoint`` in the user's cache folder, unless given.
 
-    **Raises:** `RuntimeError` if JAX has already started.
+    **Raises:** `RuntimeError` if JAX has already started, and `ValueError` if `cache` is a file.
 
     Once, at the top of a program:
 
@@ -145,7 +157,9 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     global _idle
     if devices is not None:
         require_count("devices", devices, "give a number of CPU devices, or None")
+    keep = _keep()
     variables = settings(devices, cache)
+    folder = _usable(variables["JAX_COMPILATION_CACHE_DIR"])
     flags = xla_flags(os.environ.get("XLA_FLAGS", ""), WIDE)
     shown = int(variables["JAX_NUM_CPU_DEVICES"])
     late = os.environ.get("XLA_FLAGS") != flags
@@ -159,10 +173,31 @@ def configure(devices: int | None = None, cache: str | os.PathLike | None = None
     _idle = shown - (devices or shown)
     os.environ["XLA_FLAGS"] = flags
     jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_compilation_cache_dir", variables["JAX_COMPILATION_CACHE_DIR"])
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update(_CACHE, folder)
+    read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
+    jax.config.update(_LEAST_KEPT, math.inf if read_only else 0.2)
     _mend_arctan()
-    keep_programs()
+    keep_programs(keep)
+
+
+def _keep() -> bool:
+    """What the environment variable says, if it is set, of whether programs are kept."""
+    value = os.environ.get(_KEEP) or "1"
+    if value not in ("0", "1"):
+        raise ValueError(
+            f"The environment variable {_KEEP} is {value!r}: set it to 0, and no compiled programs "
+            "are kept, or to 1."
+        )
+    return value == "1"
+
+
+def _usable(cache: str) -> str | None:
+    """The folder of the cache, or ``None``, with a warning, if it must not be used."""
+    problem = None if "://" in cache else prepare_folder(Path(cache))
+    if problem is None:
+        return cache
+    warnings.warn(f"Compiled programs are not kept. {problem}", stacklevel=3)
+    return None
 
 
 def _mend_arctan() -> None:
@@ -275,8 +310,8 @@ def missing() -> list[str]:
     """Names of the settings for speed that are not in force."""
     flags = os.environ.get("XLA_FLAGS", "")
     absent = [name for name, _ in _FOR_SPEED if name not in flags]
-    if not jax.config.jax_compilation_cache_dir:  # pyright: ignore
-        absent.append("jax_compilation_cache_dir")
+    if not getattr(jax.config, _CACHE):
+        absent.append(_CACHE)
     return absent
 
 

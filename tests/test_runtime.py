@@ -65,6 +65,31 @@ def test_devices_are_a_whole_number(devices):
         runtime.configure(devices)
 
 
+def test_a_cache_that_is_a_file_is_refused_before_anything_is_set(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match="file' is a file, or lies in one: remove the file"):
+        runtime.configure(cache=tmp_path / "file")
+
+
+def test_a_cache_that_must_not_be_used_is_warned_of(tmp_path):
+    tmp_path.chmod(0o777)
+    with pytest.warns(UserWarning, match="programs are not kept. Others than you may write"):
+        assert runtime._usable(str(tmp_path)) is None
+    assert runtime._usable("gs://bucket/cache") == "gs://bucket/cache"
+
+
+@pytest.mark.parametrize(("value", "kept"), [("", True), ("1", True), ("0", False)])
+def test_a_variable_switches_off_that_programs_are_kept(value, kept, monkeypatch):
+    monkeypatch.setenv("CLEARJOINT_KEEP_PROGRAMS", value)
+    assert runtime._keep() is kept
+
+
+def test_a_variable_of_another_value_is_refused(monkeypatch):
+    monkeypatch.setenv("CLEARJOINT_KEEP_PROGRAMS", "no")
+    with pytest.raises(ValueError, match="CLEARJOINT_KEEP_PROGRAMS is 'no': set it to 0"):
+        runtime.configure()
+
+
 def test_flags_turn_all_options_on():
     flags = runtime.xla_flags(vector_width=runtime.WIDE)
     assert options(flags) == {FUSION: "true", THRESHOLD: "10000000"} | FOR_COMPILING
@@ -145,11 +170,13 @@ CONFIGURE = """
 import os, jax, clearjoint
 from clearjoint.runtime import missing
 print(*missing())
-clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+clearjoint.configure(devices=3, cache="FOLDER")
 print(missing(), jax.numpy.zeros(1).dtype, jax.device_count())
 print(jax.config.jax_compilation_cache_dir)
+from clearjoint.compilation import keeps_programs
+print(keeps_programs())
 print(os.environ["XLA_FLAGS"])
-clearjoint.configure(devices=3, cache="/tmp/clearjoint-test")
+clearjoint.configure(devices=3, cache="FOLDER")
 try:
     clearjoint.configure(devices=2)
 except RuntimeError as error:
@@ -157,11 +184,12 @@ except RuntimeError as error:
 """
 
 
-def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses():
-    absent, state, cache, flags, refusal = python(CONFIGURE)
+def test_configure_before_anything_is_computed_sets_all_and_afterwards_refuses(tmp_path):
+    code = CONFIGURE.replace("FOLDER", str(tmp_path))
+    absent, state, cache, keeps, flags, refusal = python(code, CLEARJOINT_KEEP_PROGRAMS="0")
     assert absent.split() == [FUSION, THRESHOLD, "jax_compilation_cache_dir"]
     assert state == "[] float64 3"
-    assert cache == "/tmp/clearjoint-test"
+    assert cache == str(tmp_path) and keeps == "False"
     assert flags == runtime.xla_flags(vector_width=runtime.WIDE)
     assert "before JAX computes" in refusal and "python -m clearjoint" in refusal
 

@@ -26,7 +26,8 @@ class Compiled(Generic[Arguments, Result]):
     else changes compiles anew.
 
     Where programs are kept (see `keep_programs`), one that another process has compiled is loaded
-    from disk, and nothing is traced. `effort`: "least" for what runs once or twice a run.
+    from disk, and nothing is traced, if function and arguments consist of this package's code alone
+    (see `plain_values`). `effort`: "least" for what runs once or twice a run.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -45,10 +46,6 @@ class Compiled(Generic[Arguments, Result]):
             )
         self._kept = KeptPrograms(function, donate, effort)
         update_wrapper(self, function)
-
-    def __getstate__(self) -> tuple[object, ...]:
-        """What another process would know it by."""
-        return self.__wrapped__, self._kept.donate, self._kept.effort
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""

@@ -47,7 +47,7 @@ def _folder() -> Path | None:
     if not (_is_on and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
-    return Path(cache) / FOLDER if cache else None
+    return Path(cache) / FOLDER if cache and "://" not in cache else None
 
 
 def _tell(error: RuntimeError) -> None:
@@ -90,9 +90,11 @@ class KeptPrograms:
         known_by = signature(leaves, structure)
         if known_by is None:
             return None
-        if known_by not in self._programs:
-            self._programs[known_by] = self._loaded_or_compiled(folder, arguments, options)
-        program = self._programs[known_by]
+        try:
+            program = self._programs[known_by]
+        except KeyError:
+            program = self._loaded_or_compiled(folder, arguments, options)
+            self._programs[known_by] = program
         return None if program is None else (program, leaves)
 
     def _loaded_or_compiled(

@@ -15,10 +15,8 @@ from jax._src.lib import xla_client  # pyright: ignore
 from jax.experimental import serialize_executable
 from jaxtyping import PyTree
 
-from .description import described
 from .effort import Effort, compiler_options
 from .jax_cache import recorded_reads
-from .words import UndescribedError
 
 Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
 """Arguments whose memory the result may take, as of `equinox.filter_jit`."""
@@ -86,7 +84,7 @@ class Program:
         devices = [device.id for device in executable.local_devices()]
         program = _serialised(self.compiled, self.read)
         result = pickle.dumps(self.result)
-        return pickle.dumps((program, devices, result, described(pickle.loads(result))))
+        return pickle.dumps((program, devices, result))
 
 
 def compiled_program(
@@ -135,10 +133,8 @@ def loaded_program(
 
     **Raises:** whatever can go wrong.
     """
-    serialized, numbers, pickled, description = pickle.loads(content)
+    serialized, numbers, pickled = pickle.loads(content)
     result = pickle.loads(pickled)
-    if described(result) != description:
-        raise UndescribedError(result)
     count = sum(leaf is PLACE for leaf in jax.tree.leaves(result))
     places = _places(arguments, options, donate)
     by_number = {device.id: device for device in jax.devices()}

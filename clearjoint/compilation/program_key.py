@@ -2,14 +2,15 @@
 
 - `signature` knows programs within a process, as `jax.jit` does.
 - `program_key` knows them in every process: beside the arguments' structure, shapes and types it
-  holds the source of this package, what its modules hold, all code of one's own that the arguments
-  can reach, versions, flags, JAX's settings, and the processor.
+  holds the sources of this package, versions, flags, JAX's settings, and the processor.
 """
 
 import os
 import platform
+import sys
 from collections.abc import Callable, Hashable, Sequence
 from functools import cache
+from importlib import metadata
 
 import equinox as eqx
 import jax
@@ -19,21 +20,14 @@ from jax.core import Tracer
 from jax.sharding import NamedSharding, SingleDeviceSharding
 from jaxtyping import PyTree
 
-from .description import Description
-from .package_state import held, source
+from .package_code import source_digest
+from .plain_values import NUMERIC, NotPlainError, described
 from .program import Options, Positional
-from .trusted_code import versions
-from .words import UndescribedError
 
+_VERSIONED = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
+"""Packages whose versions programs depend on."""
 _OF_NO_MATTER = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Parts of names of settings that no program depends on."""
-
-
-class _Array:
-    """In the place of an array: what a program depends on of it."""
-
-    def __init__(self, number: int):
-        self.number = number
 
 
 def signature(leaves: Sequence[PyTree], structure: Hashable) -> Hashable:
@@ -58,28 +52,22 @@ def _kind(leaf: PyTree) -> Hashable:
 def program_key(function: Callable[..., PyTree], arguments: Positional, options: Options) -> str:
     """The key of a program on disk.
 
-    **Raises:** `UndescribedError` for arguments that hold more than can be seen in them.
+    **Raises:** `NotPlainError` if function or arguments hold code from outside of the package
+    (see `plain_values`), and `ChangedCodeError` if the package's own was changed.
     """
     leaves, structure = jax.tree.flatten((arguments, options))
-    arrays = list(map(eqx.is_array, leaves))
-    marked = [_Array(k) if is_array else leaves[k] for k, is_array in enumerate(arrays)]
-    description = Description()
-    description.add(function)
-    description.add(jax.tree.unflatten(structure, marked))
-    description.add([_described_kind(leaf) for leaf in leaves if eqx.is_array(leaf)])
-    description.add([source(), *held(description.packages)])
-    description.add([*versions(), *_settings()])
-    return description.digest()
+    kinds = [_array_kind(leaf) if eqx.is_array(leaf) else (leaf,) for leaf in leaves]
+    return described([function, structure, kinds, source_digest(), *_versions(), *_settings()])
 
 
-def _described_kind(leaf: jax.Array | np.ndarray | np.generic) -> str:
+def _array_kind(leaf: jax.Array | np.ndarray | np.generic) -> str:
     kind = f"{leaf.shape} {leaf.dtype}"
     if not isinstance(leaf, jax.Array):
         return kind
     if not leaf.committed:
         return f"{kind} {leaf.weak_type}"
     if not isinstance(leaf.sharding, SingleDeviceSharding | NamedSharding):
-        raise UndescribedError(leaf.sharding)
+        raise NotPlainError(leaf.sharding)
     by_device = leaf.sharding.devices_indices_map(leaf.shape)
     places = sorted((device.id, str(index)) for device, index in by_device.items())
     return f"{kind} {leaf.weak_type} {leaf.sharding.memory_kind} {places}"
@@ -102,6 +90,19 @@ def _settings() -> list[str]:
     variables = [os.environ.get(name, "") for name in ("XLA_FLAGS", "LIBTPU_INIT_ARGS")]
     machine = [client.platform, client.platform_version, _processor()]
     return [*map(repr, (values, context, devices, machine, variables)), flags]
+
+
+@cache
+def _versions() -> tuple[str, ...]:
+    """Versions of Python and of the packages whose code programs come from, loaded or not."""
+    return (sys.version, *(f"{name} {_version(name)}" for name in _VERSIONED))
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "none"
 
 
 @cache

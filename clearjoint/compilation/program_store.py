@@ -1,15 +1,17 @@
 """Files of compiled programs, by their keys, in a folder of bounded size.
 
-They hold machine code and are read by `pickle`: whoever can write to the folder can have code run
-by whoever reads it. So it is made for its owner alone, and a folder that others may write to is
-not used.
+They hold machine code and are read by `pickle`, so that a folder to which others may write is not
+used (see `cache_folder`).
 """
 
 import hashlib
 import os
 import tempfile
 import zlib
+from contextlib import suppress
 from pathlib import Path
+
+from .cache_folder import is_private
 
 MOST_BYTES = 1_000_000_000
 """Of all files; beyond that those unused for longest are removed."""
@@ -27,13 +29,15 @@ class ProgramStore:
         """The content under a key, or ``None`` if there is none or it is damaged."""
         path = self._path(key)
         try:
-            if not self._is_own():
+            if not is_private(self._folder):
                 return None
             whole = path.read_bytes()
             content = zlib.decompress(whole[_DIGEST:])
-            os.utime(path)
         except (OSError, zlib.error):
             return None
+        with suppress(OSError):
+            # Fails in a folder that may only be read.
+            os.utime(path)
         return content if whole[:_DIGEST] == _digest(key, content) else None
 
     def write(self, key: str, content: bytes) -> None:
@@ -42,7 +46,7 @@ class ProgramStore:
         **Raises:** `OSError` if it can't be written.
         """
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not self._is_own():
+        if not is_private(self._folder):
             return
         whole = _digest(key, content) + zlib.compress(content, 1)
         handle, name = tempfile.mkstemp(dir=self._folder)
@@ -57,13 +61,6 @@ class ProgramStore:
 
     def _path(self, key: str) -> Path:
         return self._folder / f"{key}{_SUFFIX}"
-
-    def _is_own(self) -> bool:
-        """Whether nobody else may write to the folder."""
-        if not hasattr(os, "getuid"):
-            return True
-        status = self._folder.stat()
-        return status.st_uid == os.getuid() and not status.st_mode & 0o022
 
     def _bound(self) -> None:
         """Remove what has not been used for longest; another process may do so too."""

@@ -1,0 +1,178 @@
+"""Programs kept on disk are not taken for changed code: each change is tried in a second process.
+
+`changed_code/laws.txt` has laws that take a number from as many places; the second process has
+another number there. `UPGRADED` edits a file of the package while a process has it open.
+"""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import clearjoint as cj
+
+PACKAGE = Path(cj.__file__).parent
+TEMPLATES = Path(__file__).with_name("changed_code")
+START = """
+import sys
+import warnings
+import clearjoint as cj
+from clearjoint import extend
+from clearjoint.compilation import Compiled, kept_programs
+
+cj.configure(devices=2, cache="cache")
+warnings.simplefilter("ignore")
+traced = []
+original = kept_programs.compiled_program
+def compiled_program(function, *rest):
+    traced.append(function.__name__)
+    return original(function, *rest)
+kept_programs.compiled_program = compiled_program
+force = Compiled(extend.contact_normal_force)
+gap = cj.Gap(depth=1e-4, rate=0.1)
+"""
+LAWS = """
+import json
+import equinox as eqx
+own = float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1))
+compiled = list(traced)
+import laws
+
+class Spring(cj.AbstractContactLaw):
+    law: eqx.Module
+    has_memory = False
+    def elastic_force(self, gap):
+        return self.law.k() * gap.depth
+    def force(self, gap, entry_speed):
+        return self.elastic_force(gap)
+    def stored_energy(self, gap):
+        return 0.5 * self.law.k() * gap.depth**2
+
+class Drag(cj.AbstractForce):
+    body: str
+    law: eqx.Module
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    def body_names(self):
+        return (self.body,)
+    def wrenches(self, motions, t):
+        m = motions[self.body]
+        return {self.body: m.wrench(-self.law.k() * m.velocity_at(self.point), self.point)}
+
+def contact(law):
+    return float(force(Spring(law), gap, None)) / gap.depth
+
+def run(law):
+    body = cj.Body(2.0, (1.0, 1.0, 1.0))
+    scene = cj.Scene({"mass": body}, forces={"drag": Drag("mass", law)})
+    moving = cj.body_state((0.3, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))
+    end = cj.simulate(scene, cj.State({"mass": moving}), 0.1, progress=False)
+    return float(end.final.bodies["mass"].velocity[0])
+
+what = {"contact": contact, "run": run}[sys.argv[1]]
+names = sys.argv[2:] or laws.VARIANTS
+found = {name: what(laws.VARIANTS[name]) for name in names}
+said = {name: float(laws.VARIANTS[name].k()) for name in names}
+print(json.dumps([own, compiled, found, said]))
+"""
+CHANGES = (
+    "body",
+    "module_and_function_of_one_name",
+    "module_as_argument",
+    "module_returned",
+    "getattr_helper",
+    "sns",
+    "arrarr",
+    "jnp_mine",
+    "masked",
+    "enum_attr_set",
+    "subclasses",
+    "npload_alias",
+)
+"""Laws of `changed_code/laws.txt` that the fast test takes."""
+
+
+def process(folder, code, *words):
+    """What a process prints last, with the modules of a folder before all others."""
+    variables = {
+        "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE.parent)]),
+        # Within a second Python may take a file's bytecode for that of an edited one.
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", START + code, *words],
+        cwd=folder,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def write_laws(folder, number):
+    """The laws, and modules that they use."""
+    for name in ("laws", "helpers"):
+        text = (TEMPLATES / f"{name}.txt").read_text().replace("{K}", str(number))
+        (folder / f"{name}.py").write_text(text)
+    (folder / "package").mkdir(exist_ok=True)
+    (folder / "package" / "__init__.py").write_text("from . import drag, settings\n")
+    (folder / "package" / "drag.py").write_text(f"def drag():\n    return {number}.0\n")
+    (folder / "package" / "settings.py").write_text(f"K = {number}.0\n")
+
+
+def numbers_of_two_processes(folder, *words):
+    """By law what two processes computed, and the numbers that the laws gave them, with another
+    number in the code of the second; a call of the package's classes alone is loaded there."""
+    for number in (1, 2):
+        write_laws(folder, number)
+        own, traced, found, said = process(folder, LAWS, *words)
+        assert own == pytest.approx(1300.0)
+        assert traced == (["contact_normal_force"] if number == 1 else [])
+        yield found, said
+
+
+def test_the_next_process_computes_with_changed_code(tmp_path):
+    first, second = numbers_of_two_processes(tmp_path, "contact", *CHANGES)
+    for found, said in (first, second):
+        assert found == pytest.approx(said, rel=1e-6)
+    assert all(second[1][name] != first[1][name] for name in CHANGES)
+
+
+@pytest.mark.slow
+def test_runs_of_the_next_process_have_changed_code(tmp_path):
+    first, second = numbers_of_two_processes(tmp_path, "run")
+    assert len(first[0]) > 60
+    for found, said in (first, second):
+        expected = {name: math.exp(-k * 0.1 / 2.0) for name, k in said.items()}
+        assert found == pytest.approx(expected, rel=1e-6)
+    assert all(second[1][name] != first[1][name] for name in first[1])
+
+
+UPGRADED = """
+import json
+from pathlib import Path
+
+if "edit" in sys.argv:
+    file = Path(cj.__file__).parent / "model" / "contact" / "laws.py"
+    text = file.read_text()
+    old = "return law.force(gap, entry_speed)"
+    new = text.replace(old, old.replace("law", "2.0 * law"))
+    assert new != text
+    file.write_text(new)
+print(json.dumps([traced, float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1)), cj.__file__]))
+"""
+
+
+def test_an_upgrade_in_an_open_process_leaves_no_program_of_old_code(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "clearjoint")
+    opened, fresh = (process(tmp_path, UPGRADED, *words) for words in (["edit"], []))
+    for _, _, file in (opened, fresh):
+        assert Path(file).is_relative_to(tmp_path)
+    assert [found for _, found, _ in (opened, fresh)] == pytest.approx([1300.0, 2600.0])
+    assert [traced for traced, _, _ in (opened, fresh)] == [[], ["contact_normal_force"]]

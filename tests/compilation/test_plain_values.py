@@ -1,0 +1,118 @@
+"""Values of which programs are kept: which have a digest, what changes it, and which have none."""
+
+import array
+import collections
+import enum
+import functools
+import math
+import types
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.compilation.plain_values import NotPlainError, described
+from clearjoint.simulation.motion_modes import MotionMode
+
+
+def test_data_differ_by_type_and_value():
+    array = np.array([1.0, 2.0])
+    values = (1, 1.0, True, "1", b"1", (1,), [1], {1: 2}, {"1": 2}, np.array(1), np.float32(1))
+    values += (None, array, array[:, None], array.astype(">f8"), 0.0, -0.0, math.nan, (1, (2,)))
+    values += (MotionMode(0), MotionMode(1), diffrax.Tsit5)
+    values += (("a", "bc"), ("ab", "c"), cj.simulate, cj.Body, cj.Body.rod)
+    assert len({described(value) for value in values}) == len(values)
+    assert described({"a": [1, (2.0, "b")]}) == described({"a": [1, (2.0, "b")]})
+
+
+def test_values_of_the_package_have_one():
+    settings = (cj.presets.study, cj.Settings(solver=diffrax.Dopri8()))
+    scene, state = cj.double_pendulum()
+    values = (*settings, scene, state, jax.tree.structure(scene), cj.double_pendulum(0.1e-3)[0])
+    assert len({described(value) for value in values}) == len(values)
+    assert described(cj.double_pendulum()[0]) == described(scene)
+
+
+class Own(cj.HuntCrossley):
+    pass
+
+
+class Holder(eqx.Module):
+    value: Any
+
+
+class Kind(enum.Enum):
+    ONE = 1
+
+
+class Number(float):
+    pass
+
+
+def function(x):
+    return x
+
+
+def marked():
+    body = cj.Body(1.0, (1.0, 1.0, 1.0))
+    object.__setattr__(body, "more", function)
+    return body
+
+
+def looped():
+    loop: list[object] = []
+    loop.append(loop)
+    return loop
+
+
+FOREIGN = {
+    "an instance of a subclass": Own(0.8, 1e9),
+    "an instance of a module": Holder(1.0),
+    "a class": Own,
+    "a function": function,
+    "a lambda": lambda x: x,
+    "a partial function": functools.partial(function, 1.0),
+    "a partial function of the package with another": functools.partial(cj.simulate, function),
+    "a function of JAX": jnp.sin,
+    "a function of Python": math.sin,
+    "a method": Own(0.8, 1e9).force,
+    "a jitted function": jax.jit(function),
+    "a module": types,
+    "a namespace": types.SimpleNamespace(k=1.0),
+    "an array of Python's": array.array("d", [1.0]),
+    "a masked array": np.ma.array([1.0, 2.0], mask=[True, False]),
+    "an array of objects": np.array([function], dtype=object),
+    "a member of an enumeration": Kind.ONE,
+    "a subclass of a number": Number(1.0),
+    "a dictionary with a default": collections.defaultdict(float),
+    "a generator": np.random.default_rng(),
+    "an iterator": iter([1.0]),
+    "a structure": jax.tree.structure(Holder(1.0)),
+    "an attribute beyond the fields": marked(),
+    "a list in itself": looped(),
+}
+
+
+@pytest.mark.parametrize("value", FOREIGN.values(), ids=FOREIGN)
+def test_code_from_outside_has_none_wherever_it_is_held(value):
+    for held in (value, [(value,)], {"a": value}):
+        with pytest.raises(NotPlainError):
+            described(held)
+
+
+def test_names_of_the_package_are_no_disguise():
+    """A class counts by what the package's module has under its name."""
+    disguised = type("Body", (cj.Body,), {"__module__": cj.Body.__module__})
+    with pytest.raises(NotPlainError):
+        described(disguised(1.0, (1.0, 1.0, 1.0)))
+
+
+def test_attributes_set_on_an_instance_change_it(monkeypatch):
+    before = described(MotionMode(0))
+    monkeypatch.setattr(MotionMode(0), "k", 2.0, raising=False)
+    assert described(MotionMode(0)) != before
