@@ -1,0 +1,11 @@
+"""Compile jaxprs to machine code with LLVM: scalar arithmetic and loops, without XLA.
+
+`NativeFunction` is to CPUs what `jax.jit` is elsewhere. A function is traced by JAX
+(`.lowering`), written as operations on scalars inside loops and branches (`.operations`,
+`.control`), put into LLVM's language (`.llvm_text`) and compiled (`.machine_code`).
+"""
+
+from .functions import NativeFunction
+from .lowering import UnsupportedPrimitiveError
+
+__all__ = ["NativeFunction", "UnsupportedPrimitiveError"]
