@@ -7,6 +7,7 @@ the arguments, and gives the result. The same rules serve vectors of tangents.
 import math
 from collections.abc import Callable, Mapping
 
+from .elementary import ELEMENTARY
 from .llvm_text import LIBRARY
 from .operations import Number, Operations, Value
 
@@ -289,6 +290,6 @@ RULES: dict[str, Rule] = {
     "convert_element_type": _convert,
     **{name: _copy for name in ("copy", "copy_p", "stop_gradient", "optimization_barrier")},
     **{name: _library(name) for name in LIBRARY if name not in ("fmod", "pow")},
-    "atan2": _library("atan2"),
+    **ELEMENTARY,
 }
 """Rules by the names of primitives."""
