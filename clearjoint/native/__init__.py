@@ -5,7 +5,8 @@
 `.control`), put into LLVM's language (`.llvm_text`) and compiled (`.machine_code`).
 """
 
+from .compiled import Native, NativeFallbackWarning
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
-__all__ = ["NativeFunction", "UnsupportedPrimitiveError"]
+__all__ = ["Native", "NativeFallbackWarning", "NativeFunction", "UnsupportedPrimitiveError"]

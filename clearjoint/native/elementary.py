@@ -106,9 +106,7 @@ def _sine_and_cosine(do: Operations, kind: str, angle: Value) -> tuple[Value, Va
     return sine, a.add(head, rest), a.bits(shifted)
 
 
-def _with_library(
-    do: Operations, kind: str, name: str, angle: Value, usual: Value
-) -> Value:
+def _with_library(do: Operations, kind: str, name: str, angle: Value, usual: Value) -> Value:
     """The C library's result where any angle is too large, or none."""
     a = _Arithmetic(do, kind)
     size = do.do("abs", kind, angle)

@@ -288,7 +288,7 @@ RULES: dict[str, Rule] = {
     "rem": _remainder,
     "select_n": select,
     "convert_element_type": _convert,
-    **{name: _copy for name in ("copy", "copy_p", "stop_gradient", "optimization_barrier")},
+    **dict.fromkeys(("copy", "copy_p", "stop_gradient", "optimization_barrier"), _copy),
     **{name: _library(name) for name in LIBRARY if name not in ("fmod", "pow")},
     **ELEMENTARY,
 }

@@ -12,7 +12,7 @@ import numpy as np
 from jax.interpreters import partial_eval
 
 from .llvm_text import llvm_text
-from .lowering import LARGEST_TAKEN_APART, Lowering, Memory, kind_of, tangents_of
+from .lowering import Lowering, Memory, kind_of, tangents_of
 from .machine_code import NativeCall, compiled
 from .operations import Operations
 
@@ -118,11 +118,16 @@ class NativeFunction:
         self._function, self._folder = function, folder
         self._programs: dict[Any, tuple[NativeProgram, Any]] = {}
 
+    def key(self, arguments: Any) -> Any:
+        """What programs are compiled anew for, of arguments."""
+        leaves, structure = jax.tree.flatten(arguments)
+        return structure, _described(leaves)
+
     def __call__(self, *arguments: Any) -> Any:
         """The function's result."""
         leaves, structure = jax.tree.flatten(arguments)
-        arrays = [leaf for leaf in leaves if eqx.is_array(leaf) or isinstance(leaf, np.ndarray)]
         program, result = self._program(leaves, structure)
+        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
         numbers = iter(program(arrays))
         leaves, outer = result
         return jax.tree.unflatten(
@@ -130,16 +135,13 @@ class NativeFunction:
         )
 
     def _program(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, Any]:
-        described = tuple(
-            (leaf.shape, leaf.dtype) if hasattr(leaf, "dtype") else leaf for leaf in leaves
-        )
-        key = structure, described
+        key = structure, _described(leaves)
         if key not in self._programs:
             self._programs[key] = self._compiled(leaves, structure)
         return self._programs[key]
 
     def _compiled(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, Any]:
-        is_array = [hasattr(leaf, "dtype") for leaf in leaves]
+        is_array = [eqx.is_array(leaf) for leaf in leaves]
         result: list[Any] = []
 
         def flat(arrays: list[Any]) -> list[Any]:
@@ -159,6 +161,12 @@ class NativeFunction:
         program = NativeProgram(closed, self._folder)
         program.seconds["tracing"] = traced
         return program, tuple(result)
+
+
+def _described(leaves: list[Any]) -> tuple[Any, ...]:
+    return tuple(
+        (leaf.shape, leaf.dtype) if eqx.is_array(leaf) else (type(leaf), leaf) for leaf in leaves
+    )
 
 
 _ARRAY = object()

@@ -57,13 +57,10 @@ _INTRINSICS = {
     "copysign": "copysign",
 }
 """Functions of floats that are instructions of processors, or nearly so."""
-LIBRARY = {
-    name: name
-    for name in (
-        "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log "
-        "log1p pow cbrt fmod nextafter erf erfc tgamma lgamma"
-    ).split()
-}
+LIBRARY = frozenset(
+    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log1p pow "
+    "cbrt fmod nextafter erf erfc tgamma lgamma".split()  # noqa: SIM905
+)
 """Functions of the C library, called for each lane and tangent."""
 
 
@@ -348,7 +345,9 @@ class _Writer:
         words = [*words, *[words[-1]] * (count - len(words))]
         for k, word in enumerate(words):
             following = f"%v{entry.out}" if k == count - 1 else self._temporary()
-            self._lines.append(f"{following} = insertelement {kind} {vector}, {base} {word}, i32 {k}")
+            self._lines.append(
+                f"{following} = insertelement {kind} {vector}, {base} {word}, i32 {k}"
+            )
             vector = following
 
     def _write_any(self, out: str, word: str, kind: str) -> None:
@@ -404,7 +403,9 @@ class _Writer:
             pointer = self._lane_pointer(entry.start, index, lane)
             part, following = self._temporary(), self._temporary()
             self._lines.append(f"{part} = load {base}, ptr {pointer}, align 8")
-            self._lines.append(f"{following} = insertelement {cell} {vector}, {base} {part}, i32 {lane}")
+            self._lines.append(
+                f"{following} = insertelement {cell} {vector}, {base} {part}, i32 {lane}"
+            )
             vector = following
         return vector
 
@@ -464,9 +465,7 @@ class _Writer:
 
     def _write_branch(self, entry: Branch) -> None:
         yes, no, end = self._new_labels("yes", "no", "end")
-        condition = self._scalar_condition(
-            self._word(entry.condition), self._type(entry.condition)
-        )
+        condition = self._scalar_condition(self._word(entry.condition), self._type(entry.condition))
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")
         ends = []
         for label, block in ((yes, entry.yes), (no, entry.no)):
@@ -488,9 +487,7 @@ class _Writer:
         self._begin(head)
         phis = len(self._lines)
         self._write(entry.head)
-        condition = self._scalar_condition(
-            self._word(entry.condition), self._type(entry.condition)
-        )
+        condition = self._scalar_condition(self._word(entry.condition), self._type(entry.condition))
         self._lines.append(f"br i1 {condition}, label %{body}, label %{end}")
         self._begin(body)
         self._write(entry.body)
@@ -512,5 +509,3 @@ def _mangled(kind: str) -> str:
         return names[kind]
     count, base = kind[1:-1].split(" x ")
     return f"v{count}{names[base]}"
-
-

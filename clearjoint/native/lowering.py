@@ -466,8 +466,9 @@ class Lowering:
 
     def _iota(self, equation: core.JaxprEqn) -> list[Array]:
         aval, axis = equation.outvars[0].aval, equation.params["dimension"]
-        own = np.arange(aval.shape[axis]).reshape([-1 if k == axis else 1 for k in
-                                                   range(len(aval.shape))])
+        own = np.arange(aval.shape[axis]).reshape(
+            [-1 if k == axis else 1 for k in range(len(aval.shape))]
+        )
         return [self.constant(np.broadcast_to(own, aval.shape).astype(aval.dtype))]
 
     # Elements at computed places.
@@ -564,7 +565,8 @@ class Lowering:
         block = [sizes[k] for k in offsets]
         strides = self._strides(shape)
         inside = sum(
-            np.arange(size).reshape([-1 if j == k else 1 for j in range(len(block))]) * strides[axis]
+            np.arange(size).reshape([-1 if j == k else 1 for j in range(len(block))])
+            * strides[axis]
             for k, (axis, size) in enumerate(zip(offsets, block, strict=True))
         )
         inside = np.broadcast_to(np.asarray(inside, dtype=int), block).ravel()
@@ -761,7 +763,10 @@ class Lowering:
 
         add, multiply = RULES["add"], RULES["mul"]
         found = []
-        left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
+        left_rows, right_rows = (
+            rows(first, 0, left_batch, left),
+            rows(second, 1, right_batch, right),
+        )
         for lefts, rights in zip(left_rows, right_rows, strict=True):
             for a in lefts:
                 for b in rights:
@@ -860,9 +865,7 @@ class Lowering:
 
         return self._restored(self.do.branch(condition, compute, leave_out), kept)
 
-    def _branch(
-        self, which: Value, yes: Any, no: Any, arguments: Sequence[Array]
-    ) -> list[Array]:
+    def _branch(self, which: Value, yes: Any, no: Any, arguments: Sequence[Array]) -> list[Array]:
         results: dict[str, list[Array]] = {}
 
         def build(name: str, branch: Any) -> Callable[[], list[Value]]:
@@ -935,8 +938,10 @@ class Lowering:
             found = go(arrays(values))
             self._settle(first, found)
             following = self._flattened(
-                [f if isinstance(f, Memory) else self._like(f, a)
-                 for f, a in zip(found, first, strict=True)]
+                [
+                    f if isinstance(f, Memory) else self._like(f, a)
+                    for f, a in zip(found, first, strict=True)
+                ]
             )
             if do.width == 1 or uniform:
                 return following
@@ -1004,9 +1009,7 @@ class Lowering:
             return do.do("ile", "b", carries[0], end)
 
         results = self._loop([do.constant("i", 0), *first], holds, go, uniform=True)
-        stacked = [
-            m if m.size > LARGEST_TAKEN_APART else self._read(m) for m in made
-        ]
+        stacked = [m if m.size > LARGEST_TAKEN_APART else self._read(m) for m in made]
         return [*results[1:], *stacked]
 
     def _row(self, memory: Memory, row: Value) -> Array:
@@ -1038,8 +1041,6 @@ class Lowering:
             self.do.store(self.do.load(array.kind, array.start, k), memory.start, place)
 
         self.do.repeat(size, visit)
-
-
 
 
 def _unsigned(rule: Rule) -> Rule:

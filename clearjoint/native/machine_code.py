@@ -35,8 +35,12 @@ def vector_bits() -> int:
 
 
 def _digest(text: str) -> str:
-    parts = (text, llvmlite.__version__, llvm.get_host_cpu_name(),
-             llvm.get_host_cpu_features().flatten())
+    parts = (
+        text,
+        llvmlite.__version__,
+        llvm.get_host_cpu_name(),
+        llvm.get_host_cpu_features().flatten(),
+    )
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

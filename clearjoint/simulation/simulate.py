@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import diffrax
 
-from ..compilation import Compiled
 from ..datasets.provenance import setting_notes
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.cautions import LawRangeWarning, caution
@@ -13,6 +12,7 @@ from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..native import Native
 from . import presets
 from .adjoint import loops_for
 from .aliases import Numbers
@@ -132,7 +132,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Compiled(begin, effort="least")
+begin_compiled = Native(begin, effort="least")
 
 
 def _warn(scene: Scene, solution: Solution) -> None:

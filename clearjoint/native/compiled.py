@@ -1,0 +1,84 @@
+"""Functions that run as machine code of this room on CPUs, and by XLA elsewhere."""
+
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Generic, ParamSpec, TypeVar
+
+import jax
+from jax._src import core
+from jax.core import Tracer
+
+from ..compilation import Compiled
+from ..compilation.clock import program_is_made_inside
+from ..compilation.effort import Effort
+from ..compilation.tracing import collector_at_rest
+from .functions import NativeFunction
+from .lowering import UnsupportedPrimitiveError
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+SWITCH = "CLEARJOINT_NATIVE"
+"""Environment variable: 0 has XLA compile everything."""
+_reported: set[str] = set()
+
+
+class NativeFallbackWarning(UserWarning):
+    """A program that XLA compiles, since the scene has a primitive of JAX without a rule in
+    `clearjoint.native`. Results are right, compiling takes longer."""
+
+
+class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
+    """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
+
+    Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
+    compiled by XLA, with one warning.
+    """
+
+    def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
+        super().__init__(function, effort=effort)
+        self._native = NativeFunction(function)
+        self._refused: set[object] = set()
+
+    def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        """The function's result."""
+        if options or not is_native() or _is_traced(arguments):
+            return super().__call__(*arguments, **options)
+        key = self._native.key(arguments)
+        if key not in self._refused:
+            try:
+                with collector_at_rest(), program_is_made_inside():
+                    return self._native(*arguments)
+            except UnsupportedPrimitiveError as error:
+                self._refused.add(key)
+                _report(str(error))
+        return super().__call__(*arguments)
+
+
+def is_native() -> bool:
+    """Whether programs are compiled by this room: on CPUs, unless `SWITCH` is 0."""
+    return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
+
+
+def _is_traced(arguments: object) -> bool:
+    if not core.trace_state_clean():
+        return True
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
+
+
+def _report(reason: str) -> None:
+    """Warn once of each reason for which XLA compiles a program."""
+    if reason not in _reported:
+        _reported.add(reason)
+        warnings.warn(
+            f"XLA compiles this program, which takes longer: no native code for {reason}. "
+            f"Results are right. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
+            NativeFallbackWarning,
+            stacklevel=4,
+        )
+
+
+def code_folder(cache: Path) -> Path:
+    """The folder of kept machine code inside the cache's."""
+    return cache / "native"
