@@ -57,10 +57,34 @@ _INTRINSICS = {
     "copysign": "copysign",
 }
 """Functions of floats that are instructions of processors, or nearly so."""
-LIBRARY = frozenset(
-    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log1p pow "
-    "cbrt fmod nextafter erf erfc tgamma lgamma".split()  # noqa: SIM905
-)
+LIBRARY = {
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asinh",
+    "acosh",
+    "atanh",
+    "exp",
+    "exp2",
+    "expm1",
+    "log",
+    "log1p",
+    "pow",
+    "cbrt",
+    "fmod",
+    "nextafter",
+    "erf",
+    "erfc",
+    "tgamma",
+    "lgamma",
+}
 """Functions of the C library, called for each lane and tangent."""
 
 

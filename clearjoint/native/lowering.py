@@ -252,7 +252,7 @@ class Lowering:
             closed = parameters[_CALLS[name]]
             inner = getattr(closed, "jaxpr", closed)
             return self.run(inner, self._consts(closed), arguments)
-        rule = getattr(self, f"_{name}", None)
+        rule = getattr(self, f"_{name.replace('-', '_')}", None)
         if rule is None:
             raise UnsupportedPrimitiveError(name)
         return rule(equation, *arguments)
@@ -626,6 +626,56 @@ class Lowering:
 
         self.do.repeat(count, visit)
         return [result]
+
+    def _scattered(
+        self, equation: core.JaxprEqn, array: Array, indices: Array, updates: Array, name: str
+    ) -> list[Array]:
+        """A small array with some elements replaced, or joined with updates by a rule."""
+        shape, numbers = equation.invars[0].aval.shape, equation.params["dimension_numbers"]
+        update_shape, depth = equation.invars[2].aval.shape, equation.invars[1].aval.shape[-1]
+        large = [a for a in (array, indices, updates) if isinstance(a, Memory)]
+        if large or numbers.operand_batching_dims:
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+        do, kind, values = self.do, kind_of(equation.outvars[0].aval), self.values(array)
+        strides, starts, news = self._strides(shape), self.values(indices), self.values(updates)
+        windows = list(numbers.update_window_dims)
+        kept = [k for k in range(len(shape)) if k not in numbers.inserted_window_dims]
+        batches = [k for k in range(len(update_shape)) if k not in windows]
+        batch_shape = [update_shape[k] for k in batches]
+        for new, place in zip(news, np.ndindex(*update_shape), strict=True):
+            row = int(np.ravel_multi_index([place[k] for k in batches], batch_shape))
+            row = row if batch_shape else 0
+            offsets = dict.fromkeys(range(len(shape)), 0)
+            offsets |= {axis: place[k] for k, axis in zip(windows, kept, strict=True)}
+            own, fits = do.constant("i", 0), do.constant("b", True)
+            for j, axis in enumerate(numbers.scatter_dims_to_operand_dims):
+                start = self._whole(starts[row * depth + j])
+                start = do.do("add", "i", start, do.constant("i", offsets.pop(axis)))
+                inside = do.do("ige", "b", start, do.constant("i", 0))
+                below = do.do("ilt", "b", start, do.constant("i", shape[axis]))
+                fits = do.do("and", "b", fits, do.do("and", "b", inside, below))
+                step = do.do("mul", "i", start, do.constant("i", strides[axis]))
+                own = do.do("add", "i", own, step)
+            rest = sum(strides[axis] * offset for axis, offset in offsets.items())
+            own = do.do("add", "i", own, do.constant("i", rest))
+            known = do.number(own)
+            targets = range(len(values)) if known is None else [int(known)]
+            for k in targets:
+                if not 0 <= k < len(values):
+                    continue
+                here = do.do("and", "b", fits, do.do("ieq", "b", own, do.constant("i", k)))
+                joined = new if not name else RULES[name](do, kind, {}, values[k], new)
+                values[k] = do.do("select", kind, here, joined, values[k])
+        return [self._array(values, tuple(shape))]
+
+    def _scatter(self, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+        return self._scattered(equation, *arguments, name="")
+
+    def _scatter_add(self, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+        return self._scattered(equation, *arguments, name="add")
+
+    def _scatter_mul(self, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+        return self._scattered(equation, *arguments, name="mul")
 
     # Reductions.
 
