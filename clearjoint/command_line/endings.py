@@ -46,5 +46,5 @@ def _sentence(error: Exception) -> str:
 
 
 def shows_progress() -> bool:
-    """Whether somebody looks at the error stream, on which progress is shown."""
-    return sys.stderr.isatty()
+    """Whether there is an error stream, on which progress is shown."""
+    return sys.stderr is not None

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from tqdm import tqdm
 
 from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive
@@ -17,7 +16,7 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..results import RESULTS
 from ..simulation import presets
-from ..simulation.progress_bars import telling_of_compiling
+from ..simulation.progress_bars import ProgressBar, telling_of_compiling
 from ..simulation.settings import Settings, settings_or
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
@@ -269,7 +268,7 @@ def iteration_callback(
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
-    bar = tqdm(
+    bar = ProgressBar(
         desc="fit" if searches == 1 else f"{searches} fits",
         unit=" runs",
         leave=False,

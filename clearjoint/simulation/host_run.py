@@ -6,7 +6,6 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm import tqdm
 
 from ..fields.conversion import on_device
 from ..math.vectors import Scalar, Structured, pack
@@ -18,7 +17,7 @@ from .adjoint import AbstractLoops
 from .impact_table import ImpactCollector, Impacts
 from .interruptions import interruptions_deferred
 from .method import Scheme
-from .progress_bars import telling_of_compiling
+from .progress_bars import ProgressBar, telling_of_compiling
 from .run_ends import final_result, final_state, named
 from .sections import crossings_of
 from .segments import Progress, SavedStates, TimedState, rewound, segment
@@ -109,10 +108,10 @@ class HostLoop(AbstractRun):
         waiting = _Waiting(save_at, float(self._end))
         rows: list[TimedState] = []
         notice, start = SlowRunNotice(), float(now.step.t)
-        bar = tqdm(
+        bar = ProgressBar(
             total=float(self._end) - start,
-            unit="s",
             desc="simulated",
+            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
             delay=2.0,
             leave=False,
             disable=not progress,

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 from jaxtyping import Float
-from tqdm import tqdm
 
 from ..fields.checks import as_number, require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..results import RESULTS
 from . import presets
+from .progress_bars import ProgressBar
 from .recurrence import CONFIRMING, Strobe, section_strobe, stillness, strobe_of
 from .saving import Saving
 from .sections import Section
@@ -146,7 +146,10 @@ def settle(
     rhythm = _rhythm(period, section, span)
     settings = settings_or(settings, presets.study)
     now = _Seen(state, start_time, RESULTS.successful, ())
-    bar = tqdm(total=periods, unit=" periods", desc="settle", leave=False, disable=not progress)
+    text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
+    bar = ProgressBar(
+        total=periods, desc="settle", bar_format=text, leave=False, disable=not progress
+    )
     with bar:
         while True:
             now = now.after(scene, settings, rhythm)

@@ -17,8 +17,11 @@ takes along this process's runtime settings (`clearjoint.configure`), which a wo
 over before JAX starts in it.
 """
 
+import multiprocessing
 import os
 import pickle
+import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import (
@@ -29,7 +32,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from threading import Lock
 from typing import Protocol
 
@@ -42,6 +45,8 @@ ChunkFunction = Callable[[int], LaneArrays]
 """From the number of a chunk to its results."""
 RETRIES = 3
 """How often Dask repeats a chunk that raised an error before the sweep fails."""
+TICK = 1.0
+"""Seconds between two calls of `on_start`."""
 QUEUED = 2
 """Chunks handed out for each worker: one that it computes and one that it finds waiting."""
 
@@ -72,6 +77,7 @@ def run_chunks(
     chunks: Iterable[int],
     executor: AbstractSubmitter,
     on_done: Callable[[int, LaneArrays], None],
+    on_start: Callable[[float], None] = lambda seconds: None,
 ) -> None:
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
@@ -85,6 +91,8 @@ def run_chunks(
     - `chunks`: numbers of the chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
     - `on_done`: takes the results of a chunk.
+    - `on_start`: is called every second until the first chunk has ended, with the seconds since the
+      first was handed out.
 
     **Raises:** `ValueError` if `executor` is neither, or forks its processes. `ChunkError` if a
     chunk raises an error or its worker dies (with Dask: again and again), after the chunks already
@@ -93,14 +101,17 @@ def run_chunks(
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
     failed: dict[int, BaseException] = {}
-    done = 0
+    done, begun = 0, time.monotonic()
     try:
         while running or (waiting and not failed):
             room = 0 if failed else pool.room() - len(running)
             for _ in range(min(room, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
+            if not done and not ended:
+                on_start(time.monotonic() - begun)
+            for future in ended:
                 chunk = running.pop(future)
                 error = _error(future)
                 if error is None:
@@ -174,9 +185,25 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
+    _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)
     return pickle.loads(task)
+
+
+@cache
+def _end_with_parent() -> None:
+    """Let this process end when the one that began it has died. One that is killed can't tell its
+    workers, which would wait for it without end."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _call(payload: bytes, chunk: int) -> LaneArrays:

@@ -15,7 +15,7 @@ from ..simulation.run_checks import check_numbers, check_precision
 from ..simulation.saving import Saving, saving_or_nothing
 from ..simulation.settings import Settings, settings_or
 from .axes import Axis, lanes_of
-from .computing import compute_missing
+from .computing import computed
 from .descriptions import decisive, informative
 from .executors import AbstractSubmitter
 from .layout import Coordinate, Layout
@@ -123,8 +123,7 @@ def sweep(
         common = replace(common, programs=tuple(digests.items()))
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
-    compute_missing(work, store, trace, executor, devices, progress)
-    results = store.dataset()
+    results = computed(work, store, trace, executor, devices, progress)
     report_failures(results, lanes)
     report_journals_outside(results, lanes)
     return results

@@ -8,7 +8,7 @@ import numpy as np
 from ..results import RESULTS, result_number
 from ..runtime import Device, busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
-from ..simulation.batch.scheduler import Batch, Ended
+from ..simulation.batch.scheduler import Batch, Ended, Running
 from ..simulation.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
@@ -44,7 +44,7 @@ class Work:
         on_ended: Callable[[int, LaneArrays], None],
         *,
         devices: Sequence[Device] | None = None,
-        on_progress: Callable[[float], None] = lambda lanes: None,
+        on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
         """Run lanes; `on_ended` gets the number and the results of each."""
         for lane in lanes:

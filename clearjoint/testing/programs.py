@@ -230,7 +230,7 @@ class SweepProgram:
         """A pool of lanes before their first steps, with their tasks, lanes in front."""
         lanes = np.arange(extent().pool) % len(self.work)
         tasks = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), self.work.tasks)
-        return begin(self._common, _one_device(), tasks)
+        return begin(self._common, _one_device(), jnp.asarray(lanes, float), tasks)
 
     def stepper(self, seat: Seat) -> Stepper:
         """What happens at a step of a seat's lane, which is ``seat.lane.step``. Traceable."""

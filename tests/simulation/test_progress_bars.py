@@ -5,20 +5,23 @@ import time
 
 import jax.numpy as jnp
 import pytest
+from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
 from clearjoint.compilation import Compiled, seconds_of_compiling
 from clearjoint.simulation import progress_bars
+from clearjoint.simulation.batch.scheduler import Running
 from clearjoint.simulation.progress_bars import compiling_bar
-from clearjoint.sweeps.progress import lane_progress
+from clearjoint.sweeps.progress import lane_progress, show_running
 
 LONG, TICK = 0.25, 0.02
 
 
 @pytest.fixture(autouse=True)
 def short_ticks(monkeypatch):
-    """And no thread is left behind, whatever happens."""
+    """In a terminal; and no thread is left behind, whatever happens."""
     monkeypatch.setattr(progress_bars, "TICK", TICK)
+    monkeypatch.setattr(progress_bars, "is_live", lambda stream: True)
     yield
     assert watches() == []
 
@@ -46,9 +49,9 @@ def test_a_bar_says_for_how_long_it_compiles_and_then_what_it_did(capsys):
         slow()(jnp.zeros(()))
         assert "compiling, 0 s" in capsys.readouterr().err
         time.sleep(10 * TICK)
-        assert bar.desc == "swept"
+        assert bar.desc == "stored"
     last = capsys.readouterr().err.split("\r")
-    assert "swept" in "".join(last) and last[-1].strip() == ""
+    assert "stored" in "".join(last) and last[-1].strip() == ""
 
 
 def test_seconds_are_counted_from_the_start_of_tracing():
@@ -112,3 +115,28 @@ def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     outputs = {"x": cj.quantities.Position("mass", "x")}
     cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.1], progress=progress)
     assert ("compiling, 12 s" in capsys.readouterr().err) == progress
+
+
+def test_a_log_file_gets_a_line_now_and_then(capsys, monkeypatch):
+    monkeypatch.undo()
+    with lane_progress(100, 0, True) as bar:
+        bar.start_t -= 10
+        bar.update(20)
+        bar.refresh()
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(progress_bars, "LINE_PERIOD", 0.0)
+    running = Running(lanes=7, earliest=0.25, latest=1.0, seconds_left=90.0)
+    with lane_progress(100, 40, True) as bar:
+        bar.update(20)
+        show_running(bar, running)
+    said = capsys.readouterr().err
+    assert "\r" not in said and said.endswith("\n")
+    first, last = said.splitlines()[0], said.splitlines()[-1]
+    assert first == "40 of 100 lanes are in the store; 60 are computed"
+    assert last.startswith("stored:  60%") and "60/100 lanes [00:00, left 01:30" in last
+    assert "7 running lanes have reached 0.25 s to 1 s" in last
+
+
+def test_bars_make_no_semaphores():
+    """Those of processes that are killed are left behind, which Python then warns of."""
+    assert not isinstance(progress_bars.ProgressBar.get_lock(), TqdmDefaultWriteLock)

@@ -1,5 +1,7 @@
 """Damaged stores: what is damaged is named, reads as pending, and is computed anew."""
 
+import json
+import shutil
 import warnings
 
 import numpy as np
@@ -49,7 +51,7 @@ UNSEEN = [("result", "deleted")]
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
     whole = complete(layout())
-    DAMAGES[damage](path / name / FILES[name])
+    DAMAGES[damage](path / "by_lane" / name / FILES[name])
     fault = "missing" if damage == "deleted" else "damaged"
     said = [] if (name, damage) in UNSEEN else [f"{name}/{FILES[name]} is {fault}"]
 
@@ -82,7 +84,7 @@ def recorded(function):
 
 
 def test_the_last_chunk_which_is_not_full_is_computed_anew(path):
-    flipped(path / "position" / "c" / "2" / "0" / "0")
+    flipped(path / "by_lane" / "position" / "c" / "2" / "0" / "0")
     store = opened(path, layout())
     missing, warned = recorded(store.missing)
     assert missing == {2: [10, 11]} and "position/c/2/0/0 is damaged" in warned
@@ -91,7 +93,7 @@ def test_the_last_chunk_which_is_not_full_is_computed_anew(path):
 
 
 def test_much_damage_is_counted(path):
-    for file in path.glob("*/c/?"):
+    for file in path.glob("by_lane/*/c/?"):
         if file.is_file() and file.parts[-3] in ("steps", "touched"):
             file.unlink()
     assert "c/0 is missing" in recorded(lambda: open_sweep(path))[1]
@@ -101,23 +103,66 @@ def test_much_damage_is_counted(path):
 @pytest.mark.parametrize("name", ["clearance", "component", "sweep_lanes"])
 @pytest.mark.parametrize("damage", ["deleted", "flipped"])
 def test_damaged_labels_are_named(path, name, damage):
-    file = path / name / "c" / "0"
+    file = path / "by_lane" / name / "c" / "0"
     DAMAGES[damage](file)
     for read in (open_sweep, lambda path: opened(path, layout())):
         with pytest.raises(ValueError, match=f"{file} is .*: restore that file from a copy"):
             read(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"{}"])
+@pytest.mark.parametrize("content", [b"", b"{", b"{}", b"[]"])
 def test_damaged_metadata_are_named(path, content):
-    (path / "zarr.json").write_bytes(content)
+    file = path / "by_lane" / "zarr.json"
+    file.write_bytes(content)
     for read in (open_sweep, lambda path: opened(path, layout())):
-        with pytest.raises(ValueError, match=f"{path} is none, or its zarr.json is damaged"):
+        with pytest.raises(ValueError, match=f"{path} is none, or {file} is missing or damaged"):
             read(path)
 
 
+def test_each_damaged_attribute_is_noticed(path):
+    file = path / "by_lane" / "zarr.json"
+    whole = json.loads(file.read_text())
+    others = [{**whole, "attributes": without(whole["attributes"], k)} for k in whole["attributes"]]
+    others.append({**whole, "consolidated_metadata": {"metadata": {}}})
+    others.append(json.loads(file.read_text().replace('"units": "m"', '"units": "n"')))
+    for other in others:
+        file.write_text(json.dumps(other))
+        with pytest.raises(ValueError, match=f"{file} is .*damaged"):
+            open_sweep(path)
+
+
+def without(entries, name):
+    return {key: value for key, value in entries.items() if key != name}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_chunks_that_have_changed_places_are_computed_anew(path, name):
+    first = path / "by_lane" / name / FILES[name]
+    second = path / "by_lane" / name / FILES[name].replace("1", "0", 1)
+    one, other = first.read_bytes(), second.read_bytes()
+    first.write_bytes(other)
+    second.write_bytes(one)
+    found, warned = recorded(lambda: open_sweep(path))
+    assert f"{first} is damaged" in warned and f"{second} is damaged" in warned
+    lanes = found.stack(lane=("clearance", "restitution"))
+    assert np.flatnonzero(lanes["result"] == -1).tolist() == list(range(10))
+    recorded(lambda: compute(opened(path, layout())))
+    identical(open_sweep(path), complete(layout()))
+
+
+def test_a_lane_alone_does_not_mend_the_others_of_a_damaged_chunk(path):
+    flipped(path / "by_lane" / "position" / FILES["position"])
+    store = opened(path, layout())
+    store.write(CHUNK, LANES[:2], results(layout(), LANES[:2]))
+    assert store.missing() == {CHUNK: LANES[2:]}
+    compute(store)
+    identical(open_sweep(path), complete(layout()))
+
+
 def test_stores_of_other_formats_are_refused(path):
-    file = path / "zarr.json"
-    file.write_text(file.read_text().replace('"sweep_format": 2', '"sweep_format": 1'))
-    with pytest.raises(ValueError, match="format 2, and not 1 .*xarray.open_zarr"):
+    root = json.loads((path / "by_lane" / "zarr.json").read_text())
+    root["attributes"]["sweep_format"] = 2
+    shutil.rmtree(path / "by_lane")
+    (path / "zarr.json").write_text(json.dumps(root))
+    with pytest.raises(ValueError, match="format 3, and not 2 .*xarray.open_zarr"):
         open_sweep(path)

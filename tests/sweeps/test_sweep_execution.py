@@ -24,7 +24,6 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.runtime import busy_devices, program_kind
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
-from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 
@@ -373,14 +372,6 @@ def test_worker_where_jax_runs_with_other_floats_is_refused():
     floats, devices = done.stdout.splitlines()
     assert "jax_enable_x64" in floats and "fresh workers" in floats
     assert "jax_num_cpu_devices" in devices and "fresh workers" in devices
-
-
-def test_progress_counts_lanes_and_tells_the_time_left():
-    with lane_progress(100, 40, True) as bar:
-        bar.start_t -= 10
-        bar.update(20)
-        said = str(bar)
-    assert "60/100" in said and "[00:10<00:20,  2.00 lanes/s]" in said
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ FURTHER = {
 @pytest.mark.parametrize("further", FURTHER.values(), ids=FURTHER)
 def test_further_values_leave_the_lanes_there_are(path, further):
     before = open_sweep(path)
-    files = {file: file.read_bytes() for file in path.glob("position/c/*/*/*")}
+    files = {file: file.read_bytes() for file in path.glob("by_lane/position/c/*/*/*")}
     wanted = layout(**further)
     store = opened(path, wanted)
     missing = sorted(lane for lanes in store.missing().values() for lane in lanes)

@@ -137,7 +137,7 @@ def pool_of(count: int):
         raise InterruptedError
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(InterruptedError):
-        patch.setattr(sweeping, "compute_missing", caught)
+        patch.setattr(sweeping, "computed", caught)
         swept(np.linspace(1.0, 2.0, count))
     work = held["work"]
     runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import xarray as xr
 
 from clearjoint.sweeps.layout import Coordinate, Layout, Variable
-from clearjoint.sweeps.store import metadata
+from clearjoint.sweeps.store import chunks, metadata
 from clearjoint.sweeps.store import store as store_module
 from clearjoint.sweeps.store.metadata import contents_of, create
 from clearjoint.sweeps.store.program import RUN
@@ -102,14 +103,34 @@ def test_pending_lanes_say_so(partial, path):
     assert found["result"].attrs["flag_meanings"] == "pending successful max_steps_reached"
 
 
-def test_plain_xarray_reads_the_store(partial, path):
-    found = xr.open_zarr(path, chunks=None)
-    assert found["position"].dims == ("lane", "time", "component")
-    assert found["clearance"].dims == ("lane",)
-    assert found["clearance"].attrs["units"] == "m"
-    assert found["component"].values.tolist() == ["x", "y", "z"]
-    assert found["steps"].values.tolist() == [*range(1000, 1005), *[-1] * 5, 1010, 1011]
-    assert found.attrs["solver"] == "Tsit5"
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("options", [{}, {"consolidated": False}])
+def test_plain_xarray_opens_the_labelled_grid(partial, path, options):
+    """Before and after further values have come in between, and while some are pending."""
+    partial.write_grid()
+    plainly_the_same(path, options)
+    axes = (layout().axes[0], Coordinate("restitution", [0.1, 0.3, 0.5, 0.9, 0.95]))
+    further = opened(path, layout(axes=axes))
+    plainly_the_same(path, options)
+    compute(further)
+    further.write_grid()
+    plainly_the_same(path, options)
+
+
+def plainly_the_same(path, options):
+    with xr.open_zarr(path, chunks=None, **options) as found:
+        expected = open_sweep(path)
+        assert dict(found.sizes) == dict(expected.sizes)
+        xr.testing.assert_equal(found, expected)
+        assert found["position"].attrs == expected["position"].attrs
+        assert found.attrs == expected.attrs
+
+
+def test_the_grid_is_written_while_the_store_is_filled(path, monkeypatch):
+    monkeypatch.setattr(store_module, "GRID_PERIOD", 0.0)
+    monkeypatch.setattr(store_module, "GRID_SHARE", np.inf)
+    compute(opened(path, layout()), (0,))
+    assert (xr.open_zarr(path, chunks=None)["result"] >= 0).sum() == 5
 
 
 def test_half_written_chunk_stays_pending(partial, path, monkeypatch):
@@ -123,7 +144,7 @@ def test_half_written_chunk_stays_pending(partial, path, monkeypatch):
         patched.setattr(store_module, "_flush", killed)
         with pytest.raises(KeyboardInterrupt):
             compute(partial)
-    assert not np.isnan(xr.open_zarr(path, chunks=None)["position"][5:10]).any()
+    assert (path / "by_lane" / "position" / "c" / "1").exists()
     assert opened(path, layout()).missing() == MIDDLE
     identical(open_sweep(path), before)
     compute(partial)
@@ -140,7 +161,8 @@ def test_writing_a_chunk_again_changes_no_byte(partial, path):
 
 
 def test_writing_a_chunk_touches_no_file_of_another(partial, path):
-    before = {file: file.stat().st_mtime_ns for file in path.rglob("*") if file.is_file()}
+    files = [file for file in path.rglob("c/**/*") if file.is_file()]
+    before = {file: file.stat().st_mtime_ns for file in files}
     compute(partial)
     assert before == {file: file.stat().st_mtime_ns for file in before}
 
@@ -355,7 +377,7 @@ def test_what_killed_processes_have_left_goes_and_what_is_being_made_stays(path)
 
 def test_a_store_that_cannot_be_made_leaves_nothing(path, monkeypatch):
     def interrupted(making, contents):
-        making.mkdir()
+        making.mkdir(parents=True)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(metadata, "_write", interrupted)
@@ -369,3 +391,51 @@ def test_of_two_that_create_a_store_the_first_wins(partial, path):
     create(path, contents_of(path))
     assert partial.missing() == MIDDLE
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_two_that_write_to_the_same_chunks_lose_no_lane(path):
+    """Each every second lane, and a reader never sees a lane go that was there."""
+    wanted = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 25), "m"),))
+
+    def write(first):
+        store = opened(path, wanted)
+        for lane in range(first, wanted.lanes, 2):
+            store.write(lane // wanted.chunk, [lane], results(wanted, [lane]))
+
+    opened(path, wanted)
+    seen = np.zeros(wanted.lanes, bool)
+    with ThreadPoolExecutor(2) as threads:
+        writing = [threads.submit(write, first) for first in range(2)]
+        while not all(writer.done() for writer in writing):
+            done = open_sweep(path)["result"].values >= 0
+            assert done[seen].all()
+            seen = done
+    assert [writer.exception() for writer in writing] == [None, None]
+    identical(open_sweep(path), complete(wanted))
+
+
+def test_a_chunk_that_is_written_again_never_reads_as_pending(path, monkeypatch):
+    """As when another process has computed the same lanes."""
+    store = opened(path, layout())
+    compute(store)
+    flush, seen = store_module._flush, []
+
+    def looked(file):
+        flush(file)
+        seen.append(open_sweep(path)["result"].values)
+
+    monkeypatch.setattr(store_module, "_flush", looked)
+    for lanes in (range(5, 10), [6, 8]):
+        store.write(1, list(lanes), results(layout(), list(lanes)))
+    assert len(seen) == 8 and all((codes >= 0).all() for codes in seen)
+
+
+def test_a_store_that_is_read_only_is_read(partial, path, monkeypatch):
+    compute(partial)
+    partial.write_grid()
+    monkeypatch.setattr(chunks, "_LOCK", "absent/lock")
+    files = {file: file.stat().st_mtime_ns for file in path.rglob("*")}
+    store = opened(path, layout())
+    store.write_grid()
+    assert store.missing() == {}
+    assert {file: file.stat().st_mtime_ns for file in path.rglob("*")} == files

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from tqdm import tqdm
 
 from ...fields.checks import require, require_count
-from ...simulation.progress_bars import telling_of_compiling
+from ...simulation.progress_bars import ProgressBar, telling_of_compiling
 from ..starts import half_widths
 from .level_sets import among, apart, level, reach
 from .misfit_curves import SideBySide
@@ -138,7 +137,7 @@ def screen(
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
     ahead = max(lanes.count // EIGHTH, 1)
     times, runs = [], 0
-    bar = tqdm(desc="screening", unit=" runs", leave=False, disable=not progress)
+    bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
     with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)

@@ -1,9 +1,10 @@
 """The pool of lanes on the devices: slices of turns for those with the most work left.
 
 A pool holds the lanes that have begun and not ended. A slice is a native loop of some hundred
-turns for a smaller number of them, the places; before each slice the places go to the lanes with
-the most work left, judged by their progress so far. So no lane waits for the slowest, and all lanes
-of a pool end at about the same time.
+turns for a smaller number of them, the places. Before each slice most places go to the lanes that
+come first, so that lanes end, and can be stored, in about the order in which they are given; the
+others go to the lanes with the most work left, judged by their progress so far, so that no long
+lane is left alone at the end.
 
 Each device has a pool and places of its own and the same program; devices never speak to each
 other, and a turn is elementwise in the lanes. So a lane's numbers depend neither on how many
@@ -42,6 +43,8 @@ ACROSS = PartitionSpec("lanes")
 UNKNOWN_WORK = 500.0
 """Attempts, and share of the run, from which on a lane's progress tells what it has left."""
 UNKNOWN_SHARE = 0.02
+IN_ORDER = 0.75
+"""Share of the places that go to the lanes that come first."""
 
 
 class Extent(eqx.Module):
@@ -72,8 +75,10 @@ class Task(eqx.Module):
 
 
 class Seat(eqx.Module):
-    """A lane in the pool, its task, and how many rows it has recorded in each log."""
+    """A lane in the pool, its place in the order of all lanes, its task, and how many rows it has
+    recorded in each log."""
 
+    number: Numbers
     task: Task
     lane: Lane
     recorded: dict[str, jax.Array]
@@ -132,15 +137,17 @@ class Page(eqx.Module):
 
 
 @partial(Compiled, effort="least")
-def begin(common: Common, mesh: Mesh, tasks: Task) -> Seat:
-    """The lanes of some tasks before their first steps, in the seats of a pool."""
+def begin(common: Common, mesh: Mesh, numbers: jax.Array, tasks: Task) -> Seat:
+    """The lanes of some tasks before their first steps, in the seats of a pool; `numbers` are their
+    places in the order of all lanes."""
 
-    def one(common: Common, task: Task) -> Seat:
+    def one(common: Common, number: Scalar, task: Task) -> Seat:
         orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
         lane = begin_lane(common.plan, common.scene(task), task.state, common.start_time, orders)
-        return Seat(task, lane, {name: jnp.zeros((), int) for name in common.logs(lane)})
+        recorded = {name: jnp.zeros((), int) for name in common.logs(lane)}
+        return Seat(number, task, lane, recorded)
 
-    return _on_devices(mesh, jax.vmap(one, (None, 0)), common, tasks)
+    return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, numbers, tasks)
 
 
 @partial(Compiled, effort="least")
@@ -225,8 +232,11 @@ def _on_devices(mesh: Mesh, function: Callable[..., T], shared: PyTree, *trees: 
 
 
 def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
-    """Give the lanes with the most work left their turns; what they recorded, beside."""
-    order = jnp.argsort(-_work_left(common, seats))
+    """Give the lanes of the places their turns; what they recorded, beside."""
+    left = _work_left(common, seats)
+    first = jnp.argsort(jnp.argsort(jnp.where(left > 0.0, seats.number, jnp.inf)))
+    in_order = (first < IN_ORDER * extent.places) & (left > 0.0)
+    order = jnp.argsort(jnp.where(in_order, -jnp.inf, -left))
     rank = jnp.argsort(order)
     seated = order[: extent.places]
     chosen = _of(seats, seated)
@@ -245,7 +255,7 @@ def _slice(common: Common, extent: Extent, seats: Seat) -> tuple[Seat, Page]:
     _, lanes = jax.lax.while_loop(goes, all_turn, (jnp.zeros((), int), chosen.lane))
     page = _page(common, lanes, seated)
     recorded = {name: chosen.recorded[name] + count for name, count in page.counts.items()}
-    chosen = Seat(chosen.task, emptied(lanes), recorded)
+    chosen = Seat(chosen.number, chosen.task, emptied(lanes), recorded)
     advanced = _of(chosen, jnp.minimum(rank, extent.places - 1))
     return _choose(rank < extent.places, advanced, seats), page
 

@@ -1,10 +1,12 @@
-"""Continuous batching, the host's part: who sits in the pool, and what was recorded.
+"""Continuous batching, the host's part: which lanes are in the pool, and what was recorded.
 
-When the lanes that are left no longer fill the places of a device, the host takes the results of
-those that have ended, and waiting ones come into the pool. However few lanes are left, they go on
-in the same program: one with fewer places, which is compiled anew, rounds otherwise.
+Now and then, and when the lanes that are left no longer fill the places of a device, the host takes
+the results of those that have ended, and waiting ones come into the pool. However few lanes are
+left, they go on in the same program: one with fewer places, which is compiled anew, rounds
+otherwise.
 """
 
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +17,10 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from ...runtime import Device, SlowRunNotice, mesh_devices
+from ..interruptions import interruptions_deferred
 from .device_pool import (
     ACROSS,
+    UNKNOWN_SHARE,
     Common,
     Extent,
     Page,
@@ -32,6 +36,10 @@ from .lane import Outcome
 
 BLOCK_ROWS = 256
 """Recorded rows of each lane that are read at once."""
+HARVEST_PERIOD = 1.0
+"""Seconds between two harvests of lanes that have ended, if nobody waits for their seats."""
+HARVEST_SHARE = 0.05
+"""Largest share of the time that such harvests may take."""
 Rows = np.ndarray
 """What a lane has recorded in a log: (rows, columns)."""
 
@@ -44,6 +52,21 @@ class Ended:
     lane: int
     outcome: Outcome
     logs: dict[str, tuple[dict[str, np.ndarray], int]]
+
+
+@dataclass(frozen=True)
+class Running:
+    """How far the lanes are that have begun and not ended.
+
+    `lanes`: their number; `earliest` and `latest`: the times, s, that they have reached;
+    `seconds_left`: estimated time until all lanes have ended, also those that wait; ``None`` as
+    long as nothing is known of any.
+    """
+
+    lanes: int
+    earliest: float
+    latest: float
+    seconds_left: float | None
 
 
 class Batch:
@@ -67,6 +90,10 @@ class Batch:
         if tasks.save_at is not None:
             self._lengths[common.saved] = tasks.save_at.shape[1]
         self._logs: dict[tuple[str, int], list[np.ndarray]] = {}
+        self._running: object = None
+        self._harvested = time.monotonic()
+        self._first_report: tuple[float, float] | None = None
+        self._harvest_seconds = 0.0
         self.turns = 0
         """Turns given so far, of lanes that advanced and of empty places."""
 
@@ -74,21 +101,30 @@ class Batch:
         self,
         lanes: Sequence[int],
         on_ended: Callable[[Ended], None],
-        on_progress: Callable[[float], None] = lambda lanes: None,
+        on_progress: Callable[[Running], None] = lambda running: None,
     ) -> None:
-        """Run the lanes of the given numbers.
+        """Run the lanes of the given numbers, which begin in this order.
 
-        `on_ended` gets each lane after it has ended; `on_progress` how many lanes those still in
-        the pool come to, by the share of their time that is done.
+        `on_ended` gets each lane soon after it has ended, while others run; `on_progress` is called
+        every some seconds.
+
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when the devices rest and `on_ended` has got
+        all lanes that had ended.
         """
-        waiting = deque(lanes)
-        sitting = self.empty_pool()
-        seats = None
-        while waiting or (sitting >= 0).any():
-            fresh = self._filled(sitting, waiting)
-            seats = self._seated(sitting, fresh, seats)
-            seats, finished = self._advance_until_few(seats, sitting, bool(waiting), on_progress)
-            self._take(seats, sitting, finished, on_ended)
+        waiting, sitting, seats = deque(lanes), self.empty_pool(), None
+        with interruptions_deferred() as stopped:
+            try:
+                while waiting or (sitting >= 0).any():
+                    fresh = self._filled(sitting, waiting)
+                    if seats is None or fresh.any():
+                        seats = self._seated(sitting, fresh, seats)
+                    seats, finished = self._advance(seats, sitting, waiting, on_progress, stopped)
+                    self._take(seats, sitting, finished, on_ended)
+                    if stopped():
+                        raise KeyboardInterrupt
+            finally:
+                # A process that ends while a device computes is killed by a segmentation fault.
+                jax.block_until_ready(self._running)
 
     def empty_pool(self) -> np.ndarray:
         """The number of the lane in each seat of all devices: none."""
@@ -107,15 +143,21 @@ class Batch:
         tasks = jax.tree.map(lambda leaf: leaf[np.maximum(sitting, 0)], self._tasks)
         ends = np.where(sitting >= 0, tasks.end_time, -np.inf)
         tasks = eqx.tree_at(lambda task: task.end_time, tasks, ends)
-        begun = begin(self._common, self._mesh, jax.device_put(tasks, self._across))
+        numbers, tasks = jax.device_put((sitting.astype(float), tasks), self._across)
+        begun = begin(self._common, self._mesh, numbers, tasks)
         if seats is None:
             return begun
         return replaced(jax.device_put(fresh, self._across), begun, seats)
 
-    def _advance_until_few(
-        self, seats: Seat, sitting: np.ndarray, waiting: bool, on_progress: Callable[[float], None]
+    def _advance(
+        self,
+        seats: Seat,
+        sitting: np.ndarray,
+        waiting: Sequence[int],
+        on_progress: Callable[[Running], None],
+        stopped: Callable[[], bool],
     ) -> tuple[Seat, np.ndarray]:
-        """Segments until the unfinished lanes no longer fill the places of a device.
+        """Segments until lanes that have ended are to be taken; and which seats have such lanes.
 
         The next segment runs while the host reads the last one's report, so that there is one more
         than it takes; in that, lanes that have ended stay as they are.
@@ -123,23 +165,50 @@ class Batch:
         taken, notice = sitting >= 0, SlowRunNotice()
         constants = self._common, self._extent, self._mesh
         seats, status, page = advance(constants, seats)
-        few = False
-        while not few:
+        ready = False
+        while not ready:
             seats, next_status, next_page = advance(constants, seats)
-            left = self._read(status, page, sitting).reshape(self._mesh.size, -1)[: self._busy]
-            on_progress(self._progress(status, sitting))
+            self._running = next_status
+            left = self._read(status, page, sitting)
+            on_progress(self._reached(status, sitting, len(waiting)))
             notice.check()
             status, page = next_status, next_page
-            lanes = (left > 0.0).sum(axis=1)
-            few = lanes.max() == 0 or (waiting and lanes.min() < self._extent.places)
+            ready = stopped() or self._harvest_is_due(left, taken, bool(waiting))
         return seats, taken & (self._read(status, page, sitting) <= 0.0)
 
-    def _progress(self, status: Status, sitting: np.ndarray) -> float:
-        """How much of their spans the lanes in the pool have simulated, in whole lanes."""
-        end, start = self._tasks.end_time[np.maximum(sitting, 0)], float(self._common.start_time)
-        share = (np.asarray(status.time) - start) / (end - start)
-        share = np.where(np.asarray(status.left) > 0.0, share, 1.0)
-        return float(share[sitting >= 0].sum())
+    def _harvest_is_due(self, left: np.ndarray, taken: np.ndarray, waiting: bool) -> bool:
+        """Whether the lanes left no longer fill the places of a device, or lanes have ended and the
+        last harvest is some time ago."""
+        busy = (left.reshape(self._mesh.size, -1)[: self._busy] > 0.0).sum(axis=1)
+        if busy.max() == 0 or (waiting and busy.min() < self._extent.places):
+            return True
+        pause = max(HARVEST_PERIOD, self._harvest_seconds / HARVEST_SHARE)
+        return bool((taken & (left <= 0.0)).any()) and time.monotonic() - self._harvested > pause
+
+    def _reached(self, status: Status, sitting: np.ndarray, waiting: int) -> Running:
+        """How far the lanes in the pool are."""
+        left, now = np.asarray(status.left), np.asarray(status.time)
+        start, runs = float(self._common.start_time), (sitting >= 0) & (left > 0.0)
+        begun = runs & (now > start)
+        times = now[begun] if begun.any() else np.array([start])
+        lanes = int(runs.sum())
+        span = self._tasks.end_time[np.maximum(sitting, 0)] - start
+        share = np.where(runs, (now - start) / span, 0.0)
+        known = runs & (share > UNKNOWN_SHARE) & (share < 1.0)
+        seconds = None
+        if known.any():
+            length = float((left[known] / (1.0 - share[known])).mean())
+            left = np.where(known, left, np.where(runs, length, 0.0))
+            together = (left.sum() + waiting * length) / (self._extent.places * self._busy)
+            seconds = self._seconds_of_turns(float(max(left.max(), together)))
+        return Running(lanes, float(times.min()), float(times.max()), seconds)
+
+    def _seconds_of_turns(self, turns: float) -> float | None:
+        """How long so many turns take, s, by those since the first report."""
+        now = time.monotonic(), self.turns / (self._extent.places * self._busy)
+        self._first_report = self._first_report or now
+        seconds, given = now[0] - self._first_report[0], now[1] - self._first_report[1]
+        return turns * seconds / given if given else None
 
     def _read(self, status: Status, pages: Page, sitting: np.ndarray) -> np.ndarray:
         """Add what was recorded to the logs, and count the turns; the attempts each lane may still
@@ -164,8 +233,11 @@ class Batch:
         finished: np.ndarray,
         on_ended: Callable[[Ended], None],
     ) -> None:
-        rows = self._rows(sitting)
-        outcomes, channels = self._harvested(seats, rows)
+        begun = time.monotonic()
+        rows = self._rows(np.where(finished, sitting, -1))
+        outcomes, channels = self._harvest(seats, rows)
+        self._harvested = time.monotonic()
+        self._harvest_seconds = self._harvested - begun
         for k in np.flatnonzero(finished):
             lane, read = jax.tree.map(lambda leaf, k=k: leaf[k], (outcomes, channels))
             logs = {name: (values, len(rows[name][k])) for name, values in read.items()}
@@ -175,14 +247,14 @@ class Batch:
             sitting[k] = -1
 
     def _rows(self, sitting: np.ndarray) -> dict[str, list[Rows]]:
-        """By log, what each seat of the pool has recorded."""
+        """By log, what the lane in each seat of the pool has recorded; nothing where none is."""
         none: list[Rows] = [np.zeros((0, 0))]
         return {
             name: [np.concatenate(self._logs.get((name, int(lane)), none)) for lane in sitting]
             for name in self._lengths
         }
 
-    def _harvested(
+    def _harvest(
         self, seats: Seat, rows: Mapping[str, Sequence[Rows]]
     ) -> tuple[Outcome, dict[str, dict[str, np.ndarray]]]:
         """Outcomes (seats,) and channels (seats, rows), by log and name, of the lanes of the pool.

@@ -1,11 +1,11 @@
 """What a sweep's Zarr store holds, as metadata and labels: written before any result, and read."""
 
 import glob
+import json
 import shutil
 import time
-import uuid
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,15 +13,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...fields.checks import require
-from ..layout import LANE, Coordinate, Layout, Variable
-from .chunks import checked, chunk_file, opened, opened_group, read
+from ..layout import LANE, Coordinate, Layout, Variable, dataset
+from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .fingerprint import digest
+from .grid import BY_LANE, ROOT, remove_grid, unfinished, write_grid
 from .identity import Identity
 
 if TYPE_CHECKING:
+    import xarray as xr
     import zarr
 
-_FORMAT, _VERSION = "sweep_format", 2
+_FORMAT, _VERSION = "sweep_format", 3
+_DIGEST = "sweep_digest"
+"""Attribute with a digest of all metadata."""
+ADDED = "sweep_added"
+"""Attribute with the names of variables that came when lanes were done already."""
 _OWN = (
     "sweep_axes",
     "sweep_shape",
@@ -32,12 +38,10 @@ _OWN = (
     "sweep_programs",
     "sweep_digests",
     "sweep_order",
-    "sweep_added",
+    ADDED,
     _FORMAT,
-    "coordinates",
 )
 """Attributes of the store that are no settings of the sweep."""
-_ROOT = "zarr.json"
 ABANDONED_AFTER = 3600.0
 """Age, s, from which on nobody works at what is not yet under its name: that takes a second."""
 
@@ -61,6 +65,8 @@ def create(path: Path, contents: Contents) -> None:
     """Make a store without results, as a whole or not at all; nothing if another process was
     first."""
     with _new_store(path, contents) as store:
+        pending = {name: v[contents.order] for name, v in contents.layout.pending().items()}
+        write_grid(store, labelled(contents, pending))
         try:
             store.rename(path)
         except OSError:
@@ -71,12 +77,14 @@ def create(path: Path, contents: Contents) -> None:
 def extend(path: Path, contents: Contents) -> None:
     """Give a store further lanes, behind its own, or further variables.
 
-    Its chunks stay as they are; until the last file is replaced it reads as before.
+    Its chunks stay as they are; until the last file is replaced it reads as before. The grid of
+    other labels is removed.
     """
     with _new_store(path, contents) as store:
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
-        for file in sorted(files, key=lambda file: file == Path(_ROOT)):
+        for file in sorted(files, key=lambda file: file == BY_LANE / ROOT):
             _move(store / file, path / file)
+    remove_grid(path)
 
 
 def remove_remains(path: Path) -> None:
@@ -93,6 +101,7 @@ def contents_of(path: Path) -> Contents:
     **Raises:** `ValueError` if no sweep's store is there, or its labels are damaged.
     """
     group, attrs = _opened(path)
+    path = path / BY_LANE
     own = {name: attrs.pop(name) for name in _OWN}
     order = _values(path, group, own["sweep_order"])
     back = np.argsort(order)
@@ -114,19 +123,27 @@ def contents_of(path: Path) -> Contents:
     )
     lanes = {name: _values(path, group, array)[back] for name, array in digests.items()}
     identity = Identity(own["sweep_programs"], lanes)
-    return Contents(layout, identity, order, frozenset(own["sweep_added"]))
+    return Contents(layout, identity, order, frozenset(own[ADDED]))
+
+
+def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
+    """Arrays in the order of the store as a data set along the axes."""
+    back = np.argsort(contents.order)
+    return dataset(contents.layout, {name: values[back] for name, values in arrays.items()})
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """The group at a path and its attributes."""
+    """The group of the lanes of a store and its attributes."""
+    file = path / BY_LANE / ROOT
     try:
-        group = opened_group(path, "r")
-        attrs: dict[str, Any] = dict(group.attrs)
+        # In stores of former versions, the lanes are in the place of the grid.
+        root = json.loads((file if file.exists() else path / ROOT).read_text())
+        attrs: dict[str, Any] = root["attributes"]
         form = attrs[_FORMAT]
-    except (OSError, ValueError, KeyError) as error:
+    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError) as error:
         raise ValueError(
-            f"Argument `path` must name the store of a sweep, but {path} is none, or its {_ROOT} "
-            "is damaged: pass another path, or delete what is there."
+            f"Argument `path` must name the store of a sweep, but {path} is none, or {file} is "
+            "missing or damaged: pass another path, or delete what is there."
         ) from error
     require(
         form == _VERSION,
@@ -135,7 +152,17 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
         f"a store of format {_VERSION}, and not {form} as other versions of clearjoint write it",
         "read it with xarray.open_zarr, and sweep into another path",
     )
-    return group, attrs
+    if attrs.pop(_DIGEST, None) != _digest(root):
+        raise ValueError(
+            f"The store {path} can't be read, since {file} is damaged: restore that file from a "
+            "copy, or delete the store to compute it anew."
+        )
+    return opened_group(path / BY_LANE, "r"), attrs
+
+
+def _digest(root: Mapping[str, Any]) -> str:
+    """A digest of metadata without `_DIGEST`."""
+    return digest(json.dumps(root, sort_keys=True))
 
 
 def _move(file: Path, to: Path) -> None:
@@ -146,9 +173,9 @@ def _move(file: Path, to: Path) -> None:
 @contextmanager
 def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
     """A store beside a path, of which nothing stays there."""
-    store = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    store = unfinished(path)
     try:
-        _write(store, contents)
+        _write(store / BY_LANE, contents)
         yield store
     finally:
         shutil.rmtree(store, ignore_errors=True)
@@ -162,7 +189,7 @@ def _write(path: Path, contents: Contents) -> None:
     require(not taken, "settings", taken, "names that the store does not use", "rename them")
     digests = {name: f"sweep_lanes_{name}".rstrip("_") for name in identity.lanes}
     attributes = {**layout.settings, **layout.notes, **_own_attributes(contents, digests)}
-    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
+    group = zarr.create_group(checked_files()(path), zarr_format=3, attributes=attributes)
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
@@ -176,9 +203,12 @@ def _write(path: Path, contents: Contents) -> None:
     for name, variable in layout.variables.items():
         _write_variable(group, name, variable, layout)
     with warnings.catch_warnings():
-        # Still a draft in format 3; but without it xarray warns whenever the store is opened.
+        # Still a draft in format 3; without it, every array is a file to open.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(group.store)
+    root = json.loads((path / ROOT).read_text())
+    root["attributes"][_DIGEST] = _digest(root)
+    (path / ROOT).write_text(json.dumps(root, indent=2))
 
 
 def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, Any]:
@@ -197,7 +227,6 @@ def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, An
         order,
         sorted(contents.added),
         _VERSION,
-        " ".join([*names, *digests.values(), order]),
     )
     return dict(zip(_OWN, values, strict=True))
 
@@ -214,7 +243,6 @@ def _write_variable(group: "zarr.Group", name: str, variable: Variable, layout: 
         chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
         dtype=variable.dtype,
         fill_value=variable.fill,
-        compressors=checked(),
         dimension_names=(LANE, *variable.dims),
         attributes=variable.attributes,
     )
@@ -229,7 +257,6 @@ def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: 
         shape=values.shape,
         chunks=(chunk,),
         dtype=dtype,
-        compressors=checked(),
         dimension_names=(dim,),
         attributes=attributes,
     )
