@@ -5,8 +5,14 @@
 `.control`), put into LLVM's language (`.llvm_text`) and compiled (`.machine_code`).
 """
 
-from .compiled import Native, NativeFallbackWarning
+from .compiled import Native, NativeFallbackWarning, is_native
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
-__all__ = ["Native", "NativeFallbackWarning", "NativeFunction", "UnsupportedPrimitiveError"]
+__all__ = [
+    "Native",
+    "NativeFallbackWarning",
+    "NativeFunction",
+    "UnsupportedPrimitiveError",
+    "is_native",
+]

@@ -3,7 +3,6 @@
 import os
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Generic, ParamSpec, TypeVar
 
 import jax
@@ -77,8 +76,3 @@ def _report(reason: str) -> None:
             NativeFallbackWarning,
             stacklevel=4,
         )
-
-
-def code_folder(cache: Path) -> Path:
-    """The folder of kept machine code inside the cache's."""
-    return cache / "native"

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +12,7 @@ from jax.interpreters import partial_eval
 
 from .llvm_text import llvm_text
 from .lowering import Lowering, Memory, kind_of, tangents_of
-from .machine_code import NativeCall, compiled
+from .machine_code import NativeCall, code_folder, compiled
 from .operations import Operations
 
 
@@ -37,7 +36,7 @@ class NativeProgram:
     `seconds`: what lowering and compiling took, by step.
     """
 
-    def __init__(self, closed: Any, folder: Path | None = None):
+    def __init__(self, closed: Any):
         began = time.perf_counter()
         outs = closed.jaxpr.outvars
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
@@ -65,7 +64,7 @@ class NativeProgram:
         straightened = time.perf_counter()
         text = llvm_text(do, "program")
         written = time.perf_counter()
-        self._call: NativeCall = compiled(text, "program", folder)
+        self._call: NativeCall = compiled(text, "program", code_folder())
         self.text = text
         self.seconds = {
             "lowering": straightened - began,
@@ -84,7 +83,7 @@ class NativeProgram:
         for k, region in zip(self._used, self._inputs, strict=True):
             _write(floats, whole, region.start, np.asarray(leaves[k]))
         self._call(floats.ctypes.data)
-        return [_taken(floats, whole, region) for region in self._outputs]
+        return [read_region(floats, whole, region) for region in self._outputs]
 
 
 def _size(aval: Any) -> int:
@@ -101,7 +100,8 @@ def _write(floats: np.ndarray, whole: np.ndarray, start: int, array: np.ndarray)
     target[start : start + array.size] = array.ravel()
 
 
-def _taken(floats: np.ndarray, whole: np.ndarray, region: Region) -> np.ndarray:
+def read_region(floats: np.ndarray, whole: np.ndarray, region: Region) -> np.ndarray:
+    """A copy of the array in a region of memory, seen as floats and as integers."""
     source = floats if region.dtype.kind == "f" else whole
     content = source[region.start : region.start + region.size].reshape(region.shape)
     return content.astype(region.dtype)
@@ -114,8 +114,8 @@ class NativeFunction:
     `equinox.filter_jit`. Results have NumPy's arrays in the place of JAX's.
     """
 
-    def __init__(self, function: Callable[..., Any], folder: Path | None = None):
-        self._function, self._folder = function, folder
+    def __init__(self, function: Callable[..., Any]):
+        self._function = function
         self._programs: dict[Any, tuple[NativeProgram, Any]] = {}
 
     def key(self, arguments: Any) -> Any:
@@ -158,7 +158,7 @@ class NativeFunction:
         began = time.perf_counter()
         closed = jax.make_jaxpr(flat)(arrays)
         traced = time.perf_counter() - began
-        program = NativeProgram(closed, self._folder)
+        program = NativeProgram(closed)
         program.seconds["tracing"] = traced
         return program, tuple(result)
 

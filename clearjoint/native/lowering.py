@@ -947,11 +947,11 @@ class Lowering:
         head, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
         outside = parameters["cond_nconsts"]
         inside = outside + parameters["body_nconsts"]
-        head_consts = [self._borrowed(a) for a in arguments[:outside]]
-        body_consts = [self._borrowed(a) for a in arguments[outside:inside]]
+        head_consts = [self.borrowed(a) for a in arguments[:outside]]
+        body_consts = [self.borrowed(a) for a in arguments[outside:inside]]
 
         def holds(carries: list[Array]) -> Value:
-            borrowed = [self._borrowed(a) for a in carries]
+            borrowed = [self.borrowed(a) for a in carries]
             (found,) = self.run(head.jaxpr, self._consts(head), [*head_consts, *borrowed])
             assert isinstance(found, int)
             return found
@@ -959,12 +959,13 @@ class Lowering:
         def go(carries: list[Array]) -> list[Array]:
             return self.run(body.jaxpr, self._consts(body), [*body_consts, *carries])
 
-        return self._loop(list(arguments[inside:]), holds, go)
+        return self.loop(list(arguments[inside:]), holds, go)
 
-    def _borrowed(self, array: Array) -> Array:
+    def borrowed(self, array: Array) -> Array:
+        """The array, which must not be overwritten."""
         return replace(array, owned=False) if isinstance(array, Memory) else array
 
-    def _loop(
+    def loop(
         self,
         first: list[Array],
         holds: Callable[[list[Array]], Value],
@@ -1029,11 +1030,11 @@ class Lowering:
         parameters, do = equation.params, self.do
         constants, carried = parameters["num_consts"], parameters["num_carry"]
         length, closed = parameters["length"], parameters["jaxpr"]
-        consts = [self._borrowed(a) for a in arguments[:constants]]
+        consts = [self.borrowed(a) for a in arguments[:constants]]
         first = list(arguments[constants : constants + carried])
         avals = [v.aval for v in equation.invars[constants + carried :]]
         rows = [
-            self._borrowed(self.in_memory(a, tuple(aval.shape)))
+            self.borrowed(self.in_memory(a, tuple(aval.shape)))
             for a, aval in zip(arguments[constants + carried :], avals, strict=True)
         ]
         outs = [v.aval for v in equation.outvars[carried:]]
@@ -1058,7 +1059,7 @@ class Lowering:
             do.mark_uniform(carries[0])
             return do.do("ile", "b", carries[0], end)
 
-        results = self._loop([do.constant("i", 0), *first], holds, go, uniform=True)
+        results = self.loop([do.constant("i", 0), *first], holds, go, uniform=True)
         stacked = [m if m.size > LARGEST_TAKEN_APART else self._read(m) for m in made]
         return [*results[1:], *stacked]
 

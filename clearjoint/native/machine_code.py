@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import jax
 import llvmlite
 import llvmlite.binding as llvm
 
@@ -97,3 +98,9 @@ def _write(path: Path, code: bytes) -> None:
     part = path.with_suffix(f".{id(code)}")
     part.write_bytes(hashlib.sha256(code).digest() + code)
     part.replace(path)
+
+
+def code_folder() -> Path | None:
+    """The folder of kept machine code, inside JAX's compilation cache; ``None`` without one."""
+    cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    return Path(cache) / "native" if cache else None

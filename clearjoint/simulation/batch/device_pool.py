@@ -197,15 +197,27 @@ def harvest(
     ) -> tuple[Outcome, dict[str, Columns]]:
         scene = common.scene(seat.task)
         read = {
-            name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
+            name: channels_of(common, scene, name, seat.lane, rows) for name, rows in logs.items()
         }
         return pack(outcome(common.plan, scene, seat.lane, seat.task.end_time)), read
 
     return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
 
 
-def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Columns:
-    """The columns that are reported of rows of a log, by name."""
+def _all_at_once(function: Callable[[jax.Array], Columns], rows: jax.Array) -> Columns:
+    return jax.vmap(function)(rows)
+
+
+def channels_of(
+    common: Common,
+    scene: Scene,
+    name: str,
+    lane: Lane,
+    rows: jax.Array,
+    over: Callable[[Callable[[jax.Array], Columns], jax.Array], Columns] = _all_at_once,
+) -> Columns:
+    """The columns that are reported of rows of a log, by name; `over` applies a function to each of
+    them."""
     example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
@@ -216,7 +228,7 @@ def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Arr
         here: Snapshot | ImpactRow = jax.tree.unflatten(structure, columns)
         return here.columns(system, common.channels.get(name, {}))
 
-    return jax.vmap(at)(rows)
+    return over(at, rows)
 
 
 def _on_devices(mesh: Mesh, function: Callable[..., T], shared: PyTree, *trees: PyTree) -> T:

@@ -275,7 +275,7 @@ class Batch:
         outcomes, first = blocks[0]
         return outcomes, {
             name: {
-                key: _lengthened(np.concatenate([b[name][key] for _, b in blocks], axis=1), length)
+                key: lengthened(np.concatenate([b[name][key] for _, b in blocks], axis=1), length)
                 for key in first[name]
             }
             for name, length in self._lengths.items()
@@ -294,7 +294,7 @@ class Batch:
         return table
 
 
-def _lengthened(columns: np.ndarray, length: int) -> np.ndarray:
+def lengthened(columns: np.ndarray, length: int) -> np.ndarray:
     """Columns (seats, rows, ...) of so many rows: cut, or with zeros behind."""
     missing = max(length - columns.shape[1], 0)
     return np.pad(columns[:, :length], [(0, 0), (0, missing), *[(0, 0)] * (columns.ndim - 2)])

@@ -1,0 +1,304 @@
+"""Lanes side by side in native code, one thread a core, each refilled as soon as its lane ends."""
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...math.vectors import pack
+from ...native import Native
+from ...native.lanes import WIDTH, LaneLoop
+from ..interruptions import interruptions_deferred
+from .device_pool import Columns, Common, Task, channels_of
+from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, emptied, moves, outcome, turn
+from .scheduler import BLOCK_ROWS, Ended, Running, lengthened
+
+SLICE = 4096
+"""Turns after which a thread looks whether it is to stop, and reports."""
+PERIOD = 0.2
+"""Seconds between two reports of progress."""
+
+
+class NativeBatch:
+    """Runs lanes in native code; see `clearjoint.simulation.batch.scheduler.Batch`.
+
+    **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
+    arrays); `threads`: how many compute at the same time.
+    """
+
+    def __init__(self, common: Common, tasks: Task, threads: int):
+        self.common = jax.tree.map(
+            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
+        )
+        self._tasks, self._threads = tasks, threads
+        self.lengths = dict(common.capacity)
+        if tasks.save_at is not None:
+            self.lengths[common.saved] = tasks.save_at.shape[1]
+        self.turns = 0
+        """Turns given so far, of lanes that advanced and of empty columns."""
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[Running], None] = lambda running: None,
+    ) -> None:
+        """Run the lanes of the given numbers, which begin in this order; see `Batch.run`."""
+        if not lanes:
+            return
+        shared = _Shared(self, deque(lanes))
+        loop = _loop_of(_Seated.begun(self, lanes[0]), self.common)
+        count = min(self._threads, -(-len(lanes) // WIDTH))
+        groups = [_Group(shared, loop) for _ in range(count)]
+        threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
+        with interruptions_deferred() as stopped:
+            try:
+                for thread in threads:
+                    thread.start()
+                _deliver(shared, len(threads), on_ended, on_progress, stopped)
+            finally:
+                shared.stops = True
+                for thread in threads:
+                    thread.join()
+                self.turns += sum(group.turns for group in groups)
+            if stopped():
+                raise KeyboardInterrupt
+
+    def task(self, number: int) -> Task:
+        """The task of a lane."""
+        return jax.tree.map(lambda leaf: np.asarray(leaf[number]), self._tasks)
+
+
+class _Shared:
+    """What the groups of a batch share.
+
+    - `waiting`: numbers of the lanes that have not begun; `reports`: what groups hand over: lanes
+      that have ended, an error, or ``None`` at the end of a group.
+    - `times`: where the lanes are that run, s, by number; `stops`: whether groups are to end.
+    """
+
+    def __init__(self, batch: NativeBatch, waiting: deque[int]):
+        self.batch, self.waiting = batch, waiting
+        self.reports: queue.Queue[Ended | BaseException | None] = queue.Queue()
+        self.times: dict[int, float] = {}
+        self.stops = False
+
+    def next_lane(self) -> int | None:
+        """The number of a lane to begin, or ``None`` if none waits."""
+        try:
+            return self.waiting.popleft()
+        except IndexError:
+            return None
+
+    def running(self, seconds: float) -> Running:
+        """How far the lanes are, after so many seconds."""
+        del seconds
+        times, start = list(self.times.values()), float(self.batch.common.start_time)
+        return Running(len(times), min(times, default=start), max(times, default=start), None)
+
+
+def _deliver(
+    shared: _Shared,
+    groups: int,
+    on_ended: Callable[[Ended], None],
+    on_progress: Callable[[Running], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Hand over what groups report, until all have ended."""
+    began = reported = time.monotonic()
+    while groups:
+        try:
+            report = shared.reports.get(timeout=PERIOD)
+            if report is None:
+                groups -= 1
+            elif isinstance(report, Ended):
+                on_ended(report)
+            else:
+                raise report
+        except queue.Empty:
+            pass
+        shared.stops = shared.stops or stopped()
+        if time.monotonic() - reported > PERIOD:
+            reported = time.monotonic()
+            on_progress(shared.running(reported - began))
+
+
+class _Seated:
+    """A lane with its task, and the rows that its host has taken, by log."""
+
+    def __init__(self, number: int, task: Task, lane: Lane, logs: Sequence[str]):
+        self.number, self.task, self.lane = number, task, lane
+        self.rows: dict[str, list[np.ndarray]] = {name: [] for name in logs}
+
+    @staticmethod
+    def begun(batch: NativeBatch, number: int) -> "_Seated":
+        """A lane before its first step."""
+        task = batch.task(number)
+        lane = _begun(batch.common, task)
+        return _Seated(number, task, lane, list(batch.common.logs(lane)))
+
+    def recorded(self, log: str) -> int:
+        """The number of rows taken of a log."""
+        return sum(map(len, self.rows[log]))
+
+    def next_saves(self, common: Common) -> np.ndarray:
+        """The next times to save at, s, and infinity behind the last."""
+        window = np.full(WINDOW, np.inf)
+        if common.saved:
+            assert self.task.save_at is not None
+            following = np.asarray(self.task.save_at)[self.recorded(common.saved) :][:WINDOW]
+            window[: len(following)] = following
+        return window
+
+    def orders(self, common: Common) -> Orders:
+        """What is asked of the lane until its host looks at it again."""
+        wanted = {
+            name: np.asarray(count - self.recorded(name)) for name, count in common.capacity.items()
+        }
+        window = tuple(np.asarray(time) for time in self.next_saves(common))
+        return Orders(self.task.end_time, self.task.first_step, window, wanted)
+
+    def take_rows(self, common: Common, lane: Lane) -> None:
+        """Take the rows that are in the rings of the lane."""
+        for name, ring in common.logs(lane).items():
+            if count := int(ring.count):
+                self.rows[name].append(np.stack([_row(slot) for slot in ring.slots[:count]]))
+        self.lane = emptied(lane)
+
+    def ended(self, batch: NativeBatch) -> Ended:
+        """What came of the lane, which has ended."""
+        common, logs = batch.common, {}
+        final = _outcome(common, self.task, self.lane)
+        for name, length in batch.lengths.items():
+            parts, count = [], self.recorded(name)
+            own = np.concatenate([self._blank(common, name), *self.rows[name]])
+            block = min(length, BLOCK_ROWS)
+            for first in range(0, max(count, 1), block):
+                table = np.zeros((block, own.shape[1]))
+                rows = own[first : first + block]
+                table[: len(rows)] = rows
+                parts.append(_channels(common, name, self.task, self.lane, table))
+            columns = {key: np.concatenate([p[key] for p in parts])[None] for key in parts[0]}
+            logs[name] = {key: lengthened(c, length)[0] for key, c in columns.items()}, count
+        return Ended(self.number, final, logs)
+
+    def _blank(self, common: Common, name: str) -> np.ndarray:
+        return np.zeros((0, len(_row(common.logs(self.lane)[name].slots[0]))))
+
+
+def _row(slot: Any) -> np.ndarray:
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(slot)])
+
+
+class _Group:
+    """Lanes side by side, and the thread that runs them."""
+
+    def __init__(self, shared: _Shared, loop: LaneLoop):
+        self._shared, self._loop = shared, loop
+        self._common = shared.batch.common
+        self._columns = loop.columns(self._common)
+        self._seated: list[_Seated | None] = [None] * WIDTH
+        self.turns = 0
+
+    def run(self) -> None:
+        """Run lanes until none is left or the groups are to stop."""
+        try:
+            while not self._shared.stops and self._filled():
+                self.turns += WIDTH * self._loop.run(self._columns, SLICE)
+                self._look()
+            self._shared.reports.put(None)
+        except BaseException as error:
+            self._shared.reports.put(error)
+
+    def _filled(self) -> bool:
+        """Begin waiting lanes in empty columns; whether any column has a lane."""
+        for place in range(WIDTH):
+            if self._seated[place] is None:
+                number = self._shared.next_lane()
+                if number is None:
+                    break
+                self._seated[place] = seated = _Seated.begun(self._shared.batch, number)
+                self._put(place, seated)
+        return any(self._seated)
+
+    def _put(self, place: int, seated: _Seated) -> None:
+        own = seated.task, seated.orders(self._common)
+        self._loop.put(self._columns, place, own, seated.lane)
+
+    def _look(self) -> None:
+        """Take the rows of lanes that wait for it, and the results of those that have ended."""
+        status = self._loop.status_of(self._columns)
+        for place, seated in enumerate(self._seated):
+            if seated is None:
+                continue
+            now = float(status["time"][place])
+            self._shared.times[seated.number] = now
+            if status["goes"][place]:
+                continue
+            seated.take_rows(self._common, self._loop.taken(self._columns, place)[1])
+            if status["runs"][place] or seated.next_saves(self._common)[0] <= now:
+                self._put(place, seated)
+                continue
+            self._shared.reports.put(seated.ended(self._shared.batch))
+            del self._shared.times[seated.number]
+            self._loop.leave(self._columns, place)
+            self._seated[place] = None
+
+
+@Native
+def _begun(common: Common, task: Task) -> Lane:
+    """A lane before its first step."""
+    orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+    scene = common.scene(task)
+    return begin_lane(common.plan, scene, task.state, common.start_time, orders)
+
+
+@Native
+def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
+    """What came of a lane, its state in packed form."""
+    return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
+
+
+@Native
+def _channels(common: Common, name: str, task: Task, lane: Lane, rows: jax.Array) -> Columns:
+    """What is reported of rows of a log."""
+    return channels_of(common, common.scene(task), name, lane, rows, jax.lax.map)
+
+
+_loops: dict[Any, LaneLoop] = {}
+_compiles = threading.Lock()
+
+
+def _loop_of(seated: _Seated, common: Common) -> LaneLoop:
+    """The native loop for lanes of a structure."""
+    trees = common, (seated.task, seated.orders(common)), seated.lane
+    leaves, structure = jax.tree.flatten(trees)
+    key = (
+        structure,
+        tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
+    )
+    with _compiles:
+        if key not in _loops:
+            _loops[key] = LaneLoop(_turned, _looked_at, *trees)
+        return _loops[key]
+
+
+def _turned(common: Common, own: tuple[Task, Orders], lane: Lane) -> Lane:
+    task, orders = own
+    return turn(common.plan, common.scene(task), lane, orders)
+
+
+def _looked_at(common: Common, own: tuple[Task, Orders], lane: Lane) -> dict[str, Any]:
+    _, orders = own
+    return {
+        "goes": moves(common.plan, lane, orders),
+        "runs": lane.runs(common.plan, orders.end_time),
+        "time": lane.step.t,
+    }
