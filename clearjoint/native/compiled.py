@@ -32,23 +32,23 @@ class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
     """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
 
     Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
-    compiled by XLA, with one warning.
+    compiled by XLA, with one warning. `native`: the function in native code.
     """
 
     def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
         super().__init__(function, effort=effort)
-        self._native = NativeFunction(function)
+        self.native = NativeFunction(function)
         self._refused: set[object] = set()
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
         if options or not is_native() or _is_traced(arguments):
             return super().__call__(*arguments, **options)
-        key = self._native.key(arguments)
+        key = self.native.key(arguments)
         if key not in self._refused:
             try:
                 with collector_at_rest(), program_is_made_inside():
-                    return self._native(*arguments)
+                    return self.native(*arguments)
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
                 _report(str(error))

@@ -1,5 +1,6 @@
 """Functions of PyTrees that are compiled to machine code."""
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,29 +12,38 @@ import numpy as np
 from jax.interpreters import partial_eval
 
 from .llvm_text import llvm_text
-from .lowering import Lowering, Memory, kind_of, tangents_of
+from .lowering import Lowering, Region, tangents_of
 from .machine_code import NativeCall, code_folder, compiled
 from .operations import Operations
 
 
-@dataclass(frozen=True)
-class Region:
-    """Where an array lies in memory: its first cell, and its shape and dtype."""
+class Image:
+    """Memory of a program, in cells of 8 bytes that are seen as floats and as integers."""
 
-    start: int
-    shape: tuple[int, ...]
-    dtype: np.dtype
+    def __init__(self, cells: int):
+        content = np.zeros(cells + 8)
+        offset = -(content.ctypes.data // 8) % 8  # Vectors are aligned to 64 bytes.
+        self.floats = content[offset : offset + cells]
+        self.whole = self.floats.view(np.int64)
+        self.address = self.floats.ctypes.data
 
-    @property
-    def size(self) -> int:
-        """The number of cells."""
-        return int(np.prod(self.shape, dtype=int))
+    def write(self, region: Region, array: np.ndarray) -> None:
+        """Write an array into its region."""
+        target = self.floats if array.dtype.kind == "f" else self.whole
+        target[region.start : region.end] = array.ravel()
+
+    def read(self, region: Region) -> np.ndarray:
+        """A copy of the array in a region."""
+        source = self.floats if region.dtype.kind == "f" else self.whole
+        return source[region.start : region.end].reshape(region.shape).astype(region.dtype)
 
 
 class NativeProgram:
     """A closed jaxpr as machine code.
 
-    `seconds`: what lowering and compiling took, by step.
+    - `inputs`: regions of its arguments, in order, and ``None`` for those that it does not use.
+    - `outputs`: regions of its results.
+    - `seconds`: what lowering, writing and compiling took; `text`: in LLVM's language.
     """
 
     def __init__(self, closed: Any):
@@ -42,69 +52,102 @@ class NativeProgram:
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         do = Operations(tangents=tangents_of(jaxpr))
         lowering = Lowering(do)
-        avals = [v.aval for v in jaxpr.invars]
-        self._used = [k for k, is_used in enumerate(used) if is_used]
-        self._inputs = [_region(do, aval) for aval in avals]
-        given = [lowering.given(a, r.start) for a, r in zip(avals, self._inputs, strict=True)]
+        avals = iter(jaxpr.invars)
+        self.inputs = [_region(do, next(avals).aval) if is_used else None for is_used in used]
+        given = [
+            lowering.given(v.aval, region.start)
+            for v, region in zip(jaxpr.invars, filter(None, self.inputs), strict=True)
+        ]
         consts = [lowering.constant(const) for const in closed.consts]
         found = lowering.run(jaxpr, consts, given)
-        self._outputs = []
-        for array, out in zip(found, outs, strict=True):
-            region = Region(
-                array.start if isinstance(array, Memory) else do.allocate(_size(out.aval)),
-                tuple(out.aval.shape),
-                np.dtype(out.aval.dtype),
-            )
-            self._outputs.append(region)
-            if not isinstance(array, Memory):
-                for k, value in enumerate(lowering.values(array)):
-                    do.store(value, region.start + k)
-        self._constants = lowering.constants
-        self._cells = do.cells
+        self.outputs = [
+            lowering.stored(array, out.aval) for array, out in zip(found, outs, strict=True)
+        ]
         straightened = time.perf_counter()
-        text = llvm_text(do, "program")
+        self.text = llvm_text(do, "program")
         written = time.perf_counter()
-        self._call: NativeCall = compiled(text, "program", code_folder())
-        self.text = text
+        self._call: NativeCall = compiled(self.text, "program", code_folder())
+        self._constants, self._cells = lowering.constants, do.cells
         self.seconds = {
             "lowering": straightened - began,
             "writing": written - straightened,
             "compiling": time.perf_counter() - written,
         }
 
+    def image(self) -> Image:
+        """Memory for the program, with its constants."""
+        image = Image(self._cells)
+        for start, array in self._constants.items():
+            image.write(Region(start, array.shape, array.dtype, array.size), array)
+        return image
+
+    def run(self, image: Image) -> None:
+        """Carry the program out on memory."""
+        self._call(image.address)
+
     def __call__(self, leaves: Sequence[Any]) -> list[np.ndarray]:
         """The results for arguments of the jaxpr."""
-        floats = np.empty(self._cells + 8)
-        offset = -(floats.ctypes.data // 8) % 8
-        floats = floats[offset : offset + self._cells]
-        whole = floats.view(np.int64)
-        for start, array in self._constants.items():
-            _write(floats, whole, start, array)
-        for k, region in zip(self._used, self._inputs, strict=True):
-            _write(floats, whole, region.start, np.asarray(leaves[k]))
-        self._call(floats.ctypes.data)
-        return [read_region(floats, whole, region) for region in self._outputs]
+        image = self.image()
+        for leaf, region in zip(leaves, self.inputs, strict=True):
+            if region is not None:
+                image.write(region, np.asarray(leaf))
+        self.run(image)
+        return [image.read(region) for region in self.outputs]
 
 
-def _size(aval: Any) -> int:
-    return int(np.prod(aval.shape, dtype=int))
+class BoundProgram:
+    """A program whose first arguments stay the same, as a function of the others' cells.
+
+    It has memory of its own: for one thread.
+    """
+
+    def __init__(self, program: NativeProgram, leaves: Sequence[Any], sizes: Sequence[int]):
+        """`leaves`: the first arguments; `sizes`: the numbers of cells of the others."""
+        self._program, self._image = program, program.image()
+        for leaf, region in zip(leaves, program.inputs, strict=False):
+            if region is not None:
+                self._image.write(region, np.asarray(leaf))
+        starts = np.cumsum([0, *sizes])
+        others = list(zip(starts, program.inputs[len(leaves) :], strict=False))
+        self._from = _joined([np.arange(a, a + r.size) for a, r in others if r is not None])
+        self._to = _joined([np.arange(r.start, r.end) for _, r in others if r is not None])
+        self._out = _joined([np.arange(r.start, r.end) for r in program.outputs])
+
+    def __call__(self, cells: np.ndarray) -> np.ndarray:
+        """The cells of the results for the cells of the arguments."""
+        self._image.floats[self._to] = cells[self._from]
+        self._program.run(self._image)
+        return self._image.floats[self._out]
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.zeros(0, int)
+
+
+def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays in cells, one behind the other."""
+    parts = [
+        np.ravel(array).astype(np.float64)
+        if np.asarray(array).dtype.kind == "f"
+        else np.ravel(array).astype(np.int64).view(np.float64)
+        for array in arrays
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def arrays_of(cells: np.ndarray, regions: Sequence[Region]) -> list[np.ndarray]:
+    """Arrays from cells in which they lie one behind the other."""
+    whole, found, start = cells.view(np.int64), [], 0
+    for region in regions:
+        source = cells if region.dtype.kind == "f" else whole
+        part = source[start : start + region.size]
+        found.append(part.reshape(region.shape).astype(region.dtype))
+        start += region.size
+    return found
 
 
 def _region(do: Operations, aval: Any) -> Region:
-    kind_of(aval)
-    return Region(do.allocate(_size(aval)), tuple(aval.shape), np.dtype(aval.dtype))
-
-
-def _write(floats: np.ndarray, whole: np.ndarray, start: int, array: np.ndarray) -> None:
-    target = floats if array.dtype.kind == "f" else whole
-    target[start : start + array.size] = array.ravel()
-
-
-def read_region(floats: np.ndarray, whole: np.ndarray, region: Region) -> np.ndarray:
-    """A copy of the array in a region of memory, seen as floats and as integers."""
-    source = floats if region.dtype.kind == "f" else whole
-    content = source[region.start : region.start + region.size].reshape(region.shape)
-    return content.astype(region.dtype)
+    return Region.of(aval, do.allocate(int(np.prod(aval.shape, dtype=int))))
 
 
 class NativeFunction:
@@ -116,7 +159,7 @@ class NativeFunction:
 
     def __init__(self, function: Callable[..., Any]):
         self._function = function
-        self._programs: dict[Any, tuple[NativeProgram, Any]] = {}
+        self._programs: dict[Any, tuple[NativeProgram, Result]] = {}
 
     def key(self, arguments: Any) -> Any:
         """What programs are compiled anew for, of arguments."""
@@ -125,22 +168,23 @@ class NativeFunction:
 
     def __call__(self, *arguments: Any) -> Any:
         """The function's result."""
-        leaves, structure = jax.tree.flatten(arguments)
-        program, result = self._program(leaves, structure)
-        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-        numbers = iter(program(arrays))
-        leaves, outer = result
-        return jax.tree.unflatten(
-            outer, [next(numbers) if leaf is _ARRAY else leaf for leaf in leaves]
-        )
+        program, result = self.program(arguments)
+        arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
+        return result(program(arrays))
 
-    def _program(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, Any]:
-        key = structure, _described(leaves)
-        if key not in self._programs:
-            self._programs[key] = self._compiled(leaves, structure)
-        return self._programs[key]
+    def program(self, arguments: Any) -> tuple[NativeProgram, "Result"]:
+        """The program for such arguments, compiled if it isn't yet, and how its results are put
+        together."""
+        key = self.key(arguments)
+        found = self._programs.get(key)
+        if found is None:
+            leaves, structure = jax.tree.flatten(arguments)
+            with _compiles:  # JAX may trace in threads, but each program is made once.
+                found = self._programs.get(key) or self._compiled(leaves, structure)
+                self._programs[key] = found
+        return found
 
-    def _compiled(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, Any]:
+    def _compiled(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, "Result"]:
         is_array = [eqx.is_array(leaf) for leaf in leaves]
         result: list[Any] = []
 
@@ -160,7 +204,22 @@ class NativeFunction:
         traced = time.perf_counter() - began
         program = NativeProgram(closed)
         program.seconds["tracing"] = traced
-        return program, tuple(result)
+        return program, Result(*result)
+
+
+@dataclass(frozen=True)
+class Result:
+    """The structure of a function's result, and its leaves with `_ARRAY` in the place of arrays."""
+
+    leaves: list[Any]
+    structure: Any
+
+    def __call__(self, arrays: Sequence[np.ndarray]) -> Any:
+        """The result with such arrays."""
+        numbers = iter(arrays)
+        return jax.tree.unflatten(
+            self.structure, [next(numbers) if leaf is _ARRAY else leaf for leaf in self.leaves]
+        )
 
 
 def _described(leaves: list[Any]) -> tuple[Any, ...]:
@@ -169,5 +228,6 @@ def _described(leaves: list[Any]) -> tuple[Any, ...]:
     )
 
 
+_compiles = threading.RLock()
 _ARRAY = object()
 """Stands for an array in a result."""

@@ -1,8 +1,8 @@
 """A loop over lanes that lie side by side in vectors.
 
 Each lane has a column of memory. The function returns when a lane in it needs its host: what that
-does with the columns concerns no other lane, and the arithmetic of a lane is the same at any width
-and beside any others.
+does with the columns concerns no other lane, and the arithmetic of a lane is the same beside any
+others.
 """
 
 import time
@@ -14,9 +14,9 @@ import jax
 import numpy as np
 from jax.interpreters import partial_eval
 
-from .functions import Region, read_region
+from .functions import Image, cells_of
 from .llvm_text import llvm_text
-from .lowering import Array, Lowering, Memory, kind_of
+from .lowering import Array, Lowering, Memory, Region
 from .machine_code import NativeCall, code_folder, compiled
 from .operations import Operations
 
@@ -25,23 +25,13 @@ WIDTH = 8
 
 
 class Columns:
-    """Memory of a group of lanes: (cells, lanes)."""
+    """Memory of a group of lanes: (cells, lanes), as floats and as integers."""
 
     def __init__(self, cells: int):
-        content = np.zeros(cells * WIDTH + 8)
-        offset = -(content.ctypes.data // 8) % 8
-        self.floats = content[offset : offset + cells * WIDTH].reshape(cells, WIDTH)
-        self.whole = self.floats.view(np.int64)
-
-    def write(self, region: Region, array: np.ndarray, lane: int | slice) -> None:
-        """Write an array into the column of a lane, or of all of them."""
-        target = self.floats if array.dtype.kind == "f" else self.whole
-        rows = array.reshape(-1, 1) if isinstance(lane, slice) else array.ravel()
-        target[region.start : region.start + region.size, lane] = rows
-
-    def read(self, region: Region, lane: int) -> np.ndarray:
-        """The array in the column of a lane."""
-        return read_region(self.floats[:, lane], self.whole[:, lane], region)
+        image = Image(cells * WIDTH)
+        self.floats = image.floats.reshape(cells, WIDTH)
+        self.whole = image.whole.reshape(cells, WIDTH)
+        self.address = image.address
 
 
 class LaneLoop:
@@ -50,6 +40,9 @@ class LaneLoop:
     **Arguments:** `turn(shared, own, state)` gives the state after a step; `status(shared, own,
     state)` a dictionary of scalars, of which `goes` says whether the lane can go on without its
     host. All are PyTrees of arrays; of a lane, and for `shared` of all lanes.
+
+    `own_cells` and `state_cells`: the cells of what a lane has for itself, and of its state, in
+    each of which the arrays lie one behind the other.
     """
 
     def __init__(
@@ -68,8 +61,7 @@ class LaneLoop:
 
         def turned(*leaves: Any) -> list[Any]:
             given = eqx.combine(jax.tree.unflatten(structure, leaves), static)
-            after = turn(*given)
-            return jax.tree.leaves(eqx.filter(after, eqx.is_array))
+            return jax.tree.leaves(eqx.filter(turn(*given), eqx.is_array))
 
         def looked_at(*leaves: Any) -> list[Any]:
             found = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
@@ -79,30 +71,25 @@ class LaneLoop:
         steps, looks = (jax.make_jaxpr(f)(*leaves) for f in (turned, looked_at))
         traced = time.perf_counter()
         do = Operations(width=WIDTH)
-        lowering = Lowering(do)
-        self.regions = [
-            Region(do.allocate(leaf.size), tuple(leaf.shape), np.dtype(leaf.dtype))
-            for leaf in leaves
-        ]
-        self._occupied, self._limit = do.allocate(1), do.allocate(1)
+        self._lowering = lowering = Lowering(do)
+        regions = [Region.of(v.aval, do.allocate(v.aval.size)) for v in steps.jaxpr.invars]
         given = [
             lowering.given(v.aval, region.start)
-            for v, region in zip(steps.jaxpr.invars, self.regions, strict=True)
+            for v, region in zip(steps.jaxpr.invars, regions, strict=True)
         ]
         counts = [len(jax.tree.leaves(tree)) for tree in arrays]
-        self._counts, before = counts, sum(counts[:2])
-        given[:before] = [lowering.borrowed(array) for array in given[:before]]
+        fixed = [lowering.borrowed(array) for array in given[: counts[0] + counts[1]]]
+        state_regions = regions[len(fixed) :]
+        self._occupied, self._limit = do.allocate(1), do.allocate(1)
         occupied, limit = do.load("b", self._occupied), do.load("i", self._limit)
         do.mark_uniform(limit)
-        first: list[Array] = [do.constant("i", 0), *given[before:]]
-        goes_at = names.index("goes")
 
         def looked(state: list[Array]) -> list[Array]:
-            return _results(lowering, looks, [*given[:before], *state])
+            borrowed = [lowering.borrowed(array) for array in state]
+            return _results(lowering, looks, [*fixed, *borrowed])
 
         def holds(carries: list[Array]) -> int:
-            goes = looked([lowering.borrowed(array) for array in carries[1:]])[goes_at]
-            count = carries[0]
+            count, goes = carries[0], looked(carries[1:])[names.index("goes")]
             assert isinstance(goes, int) and isinstance(count, int)
             do.mark_uniform(count)
             waits = do.do("and", "b", occupied, do.do("not", "b", goes))
@@ -112,59 +99,50 @@ class LaneLoop:
         def go(carries: list[Array]) -> list[Array]:
             count = carries[0]
             assert isinstance(count, int)
-            state = _results(lowering, steps, [*given[:before], *carries[1:]])
-            return [do.do("add", "i", count, do.constant("i", 1)), *state]
+            following = do.do("add", "i", count, do.constant("i", 1))
+            return [following, *_results(lowering, steps, [*fixed, *carries[1:]])]
 
-        count, *state = lowering.loop(first, holds, go, uniform=True)
-        for array, region in zip(state, self.regions[before:], strict=True):
+        first: list[Array] = [do.constant("i", 0), *given[len(fixed) :]]
+        count, *after = lowering.loop(first, holds, go, uniform=True)
+        for array, region in zip(after, state_regions, strict=True):
             _store(lowering, array, region)
-        self.status: dict[str, Region] = {}
-        for name, array, v in zip(names, looked(state), looks.jaxpr.outvars, strict=True):
-            kind_of(v.aval)
-            region = Region(do.allocate(1), (), np.dtype(v.aval.dtype))
-            _store(lowering, array, region)
-            self.status[name] = region
+        shown = zip(names, looked(after), looks.jaxpr.outvars, strict=True)
+        self.status = {name: lowering.stored(array, v.aval) for name, array, v in shown}
         assert isinstance(count, int)
         lowered = time.perf_counter()
-        text = llvm_text(do, "lanes", count)
-        self._call: NativeCall = compiled(text, "lanes", code_folder())
-        self._constants, self._cells = lowering.constants, do.cells
-        self._static, self._structure = static, structure
-        self.text = text
+        self.text = llvm_text(do, "lanes", count)
+        self._call: NativeCall = compiled(self.text, "lanes", code_folder())
         self.seconds = {
             "tracing": traced - began,
             "lowering": lowered - traced,
             "compiling": time.perf_counter() - lowered,
         }
+        ends = np.cumsum([0, *counts])
+        parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        self._shared, self.own_cells, self.state_cells = map(_cells, parts)
 
     def columns(self, shared: Any) -> Columns:
         """Memory of a group of lanes, none of which is occupied."""
-        columns = Columns(self._cells)
-        for start, array in self._constants.items():
-            region = Region(start, array.shape, array.dtype)
-            columns.write(region, array, slice(None))
+        columns = Columns(self._lowering.do.cells)
+        for start, array in self._lowering.constants.items():
+            columns.floats[start : start + array.size] = cells_of([array])[:, None]
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
-        for leaf, region in zip(leaves, self.regions[: self._counts[0]], strict=True):
-            columns.write(region, np.asarray(leaf), slice(None))
+        columns.floats[self._shared] = cells_of(leaves)[:, None]
         return columns
 
-    def put(self, columns: Columns, lane: int, own: Any, state: Any) -> None:
-        """Occupy a lane."""
-        leaves = jax.tree.leaves(eqx.filter((own, state), eqx.is_array))
-        for leaf, region in zip(leaves, self.regions[self._counts[0] :], strict=True):
-            columns.write(region, np.asarray(leaf), lane)
+    def put(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+        """Occupy a lane with the cells of what it has for itself, and of its state."""
+        columns.floats[self.own_cells, lane] = own
+        columns.floats[self.state_cells, lane] = state
         columns.whole[self._occupied, lane] = 1
 
     def leave(self, columns: Columns, lane: int) -> None:
         """Say that a lane is not occupied any more."""
         columns.whole[self._occupied, lane] = 0
 
-    def taken(self, columns: Columns, lane: int) -> tuple[Any, Any]:
-        """What a lane has for itself, and its state."""
-        numbers = [columns.read(region, lane) for region in self.regions[self._counts[0] :]]
-        blank = [None] * self._counts[0]
-        trees = jax.tree.unflatten(self._structure, [*blank, *numbers])
-        return eqx.combine(trees[1:], self._static[1:])
+    def state_of(self, columns: Columns, lane: int) -> np.ndarray:
+        """The cells of the state of a lane."""
+        return columns.floats[self.state_cells, lane].copy()
 
     def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
         """The status of all lanes, by name."""
@@ -176,7 +154,12 @@ class LaneLoop:
     def run(self, columns: Columns, limit: int) -> int:
         """Turns until an occupied lane needs its host, at most so many; their number."""
         columns.whole[self._limit] = limit
-        return self._call(columns.floats.ctypes.data)
+        return self._call(columns.address)
+
+
+def _cells(regions: list[Region]) -> slice:
+    """The cells of regions that lie one behind the other."""
+    return slice(regions[0].start, regions[-1].end) if regions else slice(0, 0)
 
 
 def _results(lowering: Lowering, closed: Any, arguments: list[Array]) -> list[Array]:
@@ -187,9 +170,9 @@ def _results(lowering: Lowering, closed: Any, arguments: list[Array]) -> list[Ar
 
 
 def _store(lowering: Lowering, array: Array, region: Region) -> None:
-    if isinstance(array, Memory):
-        if array.start != region.start:
-            lowering.copied(array, region.start)
-        return
-    for k, value in enumerate(lowering.values(array)):
-        lowering.do.store(value, region.start + k)
+    """Write an array into its region, unless it is there."""
+    if not isinstance(array, Memory):
+        for k, value in enumerate(lowering.values(array)):
+            lowering.do.store(value, region.start + k)
+    elif array.start != region.start:
+        lowering.copied(array, region.start)

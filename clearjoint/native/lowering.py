@@ -80,6 +80,28 @@ def kind_of(aval: Any) -> str:
     return kind
 
 
+@dataclass(frozen=True)
+class Region:
+    """Where an array lies in memory: its first cell, and its shape, dtype and number of cells."""
+
+    start: int
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    size: int
+
+    @staticmethod
+    def of(aval: Any, start: int) -> "Region":
+        """The region of an array like an abstract one."""
+        kind_of(aval)
+        shape = tuple(aval.shape)
+        return Region(start, shape, np.dtype(aval.dtype), int(np.prod(shape, dtype=int)))
+
+    @property
+    def end(self) -> int:
+        """The cell behind the last."""
+        return self.start + self.size
+
+
 def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[Any]:
     """The jaxprs among an equation's parameters."""
     for parameter in equation.params.values():
@@ -181,6 +203,15 @@ class Lowering:
         for k, value in enumerate(values):
             self.do.store(value, memory.start + k)
         return memory
+
+    def stored(self, array: Array, aval: Any) -> Region:
+        """The region of an array in memory, written there if it isn't."""
+        if isinstance(array, Memory):
+            return Region.of(aval, array.start)
+        region = Region.of(aval, self.do.allocate(int(np.prod(aval.shape, dtype=int))))
+        for k, value in enumerate(self.values(array)):
+            self.do.store(value, region.start + k)
+        return region
 
     def copied(self, memory: Memory, start: int | None = None) -> Memory:
         """A copy of an array in memory, at new cells unless told where."""

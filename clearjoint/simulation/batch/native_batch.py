@@ -14,10 +14,11 @@ import numpy as np
 
 from ...math.vectors import pack
 from ...native import Native
+from ...native.functions import BoundProgram, arrays_of, cells_of
 from ...native.lanes import WIDTH, LaneLoop
 from ..interruptions import interruptions_deferred
 from .device_pool import Columns, Common, Task, channels_of
-from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, emptied, moves, outcome, turn
+from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, moves, outcome, turn
 from .scheduler import BLOCK_ROWS, Ended, Running, lengthened
 
 SLICE = 4096
@@ -54,9 +55,12 @@ class NativeBatch:
         if not lanes:
             return
         shared = _Shared(self, deque(lanes))
-        loop = _loop_of(_Seated.begun(self, lanes[0]), self.common)
+        task = self.task(lanes[0])
+        self.example = lane = _begun(self.common, task)
+        orders = _Seated(lanes[0], task, list(self.common.logs(lane))).orders(self.common)
+        loop = _loop_of(self.common, (task, orders), lane)
         count = min(self._threads, -(-len(lanes) // WIDTH))
-        groups = [_Group(shared, loop) for _ in range(count)]
+        groups = [_Group(shared, loop, _Programs(self, task, orders, lane)) for _ in range(count)]
         threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
         with interruptions_deferred() as stopped:
             try:
@@ -130,19 +134,47 @@ def _deliver(
             on_progress(shared.running(reported - began))
 
 
+class _Programs:
+    """Native programs of a batch, with memory for one thread.
+
+    - `begin`: the cells of a lane's state before its first step, for those of its task; `outcome`:
+      of what came of it, for those of task and state.
+    - `rings`: by log, the cells of a ring's rows within a lane's state, (slots, columns), and that
+      of their count.
+    """
+
+    def __init__(self, batch: "NativeBatch", task: Task, orders: Orders, lane: Lane):
+        common, fixed = batch.common, jax.tree.leaves(eqx.filter(batch.common, eqx.is_array))
+        sizes = [np.size(leaf) for leaf in jax.tree.leaves((task, lane)) if eqx.is_array(leaf)]
+        count = len(jax.tree.leaves(eqx.filter(task, eqx.is_array)))
+        program, self._begun = _begun.native.program((common, task))
+        self.begin = BoundProgram(program, fixed, sizes[:count])
+        program, self._result = _outcome.native.program((common, task, lane))
+        self._outputs = program.outputs
+        self.outcome = BoundProgram(program, fixed, sizes)
+        starts = iter(np.cumsum([0, *sizes[count:]]))
+        places = jax.tree.map(
+            lambda leaf: next(starts) + np.arange(np.size(leaf)) if eqx.is_array(leaf) else leaf,
+            lane,
+        )
+        self.rings = {
+            name: (np.stack([_row(slot) for slot in ring.slots]), int(ring.count[0]))
+            for name, ring in common.logs(places).items()
+        }
+
+    def outcome_of(self, task: np.ndarray, state: np.ndarray) -> Outcome:
+        """What came of a lane, by the cells of its task and state."""
+        cells = self.outcome(np.concatenate([task, state]))
+        return self._result(arrays_of(cells, self._outputs))
+
+
 class _Seated:
-    """A lane with its task, and the rows that its host has taken, by log."""
+    """A lane in a column: the cells of its task, and the rows that its host has taken, by log."""
 
-    def __init__(self, number: int, task: Task, lane: Lane, logs: Sequence[str]):
-        self.number, self.task, self.lane = number, task, lane
+    def __init__(self, number: int, task: Task, logs: Sequence[str]):
+        self.number, self.task = number, task
+        self.cells = cells_of(jax.tree.leaves(eqx.filter(task, eqx.is_array)))
         self.rows: dict[str, list[np.ndarray]] = {name: [] for name in logs}
-
-    @staticmethod
-    def begun(batch: NativeBatch, number: int) -> "_Seated":
-        """A lane before its first step."""
-        task = batch.task(number)
-        lane = _begun(batch.common, task)
-        return _Seated(number, task, lane, list(batch.common.logs(lane)))
 
     def recorded(self, log: str) -> int:
         """The number of rows taken of a log."""
@@ -165,32 +197,34 @@ class _Seated:
         window = tuple(np.asarray(time) for time in self.next_saves(common))
         return Orders(self.task.end_time, self.task.first_step, window, wanted)
 
-    def take_rows(self, common: Common, lane: Lane) -> None:
-        """Take the rows that are in the rings of the lane."""
-        for name, ring in common.logs(lane).items():
-            if count := int(ring.count):
-                self.rows[name].append(np.stack([_row(slot) for slot in ring.slots[:count]]))
-        self.lane = emptied(lane)
+    def own_cells(self, common: Common) -> np.ndarray:
+        """The cells of the task and of what is asked of the lane."""
+        return np.concatenate([self.cells, cells_of(jax.tree.leaves(self.orders(common)))])
 
-    def ended(self, batch: NativeBatch) -> Ended:
-        """What came of the lane, which has ended."""
-        common, logs = batch.common, {}
-        final = _outcome(common, self.task, self.lane)
+    def take_rows(self, programs: _Programs, state: np.ndarray) -> None:
+        """Take the rows out of the rings in the cells of a state."""
+        counts = state.view(np.int64)
+        for name, (places, counter) in programs.rings.items():
+            if count := counts[counter]:
+                self.rows[name].append(state[places[:count]])
+                counts[counter] = 0
+
+    def ended(self, batch: "NativeBatch", programs: _Programs, state: np.ndarray) -> Ended:
+        """What came of the lane, which has ended in the cells of a state."""
+        logs = {}
         for name, length in batch.lengths.items():
-            parts, count = [], self.recorded(name)
-            own = np.concatenate([self._blank(common, name), *self.rows[name]])
+            count, (places, _) = self.recorded(name), programs.rings[name]
+            own = np.concatenate([np.zeros((0, places.shape[1])), *self.rows[name]])
             block = min(length, BLOCK_ROWS)
+            parts = []
             for first in range(0, max(count, 1), block):
                 table = np.zeros((block, own.shape[1]))
                 rows = own[first : first + block]
                 table[: len(rows)] = rows
-                parts.append(_channels(common, name, self.task, self.lane, table))
+                parts.append(_channels(batch.common, name, self.task, batch.example, table))
             columns = {key: np.concatenate([p[key] for p in parts])[None] for key in parts[0]}
             logs[name] = {key: lengthened(c, length)[0] for key, c in columns.items()}, count
-        return Ended(self.number, final, logs)
-
-    def _blank(self, common: Common, name: str) -> np.ndarray:
-        return np.zeros((0, len(_row(common.logs(self.lane)[name].slots[0]))))
+        return Ended(self.number, programs.outcome_of(self.cells, state), logs)
 
 
 def _row(slot: Any) -> np.ndarray:
@@ -200,9 +234,9 @@ def _row(slot: Any) -> np.ndarray:
 class _Group:
     """Lanes side by side, and the thread that runs them."""
 
-    def __init__(self, shared: _Shared, loop: LaneLoop):
-        self._shared, self._loop = shared, loop
-        self._common = shared.batch.common
+    def __init__(self, shared: _Shared, loop: LaneLoop, programs: _Programs):
+        self._shared, self._loop, self._programs = shared, loop, programs
+        self._batch, self._common = shared.batch, shared.batch.common
         self._columns = loop.columns(self._common)
         self._seated: list[_Seated | None] = [None] * WIDTH
         self.turns = 0
@@ -224,13 +258,13 @@ class _Group:
                 number = self._shared.next_lane()
                 if number is None:
                     break
-                self._seated[place] = seated = _Seated.begun(self._shared.batch, number)
-                self._put(place, seated)
+                seated = _Seated(number, self._batch.task(number), list(self._programs.rings))
+                self._seated[place] = seated
+                self._put(place, seated, self._programs.begin(seated.cells))
         return any(self._seated)
 
-    def _put(self, place: int, seated: _Seated) -> None:
-        own = seated.task, seated.orders(self._common)
-        self._loop.put(self._columns, place, own, seated.lane)
+    def _put(self, place: int, seated: _Seated, state: np.ndarray) -> None:
+        self._loop.put(self._columns, place, seated.own_cells(self._common), state)
 
     def _look(self) -> None:
         """Take the rows of lanes that wait for it, and the results of those that have ended."""
@@ -242,11 +276,13 @@ class _Group:
             self._shared.times[seated.number] = now
             if status["goes"][place]:
                 continue
-            seated.take_rows(self._common, self._loop.taken(self._columns, place)[1])
-            if status["runs"][place] or seated.next_saves(self._common)[0] <= now:
-                self._put(place, seated)
+            runs = bool(status["runs"][place])
+            state = self._loop.state_of(self._columns, place)
+            seated.take_rows(self._programs, state)
+            if runs or seated.next_saves(self._common)[0] <= now:
+                self._put(place, seated, state)
                 continue
-            self._shared.reports.put(seated.ended(self._shared.batch))
+            self._shared.reports.put(seated.ended(self._batch, self._programs, state))
             del self._shared.times[seated.number]
             self._loop.leave(self._columns, place)
             self._seated[place] = None
@@ -276,9 +312,9 @@ _loops: dict[Any, LaneLoop] = {}
 _compiles = threading.Lock()
 
 
-def _loop_of(seated: _Seated, common: Common) -> LaneLoop:
+def _loop_of(common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
     """The native loop for lanes of a structure."""
-    trees = common, (seated.task, seated.orders(common)), seated.lane
+    trees = common, own, lane
     leaves, structure = jax.tree.flatten(trees)
     key = (
         structure,
