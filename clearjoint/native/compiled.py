@@ -10,7 +10,7 @@ from jax._src import core
 from jax.core import Tracer
 
 from ..compilation import Compiled
-from ..compilation.clock import program_is_made_inside
+from ..compilation.clock import begins_a_program, program_is_made_inside
 from ..compilation.effort import Effort
 from ..compilation.tracing import collector_at_rest
 from .functions import NativeFunction
@@ -37,7 +37,7 @@ class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
 
     def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
         super().__init__(function, effort=effort)
-        self.native = NativeFunction(function)
+        self.native = NativeFunction(begins_a_program(function))
         self._refused: set[object] = set()
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -51,7 +51,7 @@ class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
                     return self.native(*arguments)
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
-                _report(str(error))
+                report_fallback(error)
         return super().__call__(*arguments)
 
 
@@ -66,8 +66,9 @@ def _is_traced(arguments: object) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
 
 
-def _report(reason: str) -> None:
+def report_fallback(error: UnsupportedPrimitiveError) -> None:
     """Warn once of each reason for which XLA compiles a program."""
+    reason = str(error)
     if reason not in _reported:
         _reported.add(reason)
         warnings.warn(

@@ -46,11 +46,12 @@ class NativeProgram:
     - `seconds`: what lowering, writing and compiling took; `text`: in LLVM's language.
     """
 
-    def __init__(self, closed: Any):
+    def __init__(self, closed: Any, tangents: int | None = None):
+        """`tangents`: of the arrays that are kept as vectors; found in the jaxpr unless given."""
         began = time.perf_counter()
         outs = closed.jaxpr.outvars
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
-        do = Operations(tangents=tangents_of(jaxpr))
+        do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
         lowering = Lowering(do)
         avals = iter(jaxpr.invars)
         self.inputs = [_region(do, next(avals).aval) if is_used else None for is_used in used]

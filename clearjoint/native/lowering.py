@@ -297,6 +297,10 @@ class Lowering:
         rule, do, parameters = RULES[equation.primitive.name], self.do, equation.params
         if str(aval.dtype) == "uint32":
             rule = _unsigned(rule)
+        arguments = [
+            self._spread(argument, tuple(v.aval.shape), shape)
+            for argument, v in zip(arguments, equation.invars, strict=True)
+        ]
         try:
             if shape == ():
                 return rule(do, kind, parameters, *arguments)
@@ -314,6 +318,15 @@ class Lowering:
                 f"{equation.primitive.name} ({error})" if error.args else equation.primitive.name
             ) from error
         return self._array(values, shape)
+
+    def _spread(self, array: Array, shape: tuple[int, ...], wanted: tuple[int, ...]) -> Array:
+        """An array, unless it is a scalar, with axes of length one repeated as another shape has
+        them."""
+        if isinstance(array, int) or shape == wanted:
+            return array
+        size = int(np.prod(shape, dtype=int))
+        places = np.broadcast_to(np.arange(size).reshape(shape), wanted)
+        return self._at_places(array, places)
 
     def _vector(self, array: Array) -> Value:
         """The vector of an array of tangents, or of a scalar."""
@@ -351,9 +364,11 @@ class Lowering:
     # Arrays whose elements are those of others.
 
     def _moved(self, equation: core.JaxprEqn, array: Array, places: np.ndarray) -> Array:
-        """The array whose elements are at `places` among those of another."""
-        shape = tuple(equation.outvars[0].aval.shape)
-        flat = places.ravel()
+        return self._at_places(array, places.reshape(equation.outvars[0].aval.shape))
+
+    def _at_places(self, array: Array, places: np.ndarray) -> Array:
+        """The array whose elements are at some places among those of another."""
+        shape, flat = places.shape, places.ravel()
         if isinstance(array, Memory):
             if flat.size and np.array_equal(flat, np.arange(flat[0], flat[0] + flat.size)):
                 moved = Memory(array.start + int(flat[0]), shape, array.kind, array.owned)
@@ -435,6 +450,10 @@ class Lowering:
         axes = equation.params["dimensions"]
         return self._structure(equation, array, lambda places: np.flip(places, axes))
 
+    def _tile(self, equation: core.JaxprEqn, array: Array) -> list[Array]:
+        reps = equation.params["reps"]
+        return self._structure(equation, array, lambda places: np.tile(places, reps))
+
     def _joined(
         self, equation: core.JaxprEqn, arrays: Sequence[Array], join: Callable
     ) -> list[Array]:
@@ -494,6 +513,11 @@ class Lowering:
             raise UnsupportedPrimitiveError("split of large arrays")
         values = self.values(array)
         return [self._array([values[k] for k in p.ravel()], p.shape) for p in parts]
+
+    def _unstack(self, equation: core.JaxprEqn, array: Array) -> list[Array]:
+        aval, axis = equation.invars[0].aval, equation.params.get("axis", 0)
+        places = np.arange(aval.size).reshape(aval.shape)
+        return [self._at_places(array, part) for part in np.moveaxis(places, axis, 0)]
 
     def _iota(self, equation: core.JaxprEqn) -> list[Array]:
         aval, axis = equation.outvars[0].aval, equation.params["dimension"]

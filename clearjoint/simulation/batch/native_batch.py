@@ -12,14 +12,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...compilation.clock import begins_a_program, program_is_made_inside
 from ...math.vectors import pack
-from ...native import Native
+from ...native import Native, UnsupportedPrimitiveError, is_native
+from ...native.compiled import report_fallback
 from ...native.functions import BoundProgram, arrays_of, cells_of
 from ...native.lanes import WIDTH, LaneLoop
+from ...runtime import Device
 from ..interruptions import interruptions_deferred
-from .device_pool import Columns, Common, Task, channels_of
+from .device_pool import Columns, Common, Extent, Task, channels_of
 from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, moves, outcome, turn
-from .scheduler import BLOCK_ROWS, Ended, Running, lengthened
+from .scheduler import BLOCK_ROWS, Batch, Ended, Running, lengthened
 
 SLICE = 4096
 """Turns after which a thread looks whether it is to stop, and reports."""
@@ -31,7 +34,9 @@ class NativeBatch:
     """Runs lanes in native code; see `clearjoint.simulation.batch.scheduler.Batch`.
 
     **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
-    arrays); `threads`: how many compute at the same time.
+    arrays), at least one; `threads`: how many compute at the same time.
+
+    **Raises:** `UnsupportedPrimitiveError` if the lanes can't be run in native code.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int):
@@ -44,6 +49,12 @@ class NativeBatch:
             self.lengths[common.saved] = tasks.save_at.shape[1]
         self.turns = 0
         """Turns given so far, of lanes that advanced and of empty columns."""
+        task = self.task(0)
+        self.example = _begun(self.common, task)
+        """A lane like all others."""
+        self._orders = _Seated(0, task, list(self.common.logs(self.example))).orders(self.common)
+        with program_is_made_inside():
+            self._loop = _loop_of(self.common, (task, self._orders), self.example)
 
     def run(
         self,
@@ -55,12 +66,11 @@ class NativeBatch:
         if not lanes:
             return
         shared = _Shared(self, deque(lanes))
-        task = self.task(lanes[0])
-        self.example = lane = _begun(self.common, task)
-        orders = _Seated(lanes[0], task, list(self.common.logs(lane))).orders(self.common)
-        loop = _loop_of(self.common, (task, orders), lane)
         count = min(self._threads, -(-len(lanes) // WIDTH))
-        groups = [_Group(shared, loop, _Programs(self, task, orders, lane)) for _ in range(count)]
+        groups = [
+            _Group(shared, self._loop, _Programs(self, self.task(0), self.example))
+            for _ in range(count)
+        ]
         threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
         with interruptions_deferred() as stopped:
             try:
@@ -78,6 +88,19 @@ class NativeBatch:
     def task(self, number: int) -> Task:
         """The task of a lane."""
         return jax.tree.map(lambda leaf: np.asarray(leaf[number]), self._tasks)
+
+
+AnyBatch = Batch | NativeBatch
+
+
+def batch_of(common: Common, tasks: Task, devices: Sequence[Device], extent: Extent) -> AnyBatch:
+    """What runs lanes on devices: native code on CPUs, unless it can't, and XLA elsewhere."""
+    if is_native() and devices[0].platform == "cpu" and len(tasks.end_time):
+        try:
+            return NativeBatch(common, tasks, len(devices))
+        except UnsupportedPrimitiveError as error:
+            report_fallback(error)
+    return Batch(common, tasks, devices, extent)
 
 
 class _Shared:
@@ -143,7 +166,7 @@ class _Programs:
       of their count.
     """
 
-    def __init__(self, batch: "NativeBatch", task: Task, orders: Orders, lane: Lane):
+    def __init__(self, batch: "NativeBatch", task: Task, lane: Lane):
         common, fixed = batch.common, jax.tree.leaves(eqx.filter(batch.common, eqx.is_array))
         sizes = [np.size(leaf) for leaf in jax.tree.leaves((task, lane)) if eqx.is_array(leaf)]
         count = len(jax.tree.leaves(eqx.filter(task, eqx.is_array)))
@@ -322,7 +345,7 @@ def _loop_of(common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
     )
     with _compiles:
         if key not in _loops:
-            _loops[key] = LaneLoop(_turned, _looked_at, *trees)
+            _loops[key] = LaneLoop(begins_a_program(_turned), _looked_at, *trees)
         return _loops[key]
 
 
