@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable
 from typing import Generic, ParamSpec, TypeVar
 
+import equinox as eqx
 import jax
 from jax._src import core
 from jax.core import Tracer
@@ -48,7 +49,9 @@ class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
         if key not in self._refused:
             try:
                 with collector_at_rest(), program_is_made_inside():
-                    return self.native(*arguments)
+                    program, result = self.native.program(arguments)
+                arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
+                return result(program(arrays))
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
                 report_fallback(error)

@@ -933,17 +933,16 @@ class Lowering:
             both = [self.run(b.jaxpr, self._consts(b), arguments) for b in branches]
             return self._chosen(which, both[1], both[0])
         if self.do.width > 1:
-            if in_memory:
-                raise UnsupportedPrimitiveError("cond with large arrays in lanes")
             opposite = self.do.do("not", "b", which)
-            return self._chosen(
-                which,
-                self._if_any(which, yes, arguments, sizes[1]),
-                self._if_any(opposite, no, arguments, sizes[0]),
-            )
+            found = self._if_any(which, yes, arguments, sizes[1], in_memory)
+            others = self._if_any(opposite, no, arguments, sizes[0], in_memory)
+            return self._chosen(which, found, others)
         return self._branch(which, yes, no, arguments)
 
     def _chosen(self, which: Value, yes: list[Array], no: list[Array]) -> list[Array]:
+        for new, old in zip(yes, no, strict=True):
+            if isinstance(new, Memory) and isinstance(old, Memory) and new.start != old.start:
+                raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
         found = []
         for a, b in zip(self._flattened(yes), self._flattened(no), strict=True):
             kind = self.do.kinds[a]
@@ -954,15 +953,23 @@ class Lowering:
         return self._restored(found, yes)
 
     def _if_any(
-        self, condition: Value, branch: Any, arguments: Sequence[Array], size: int
+        self,
+        condition: Value,
+        branch: Any,
+        arguments: Sequence[Array],
+        size: int,
+        in_memory: bool,
     ) -> list[Array]:
-        """The results of a branch, which is left out where the condition holds in no lane."""
-        if size <= LONGEST_CHOICE:
+        """The results of a branch, which is left out where the condition holds in no lane; it
+        writes to memory in the lanes in which it holds."""
+        if size <= LONGEST_CHOICE and not in_memory:
             return self.run(branch.jaxpr, self._consts(branch), arguments)
         kept: list[Array] = []
 
         def compute() -> list[Value]:
-            kept[:] = self.run(branch.jaxpr, self._consts(branch), arguments)
+            own = [replace(a) if isinstance(a, Memory) else a for a in arguments]
+            with self.do.masked(condition):
+                kept[:] = self.run(branch.jaxpr, self._consts(branch), own)
             return self._flattened(kept)
 
         def leave_out() -> list[Value]:

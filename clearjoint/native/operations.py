@@ -147,6 +147,7 @@ class Operations:
         self._scopes: list[list[tuple]] = [[]]
         self._made: dict[Value, tuple[str, tuple[Value, ...]]] = {}
         self._uniform: set[Value] = set()
+        self._mask: Value | None = None
 
     def new(self, kind: str) -> Value:
         """A value that something else than a pure operation computes."""
@@ -333,9 +334,22 @@ class Operations:
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Write a value to a cell."""
+        """Write a value to a cell, in the lanes that a mask leaves."""
         start, index = self._address(start, index)
+        if self._mask is not None:
+            kind = self.kinds[value]
+            value = self.do("select", kind, self._mask, value, self.load(kind, start, index))
         self.block.entries.append(Store(value, start, index))
+
+    @contextmanager
+    def masked(self, condition: Value) -> Iterator[None]:
+        """A context in which only the lanes for which a condition holds write to memory."""
+        outer = self._mask
+        self._mask = condition if outer is None else self.do("and", "b", outer, condition)
+        try:
+            yield
+        finally:
+            self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, Value | None]:
         known = None if index is None else self.constants.get(index)

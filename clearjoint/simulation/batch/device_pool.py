@@ -34,7 +34,7 @@ from ..aliases import Numbers
 from ..dense_output import Snapshot
 from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
-from .recording import Ring
+from .recording import AbstractRing, SlotRing
 
 T = TypeVar("T")
 Columns = dict[str, Scalar]
@@ -105,7 +105,7 @@ class Common(eqx.Module):
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
-    def logs(self, lane: Lane) -> dict[str, Ring]:
+    def logs(self, lane: Lane) -> dict[str, AbstractRing]:
         """The rings of a lane by the log that they fill."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.rings()
@@ -218,7 +218,7 @@ def channels_of(
 ) -> Columns:
     """The columns that are reported of rows of a log, by name; `over` applies a function to each of
     them."""
-    example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
+    example, structure = jax.tree.flatten(common.logs(lane)[name].example())
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
@@ -281,10 +281,14 @@ def _page(common: Common, lanes: Lane, seated: jax.Array) -> Page:
     """What lanes have recorded, of the seats that `seated` names."""
     rings = common.logs(lanes)
     counts = {name: ring.count for name, ring in rings.items()}
-    return Page({name: _table(ring) for name, ring in rings.items()}, counts, seated)
+    return Page(
+        {name: _table(ring) for name, ring in rings.items() if isinstance(ring, SlotRing)},
+        counts,
+        seated,
+    )
 
 
-def _table(ring: Ring) -> jax.Array:
+def _table(ring: SlotRing) -> jax.Array:
     """The slots of many lanes' rings: (lanes, slots, columns)."""
     lanes = len(ring.count)
     rows = [

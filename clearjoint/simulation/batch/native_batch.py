@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -21,7 +22,8 @@ from ...native.lanes import WIDTH, LaneLoop
 from ...runtime import Device
 from ..interruptions import interruptions_deferred
 from .device_pool import Columns, Common, Extent, Task, channels_of
-from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, moves, outcome, turn
+from .lane import Lane, Orders, Outcome, begin_lane, moves, outcome, turn
+from .recording import ROWS, AbstractRing, TableRing
 from .scheduler import BLOCK_ROWS, Batch, Ended, Running, lengthened
 
 SLICE = 4096
@@ -40,6 +42,7 @@ class NativeBatch:
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int):
+        common = replace(common, plan=replace(common.plan, ring_rows=ROWS))
         self.common = jax.tree.map(
             lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
         )
@@ -162,7 +165,7 @@ class _Programs:
 
     - `begin`: the cells of a lane's state before its first step, for those of its task; `outcome`:
       of what came of it, for those of task and state.
-    - `rings`: by log, the cells of a ring's rows within a lane's state, (slots, columns), and that
+    - `rings`: by log, the cells of a ring's rows within a lane's state, (rows, columns), and that
       of their count.
     """
 
@@ -181,7 +184,7 @@ class _Programs:
             lane,
         )
         self.rings = {
-            name: (np.stack([_row(slot) for slot in ring.slots]), int(ring.count[0]))
+            name: (_columns_of(ring), int(ring.count[0]))
             for name, ring in common.logs(places).items()
         }
 
@@ -205,10 +208,10 @@ class _Seated:
 
     def next_saves(self, common: Common) -> np.ndarray:
         """The next times to save at, s, and infinity behind the last."""
-        window = np.full(WINDOW, np.inf)
+        window = np.full(ROWS + 1, np.inf)
         if common.saved:
             assert self.task.save_at is not None
-            following = np.asarray(self.task.save_at)[self.recorded(common.saved) :][:WINDOW]
+            following = np.asarray(self.task.save_at)[self.recorded(common.saved) :][: ROWS + 1]
             window[: len(following)] = following
         return window
 
@@ -217,7 +220,7 @@ class _Seated:
         wanted = {
             name: np.asarray(count - self.recorded(name)) for name, count in common.capacity.items()
         }
-        window = tuple(np.asarray(time) for time in self.next_saves(common))
+        window = self.next_saves(common)
         return Orders(self.task.end_time, self.task.first_step, window, wanted)
 
     def own_cells(self, common: Common) -> np.ndarray:
@@ -250,8 +253,11 @@ class _Seated:
         return Ended(self.number, programs.outcome_of(self.cells, state), logs)
 
 
-def _row(slot: Any) -> np.ndarray:
-    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(slot)])
+def _columns_of(places: AbstractRing) -> np.ndarray:
+    """The cells of a ring's rows, (rows, columns), from those of its leaves."""
+    assert isinstance(places, TableRing)
+    tables = [table.reshape(ROWS + 1, -1) for table in jax.tree.leaves(places.rows)]
+    return np.concatenate(tables, axis=1)
 
 
 class _Group:
@@ -314,7 +320,7 @@ class _Group:
 @Native
 def _begun(common: Common, task: Task) -> Lane:
     """A lane before its first step."""
-    orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
+    orders = Orders(task.end_time, task.first_step, jnp.full(ROWS + 1, jnp.inf), common.capacity)
     scene = common.scene(task)
     return begin_lane(common.plan, scene, task.state, common.start_time, orders)
 

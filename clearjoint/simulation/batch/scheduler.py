@@ -285,7 +285,7 @@ class Batch:
         self, seats: Seat, name: str, rows: Sequence[Rows], first: int, length: int
     ) -> np.ndarray:
         """A log's rows from the `first` on, (seats, length, columns), and zeros behind them."""
-        slot = self._common.logs(seats.lane)[name].slots[0]
+        slot = self._common.logs(seats.lane)[name].example()
         columns = sum(leaf[0].size for leaf in jax.tree.leaves(slot))
         table = np.zeros((len(rows), length, columns))
         for k, own in enumerate(rows):
