@@ -2,7 +2,8 @@
 
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -29,22 +30,26 @@ class NativeFallbackWarning(UserWarning):
     `clearjoint.native`. Results are right, compiling takes longer."""
 
 
-class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
+class Native(Generic[Arguments, Result]):
     """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
 
     Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
-    compiled by XLA, with one warning. `native`: the function in native code.
+    compiled by XLA, with one warning. `native`: the function in native code; `effort`: as for
+    `Compiled`.
     """
 
+    __wrapped__: Callable[Arguments, Result]
+
     def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
-        super().__init__(function, effort=effort)
+        self._compiled = Compiled(function, effort=effort)
         self.native = NativeFunction(begins_a_program(function))
-        self._refused: set[object] = set()
+        self._refused: set[Hashable] = set()
+        update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
         if options or not is_native() or _is_traced(arguments):
-            return super().__call__(*arguments, **options)
+            return self._compiled(*arguments, **options)
         key = self.native.key(arguments)
         if key not in self._refused:
             try:
@@ -55,7 +60,15 @@ class Native(Compiled[Arguments, Result], Generic[Arguments, Result]):
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
                 report_fallback(error)
-        return super().__call__(*arguments)
+        return self._compiled(*arguments)
+
+    def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
+        """The program for such arguments, as XLA optimises it."""
+        return self._compiled.program(*arguments, **options)
+
+    def programs(self) -> int:
+        """How many programs have been compiled, or loaded."""
+        return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:

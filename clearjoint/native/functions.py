@@ -2,14 +2,17 @@
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import ShapedArray
+from jax.extend import core
 from jax.interpreters import partial_eval
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from .llvm_text import llvm_text
 from .lowering import Lowering, Region, tangents_of
@@ -46,7 +49,7 @@ class NativeProgram:
     - `seconds`: what lowering, writing and compiling took; `text`: in LLVM's language.
     """
 
-    def __init__(self, closed: Any, tangents: int | None = None):
+    def __init__(self, closed: core.ClosedJaxpr, tangents: int | None = None):
         """`tangents`: of the arrays that are kept as vectors; found in the jaxpr unless given."""
         began = time.perf_counter()
         outs = closed.jaxpr.outvars
@@ -86,7 +89,7 @@ class NativeProgram:
         """Carry the program out on memory."""
         self._call(image.address)
 
-    def __call__(self, leaves: Sequence[Any]) -> list[np.ndarray]:
+    def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
         """The results for arguments of the jaxpr."""
         image = self.image()
         for leaf, region in zip(leaves, self.inputs, strict=True):
@@ -102,7 +105,7 @@ class BoundProgram:
     It has memory of its own: for one thread.
     """
 
-    def __init__(self, program: NativeProgram, leaves: Sequence[Any], sizes: Sequence[int]):
+    def __init__(self, program: NativeProgram, leaves: Sequence[ArrayLike], sizes: Sequence[int]):
         """`leaves`: the first arguments; `sizes`: the numbers of cells of the others."""
         self._program, self._image = program, program.image()
         for leaf, region in zip(leaves, program.inputs, strict=False):
@@ -147,7 +150,7 @@ def arrays_of(cells: np.ndarray, regions: Sequence[Region]) -> list[np.ndarray]:
     return found
 
 
-def _region(do: Operations, aval: Any) -> Region:
+def _region(do: Operations, aval: ShapedArray) -> Region:
     return Region.of(aval, do.allocate(int(np.prod(aval.shape, dtype=int))))
 
 
@@ -158,22 +161,26 @@ class NativeFunction:
     `equinox.filter_jit`. Results have NumPy's arrays in the place of JAX's.
     """
 
-    def __init__(self, function: Callable[..., Any]):
+    def __init__(self, function: Callable[..., PyTree]):
         self._function = function
-        self._programs: dict[Any, tuple[NativeProgram, Result]] = {}
+        self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
 
-    def key(self, arguments: Any) -> Any:
+    def count(self) -> int:
+        """How many programs have been compiled."""
+        return len(self._programs)
+
+    def key(self, arguments: tuple[PyTree, ...]) -> PyTree:
         """What programs are compiled anew for, of arguments."""
         leaves, structure = jax.tree.flatten(arguments)
         return structure, _described(leaves)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: PyTree) -> PyTree:
         """The function's result."""
         program, result = self.program(arguments)
         arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
         return result(program(arrays))
 
-    def program(self, arguments: Any) -> tuple[NativeProgram, "Result"]:
+    def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
         """The program for such arguments, compiled if it isn't yet, and how its results are put
         together."""
         key = self.key(arguments)
@@ -185,11 +192,11 @@ class NativeFunction:
                 self._programs[key] = found
         return found
 
-    def _compiled(self, leaves: list[Any], structure: Any) -> tuple[NativeProgram, "Result"]:
+    def _compiled(self, leaves: list[PyTree], structure: PyTree) -> tuple[NativeProgram, "Result"]:
         is_array = [eqx.is_array(leaf) for leaf in leaves]
-        result: list[Any] = []
+        result: list[PyTree] = []
 
-        def flat(arrays: list[Any]) -> list[Any]:
+        def flat(arrays: list[PyTree]) -> list[PyTree]:
             rest = iter(arrays)
             mixed = [
                 next(rest) if dynamic else leaf
@@ -212,10 +219,10 @@ class NativeFunction:
 class Result:
     """The structure of a function's result, and its leaves with `_ARRAY` in the place of arrays."""
 
-    leaves: list[Any]
-    structure: Any
+    leaves: list[PyTree]
+    structure: PyTree
 
-    def __call__(self, arrays: Sequence[np.ndarray]) -> Any:
+    def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
         """The result with such arrays."""
         numbers = iter(arrays)
         return jax.tree.unflatten(
@@ -223,7 +230,7 @@ class Result:
         )
 
 
-def _described(leaves: list[Any]) -> tuple[Any, ...]:
+def _described(leaves: list[PyTree]) -> tuple[PyTree, ...]:
     return tuple(
         (leaf.shape, leaf.dtype) if eqx.is_array(leaf) else (type(leaf), leaf) for leaf in leaves
     )

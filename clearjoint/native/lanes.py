@@ -7,16 +7,17 @@ others.
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.extend import core
 from jax.interpreters import partial_eval
+from jaxtyping import PyTree
 
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
-from .lowering import Array, Lowering, Memory, Region
+from .lowering import Array, Lowering, InMemory, Region
 from .machine_code import NativeCall, code_folder, compiled
 from .operations import Operations
 
@@ -47,11 +48,11 @@ class LaneLoop:
 
     def __init__(
         self,
-        turn: Callable[[Any, Any, Any], Any],
-        status: Callable[[Any, Any, Any], dict[str, Any]],
-        shared: Any,
-        own: Any,
-        state: Any,
+        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
+        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
+        shared: PyTree,
+        own: PyTree,
+        state: PyTree,
     ):
         began = time.perf_counter()
         trees = shared, own, state
@@ -59,11 +60,11 @@ class LaneLoop:
         leaves, structure = jax.tree.flatten(arrays)
         names: list[str] = []
 
-        def turned(*leaves: Any) -> list[Any]:
+        def turned(*leaves: PyTree) -> list[PyTree]:
             given = eqx.combine(jax.tree.unflatten(structure, leaves), static)
             return jax.tree.leaves(eqx.filter(turn(*given), eqx.is_array))
 
-        def looked_at(*leaves: Any) -> list[Any]:
+        def looked_at(*leaves: PyTree) -> list[PyTree]:
             found = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
             names[:] = found
             return [jax.numpy.asarray(value) for value in found.values()]
@@ -121,7 +122,7 @@ class LaneLoop:
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
         self._shared, self.own_cells, self.state_cells = map(_cells, parts)
 
-    def columns(self, shared: Any) -> Columns:
+    def columns(self, shared: PyTree) -> Columns:
         """Memory of a group of lanes, none of which is occupied."""
         columns = Columns(self._lowering.do.cells)
         for start, array in self._lowering.constants.items():
@@ -162,7 +163,7 @@ def _cells(regions: list[Region]) -> slice:
     return slice(regions[0].start, regions[-1].end) if regions else slice(0, 0)
 
 
-def _results(lowering: Lowering, closed: Any, arguments: list[Array]) -> list[Array]:
+def _results(lowering: Lowering, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
     outs = [True] * len(closed.jaxpr.outvars)
     jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
     consts = [lowering.constant(const) for const in closed.consts]
@@ -171,7 +172,7 @@ def _results(lowering: Lowering, closed: Any, arguments: list[Array]) -> list[Ar
 
 def _store(lowering: Lowering, array: Array, region: Region) -> None:
     """Write an array into its region, unless it is there."""
-    if not isinstance(array, Memory):
+    if not isinstance(array, InMemory):
         for k, value in enumerate(lowering.values(array)):
             lowering.do.store(value, region.start + k)
     elif array.start != region.start:

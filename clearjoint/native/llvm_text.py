@@ -8,7 +8,17 @@ import struct
 from collections import Counter
 from collections.abc import Iterable
 
-from .operations import Block, Branch, Load, Loop, Number, Operation, Operations, Store, Value
+from .operations import (
+    Block,
+    Branch,
+    LoadCell,
+    Loop,
+    Number,
+    Operation,
+    Operations,
+    StoreCell,
+    Value,
+)
 
 _BASE = {"f": "double", "i": "i64", "w": "i32", "b": "i1"}
 _PLAIN = {
@@ -143,16 +153,16 @@ class _Writer:
         effect = False
         for entry in reversed(block.entries):
             needed = self._mark_entry(entry)
-            effect = effect or (needed and not isinstance(entry, Operation | Load))
+            effect = effect or (needed and not isinstance(entry, Operation | LoadCell))
         return effect
 
-    def _mark_entry(self, entry: Operation | Load | Store | Branch | Loop) -> bool:
+    def _mark_entry(self, entry: Operation | LoadCell | StoreCell | Branch | Loop) -> bool:
         uses = self._uses
-        if isinstance(entry, Store):
+        if isinstance(entry, StoreCell):
             self._use((entry.value, entry.index))
             self._live.add(id(entry))
             return True
-        if isinstance(entry, Operation | Load):
+        if isinstance(entry, Operation | LoadCell):
             if not uses[entry.out]:
                 return False
             arguments = entry.arguments if isinstance(entry, Operation) else (entry.index,)
@@ -244,9 +254,9 @@ class _Writer:
             if isinstance(entry, Operation):
                 if entry.out not in self._products:
                     self._write_operation(entry)
-            elif isinstance(entry, Load):
+            elif isinstance(entry, LoadCell):
                 self._write_load(entry)
-            elif isinstance(entry, Store):
+            elif isinstance(entry, StoreCell):
                 self._write_store(entry)
             elif isinstance(entry, Branch):
                 self._write_branch(entry)
@@ -420,7 +430,7 @@ class _Writer:
         ]
         return out
 
-    def _load_by_lane(self, cell: str, entry: Load) -> str:
+    def _load_by_lane(self, cell: str, entry: LoadCell) -> str:
         assert entry.index is not None
         index, vector, base = self._word(entry.index), "poison", cell[1:-1].split(" x ")[1]
         for lane in range(self._width):
@@ -433,7 +443,7 @@ class _Writer:
             vector = following
         return vector
 
-    def _store_by_lane(self, cell: str, word: str, entry: Store) -> None:
+    def _store_by_lane(self, cell: str, word: str, entry: StoreCell) -> None:
         assert entry.index is not None
         index, base = self._word(entry.index), cell[1:-1].split(" x ")[1]
         for lane in range(self._width):
@@ -447,7 +457,7 @@ class _Writer:
         cell = kind if kind[0] == "f" else "i" + kind[1:]
         return self._type_of(cell), self._type_of(kind)
 
-    def _write_load(self, entry: Load) -> None:
+    def _write_load(self, entry: LoadCell) -> None:
         cell, kind = self._cell_type(entry.out)
         out = f"%v{entry.out}"
         if entry.index is None or self._program.is_uniform(entry.index):
@@ -465,7 +475,7 @@ class _Writer:
         else:
             self._lines.append(f"{out} = trunc {cell} {content} to {kind}")
 
-    def _write_store(self, entry: Store) -> None:
+    def _write_store(self, entry: StoreCell) -> None:
         cell, kind = self._cell_type(entry.value)
         word = self._word(entry.value)
         if cell != kind:

@@ -9,13 +9,14 @@ by loops; a slice of them is written in place where nothing reads the older cont
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
+from jax.core import ShapedArray
 from jax.extend import core
+from numpy.typing import ArrayLike
 
 from . import elementwise
-from .elementwise import RULES, Rule
+from .elementwise import RULES, Parameters, Rule
 from .operations import KINDS, Operations, Value
 
 LARGEST_TAKEN_APART = 48
@@ -25,6 +26,8 @@ FEWEST_PACKED = 60
 """Operations on arrays of one length from which on they are kept as vectors."""
 LONGEST_CHOICE = 24
 """Equations of a branch up to which both branches are carried out and one is chosen."""
+Atom = core.Var | core.Literal
+"""A variable or a number in a jaxpr."""
 _CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
@@ -51,7 +54,7 @@ class Packed:
 
 
 @dataclass
-class Memory:
+class InMemory:
     """An array in memory, from the cell `start` on.
 
     `owned`: whether its content may be overwritten, since nothing else reads it.
@@ -68,11 +71,11 @@ class Memory:
         return int(np.prod(self.shape, dtype=int))
 
 
-Array = Value | Packed | np.ndarray | Memory
+Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, an array of values, or an array in memory."""
 
 
-def kind_of(aval: Any) -> str:
+def kind_of(aval: ShapedArray) -> str:
     """The kind of the elements of an abstract array."""
     kind = KINDS.get(str(aval.dtype))
     if kind is None:
@@ -90,7 +93,7 @@ class Region:
     size: int
 
     @staticmethod
-    def of(aval: Any, start: int) -> "Region":
+    def of(aval: ShapedArray, start: int) -> "Region":
         """The region of an array like an abstract one."""
         kind_of(aval)
         shape = tuple(aval.shape)
@@ -102,7 +105,7 @@ class Region:
         return self.start + self.size
 
 
-def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[Any]:
+def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[core.Jaxpr]:
     """The jaxprs among an equation's parameters."""
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
@@ -112,16 +115,16 @@ def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[Any]:
                 yield jaxpr
 
 
-def count_equations(jaxpr: Any) -> int:
+def count_equations(jaxpr: core.Jaxpr) -> int:
     """The number of equations, those of inner jaxprs included."""
     return sum(1 + sum(map(count_equations, inner_jaxprs(e))) for e in jaxpr.eqns)
 
 
-def tangents_of(jaxpr: Any) -> int:
+def tangents_of(jaxpr: core.Jaxpr) -> int:
     """The length of the arrays that most operations work on: the number of tangents, or 0."""
     lengths: Counter[int] = Counter()
 
-    def visit(jaxpr: Any) -> None:
+    def visit(jaxpr: core.Jaxpr) -> None:
         for equation in jaxpr.eqns:
             shape = getattr(equation.outvars[0].aval, "shape", ()) if equation.outvars else ()
             if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
@@ -149,13 +152,13 @@ class Lowering:
 
     # Values.
 
-    def given(self, aval: Any, start: int) -> Array:
+    def given(self, aval: ShapedArray, start: int) -> Array:
         """An argument in memory; small ones are read at once."""
         kind, shape = kind_of(aval), tuple(aval.shape)
-        memory = Memory(start, shape, kind, owned=True)
+        memory = InMemory(start, shape, kind, owned=True)
         return memory if memory.size > LARGEST_TAKEN_APART else self._read(memory)
 
-    def constant(self, array: Any) -> Array:
+    def constant(self, array: ArrayLike) -> Array:
         """A known array."""
         array = np.asarray(array)
         kind = KINDS.get(str(array.dtype))
@@ -164,7 +167,7 @@ class Lowering:
         if array.size > LARGEST_TAKEN_APART:
             start = self.do.allocate(array.size)
             self.constants[start] = array
-            return Memory(start, array.shape, kind)
+            return InMemory(start, array.shape, kind)
         values = [self.do.constant(kind, x) for x in array.ravel().tolist()]
         return self._array(values, array.shape)
 
@@ -185,35 +188,35 @@ class Lowering:
             return [array]
         if isinstance(array, Packed):
             return [self.do.element(array.value, k) for k in range(self.do.packed_length)]
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             return [self.do.load(array.kind, array.start + k) for k in range(array.size)]
         return array.ravel().tolist()
 
-    def _read(self, memory: Memory) -> Array:
+    def _read(self, memory: InMemory) -> Array:
         if self._is_packed(memory.shape):
             return Packed(self.do.pack(self.values(memory)))
         return self._array(self.values(memory), memory.shape)
 
-    def in_memory(self, array: Array, shape: tuple[int, ...]) -> Memory:
+    def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
         """The array in memory, written there if it isn't."""
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             return array
         values = self.values(array)
-        memory = Memory(self.do.allocate(len(values)), shape, self.do.kinds[values[0]], True)
+        memory = InMemory(self.do.allocate(len(values)), shape, self.do.kinds[values[0]], True)
         for k, value in enumerate(values):
             self.do.store(value, memory.start + k)
         return memory
 
-    def stored(self, array: Array, aval: Any) -> Region:
+    def stored(self, array: Array, aval: ShapedArray) -> Region:
         """The region of an array in memory, written there if it isn't."""
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             return Region.of(aval, array.start)
         region = Region.of(aval, self.do.allocate(int(np.prod(aval.shape, dtype=int))))
         for k, value in enumerate(self.values(array)):
             self.do.store(value, region.start + k)
         return region
 
-    def copied(self, memory: Memory, start: int | None = None) -> Memory:
+    def copied(self, memory: InMemory, start: int | None = None) -> InMemory:
         """A copy of an array in memory, at new cells unless told where."""
         start = self.do.allocate(memory.size) if start is None else start
 
@@ -221,15 +224,17 @@ class Lowering:
             self.do.store(self.do.load(memory.kind, memory.start, k), start, k)
 
         self.do.repeat(memory.size, visit)
-        return Memory(start, memory.shape, memory.kind, owned=True)
+        return InMemory(start, memory.shape, memory.kind, owned=True)
 
     # Equations.
 
-    def run(self, jaxpr: Any, consts: Sequence[Array], arguments: Sequence[Array]) -> list[Array]:
+    def run(
+        self, jaxpr: core.Jaxpr, consts: Sequence[Array], arguments: Sequence[Array]
+    ) -> list[Array]:
         """The results of a jaxpr; owned arrays among the arguments may be overwritten."""
-        known: dict[Any, Array] = dict(zip(jaxpr.constvars, consts, strict=True))
+        known: dict[Atom, Array] = dict(zip(jaxpr.constvars, consts, strict=True))
         known |= dict(zip(jaxpr.invars, arguments, strict=True))
-        last: dict[Any, int] = {}
+        last: dict[Atom, int] = {}
         for number, equation in enumerate(jaxpr.eqns):
             for atom in equation.invars:
                 if not isinstance(atom, core.Literal):
@@ -241,7 +246,7 @@ class Lowering:
             self._run_equation(equation, known, last, number)
         return [self._atom(atom, known) for atom in jaxpr.outvars]
 
-    def _atom(self, atom: Any, known: dict[Any, Array]) -> Array:
+    def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
         if not isinstance(atom, core.Literal):
             return known[atom]
         if np.ndim(atom.val) == 0:
@@ -251,25 +256,25 @@ class Lowering:
         return self.constant(np.asarray(atom.val, dtype=atom.aval.dtype))
 
     def _run_equation(
-        self, equation: core.JaxprEqn, known: dict[Any, Array], last: dict[Any, int], number: int
+        self, equation: core.JaxprEqn, known: dict[Atom, Array], last: dict[Atom, int], number: int
     ) -> None:
         arguments: list[Array] = []
-        live: list[Memory] = []
+        live: list[InMemory] = []
         for atom in equation.invars:
             array = self._atom(atom, known)
-            if isinstance(array, Memory):
+            if isinstance(array, InMemory):
                 dies = last[atom] == number and list(equation.invars).count(atom) == 1
                 if not dies:
                     live.append(array)
                     array = replace(array, owned=False)
             arguments.append(array)
         outs = self._outs(equation, arguments)
-        starts = Counter(out.start for out in outs if isinstance(out, Memory))
+        starts = Counter(out.start for out in outs if isinstance(out, InMemory))
         for array in live:
             if array.start in starts:
                 array.owned = False
         for variable, out in zip(equation.outvars, outs, strict=True):
-            if isinstance(out, Memory) and starts[out.start] > 1:
+            if isinstance(out, InMemory) and starts[out.start] > 1:
                 out = replace(out, owned=False)
             known[variable] = out
 
@@ -288,7 +293,7 @@ class Lowering:
             raise UnsupportedPrimitiveError(name)
         return rule(equation, *arguments)
 
-    def _consts(self, closed: Any) -> list[Array]:
+    def _consts(self, closed: core.ClosedJaxpr) -> list[Array]:
         return [self.constant(const) for const in getattr(closed, "consts", ())]
 
     def _elementwise(self, equation: core.JaxprEqn, arguments: list[Array]) -> Array:
@@ -346,13 +351,14 @@ class Lowering:
         kind: str,
         shape: tuple[int, ...],
         arguments: Sequence[Array],
-    ) -> Memory:
+    ) -> InMemory:
         """A rule applied to each element of arrays in memory."""
-        out = Memory(self.do.allocate(int(np.prod(shape))), shape, kind, owned=True)
+        out = InMemory(self.do.allocate(int(np.prod(shape))), shape, kind, owned=True)
 
         def visit(k: Value) -> None:
             values = [
-                self.do.load(a.kind, a.start, k) if isinstance(a, Memory) else a for a in arguments
+                self.do.load(a.kind, a.start, k) if isinstance(a, InMemory) else a
+                for a in arguments
             ]
             if not all(isinstance(value, int) for value in values):
                 raise UnsupportedPrimitiveError("arrays of different sizes")
@@ -369,9 +375,9 @@ class Lowering:
     def _at_places(self, array: Array, places: np.ndarray) -> Array:
         """The array whose elements are at some places among those of another."""
         shape, flat = places.shape, places.ravel()
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             if flat.size and np.array_equal(flat, np.arange(flat[0], flat[0] + flat.size)):
-                moved = Memory(array.start + int(flat[0]), shape, array.kind, array.owned)
+                moved = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
                 if flat.size <= LARGEST_TAKEN_APART:
                     return self._read(moved)
                 if flat.size < array.size:
@@ -390,11 +396,11 @@ class Lowering:
             return self._by_table(source, flat, shape)
         return self._array([values[k] for k in flat], shape)
 
-    def _by_table(self, array: Memory, places: np.ndarray, shape: tuple[int, ...]) -> Memory:
+    def _by_table(self, array: InMemory, places: np.ndarray, shape: tuple[int, ...]) -> InMemory:
         """The elements of an array in memory at many places, which a table lists."""
         start = self.do.allocate(places.size)
         self.constants[start] = places
-        table = Memory(start, (places.size,), "i")
+        table = InMemory(start, (places.size,), "i")
 
         def at(place: Value) -> Value:
             return self.do.load(array.kind, array.start, place)
@@ -472,9 +478,11 @@ class Lowering:
             return [self._array([values[k] for k in places.ravel()], shape)]
         if not np.array_equal(places.ravel(), np.arange(starts[-1])):
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
-        out = Memory(self.do.allocate(places.size), shape, kind_of(equation.outvars[0].aval), True)
+        out = InMemory(
+            self.do.allocate(places.size), shape, kind_of(equation.outvars[0].aval), True
+        )
         for start, array in zip(starts, arrays, strict=False):
-            if isinstance(array, Memory):
+            if isinstance(array, InMemory):
                 self.copied(array, out.start + int(start))
             else:
                 for k, value in enumerate(self.values(array)):
@@ -509,7 +517,7 @@ class Lowering:
         aval = equation.invars[0].aval
         places = np.arange(int(np.prod(aval.shape, dtype=int))).reshape(aval.shape)
         parts = np.split(places, np.cumsum(sizes)[:-1], axis)
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             raise UnsupportedPrimitiveError("split of large arrays")
         values = self.values(array)
         return [self._array([values[k] for k in p.ravel()], p.shape) for p in parts]
@@ -553,7 +561,7 @@ class Lowering:
         every = np.arange(int(np.prod(shape, dtype=int))).reshape(shape)
         return every[tuple(slice(size) for size in sizes)].ravel()
 
-    def _at(self, memory: Memory, first: Value, places: Iterable[int]) -> list[Value]:
+    def _at(self, memory: InMemory, first: Value, places: Iterable[int]) -> list[Value]:
         return [self.do.load(memory.kind, memory.start + int(k), first) for k in places]
 
     def _dynamic_slice(self, equation: core.JaxprEqn, array: Array, *starts: Array) -> list[Array]:
@@ -573,7 +581,7 @@ class Lowering:
             place = self.do.do("add", "i", first, k)
             self.do.store(self.do.load(memory.kind, memory.start, place), out.start, k)
 
-        out = Memory(self.do.allocate(places.size), tuple(sizes), memory.kind, True)
+        out = InMemory(self.do.allocate(places.size), tuple(sizes), memory.kind, True)
         self.do.repeat(places.size, visit)
         return [out]
 
@@ -584,7 +592,7 @@ class Lowering:
         first = self._first_place(starts, shape, sizes)
         places = self._places_in(shape, sizes)
         known = self.do.number(first)
-        small = not isinstance(array, Memory)
+        small = not isinstance(array, InMemory)
         if small and known is not None:
             values = self.values(array)
             for k, value in zip(places, self.values(update), strict=True):
@@ -593,7 +601,7 @@ class Lowering:
         memory = self.in_memory(array, tuple(shape))
         if not memory.owned:
             memory = self.copied(memory)
-        if isinstance(update, Memory):
+        if isinstance(update, InMemory):
             if not np.array_equal(places, np.arange(places.size)):
                 raise UnsupportedPrimitiveError("dynamic_update_slice of many rows")
             source = update
@@ -626,7 +634,7 @@ class Lowering:
         )
         inside = np.broadcast_to(np.asarray(inside, dtype=int), block).ravel()
         depth = equation.invars[1].aval.shape[-1]
-        memory: Memory | None = array if isinstance(array, Memory) else None
+        memory: InMemory | None = array if isinstance(array, InMemory) else None
         small = None if memory is not None else self.values(array)
 
         def rows_at(starts: list[Value]) -> list[Value]:
@@ -669,7 +677,9 @@ class Lowering:
         table = self.in_memory(indices, equation.invars[1].aval.shape)
         if memory is None:
             memory = self.in_memory(array, tuple(shape))
-        result = Memory(self.do.allocate(count * inside.size), tuple(out.shape), memory.kind, True)
+        result = InMemory(
+            self.do.allocate(count * inside.size), tuple(out.shape), memory.kind, True
+        )
 
         def visit(k: Value) -> None:
             do = self.do
@@ -688,7 +698,7 @@ class Lowering:
         """A small array with some elements replaced, or joined with updates by a rule."""
         shape, numbers = equation.invars[0].aval.shape, equation.params["dimension_numbers"]
         update_shape, depth = equation.invars[2].aval.shape, equation.invars[1].aval.shape[-1]
-        large = [a for a in (array, indices, updates) if isinstance(a, Memory)]
+        large = [a for a in (array, indices, updates) if isinstance(a, InMemory)]
         if large or numbers.operand_batching_dims:
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
         do, kind, values = self.do, kind_of(equation.outvars[0].aval), self.values(array)
@@ -741,7 +751,7 @@ class Lowering:
         def join(a: Value, b: Value) -> Value:
             return RULES[name](self.do, kind, {}, a, b)
 
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             if out.shape != ():
                 raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
             return [self._scan_memory(array, join)[-1]]
@@ -757,7 +767,10 @@ class Lowering:
         return [self._array(found, tuple(out.shape))]
 
     def _scan_memory(
-        self, array: Memory, join: Callable[[Value, Value], Value], out: Memory | None = None
+        self,
+        array: InMemory,
+        join: Callable[[Value, Value], Value],
+        out: InMemory | None = None,
     ) -> list[Value]:
         """Elements joined one after the other, each total stored if there is an array for them;
         the last index and total."""
@@ -803,8 +816,8 @@ class Lowering:
         def join(a: Value, b: Value) -> Value:
             return RULES[name](self.do, kind, {}, a, b)
 
-        if isinstance(array, Memory):
-            out = Memory(self.do.allocate(array.size), array.shape, kind, True)
+        if isinstance(array, InMemory):
+            out = InMemory(self.do.allocate(array.size), array.shape, kind, True)
             self._scan_memory(array, join, out)
             return [out]
         values = self.values(array)
@@ -827,7 +840,7 @@ class Lowering:
     def _extreme_place(self, equation: core.JaxprEqn, array: Array, compare: str) -> list[Array]:
         aval, (axis,) = equation.invars[0].aval, equation.params["axes"]
         out, do = equation.outvars[0].aval, self.do
-        if isinstance(array, Memory):
+        if isinstance(array, InMemory):
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
         values = np.moveaxis(np.array(self.values(array)).reshape(aval.shape), axis, -1)
         found = []
@@ -853,12 +866,12 @@ class Lowering:
 
     def _dot_general(self, equation: core.JaxprEqn, first: Array, second: Array) -> list[Array]:
         (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
-        if isinstance(first, Memory) or isinstance(second, Memory):
+        if isinstance(first, InMemory) or isinstance(second, InMemory):
             raise UnsupportedPrimitiveError("dot_general of large arrays")
         out = equation.outvars[0].aval
         kind = kind_of(out)
 
-        def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> Any:
+        def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
             shape = equation.invars[number].aval.shape
             values = np.array(self.values(array)).reshape(shape)
             rest = [k for k in range(len(shape)) if k not in (*batch, *along)]
@@ -890,7 +903,7 @@ class Lowering:
         for array in arrays:
             if isinstance(array, Packed):
                 flat.append(array.value)
-            elif not isinstance(array, Memory):
+            elif not isinstance(array, InMemory):
                 flat += self.values(array)
         return flat
 
@@ -899,7 +912,7 @@ class Lowering:
         remaining = iter(values)
         found: list[Array] = []
         for array in like:
-            if isinstance(array, Memory):
+            if isinstance(array, InMemory):
                 found.append(array)
             elif isinstance(array, Packed):
                 found.append(Packed(next(remaining)))
@@ -941,7 +954,7 @@ class Lowering:
 
     def _chosen(self, which: Value, yes: list[Array], no: list[Array]) -> list[Array]:
         for new, old in zip(yes, no, strict=True):
-            if isinstance(new, Memory) and isinstance(old, Memory) and new.start != old.start:
+            if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
                 raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
         found = []
         for a, b in zip(self._flattened(yes), self._flattened(no), strict=True):
@@ -955,7 +968,7 @@ class Lowering:
     def _if_any(
         self,
         condition: Value,
-        branch: Any,
+        branch: core.ClosedJaxpr,
         arguments: Sequence[Array],
         size: int,
         in_memory: bool,
@@ -967,7 +980,7 @@ class Lowering:
         kept: list[Array] = []
 
         def compute() -> list[Value]:
-            own = [replace(a) if isinstance(a, Memory) else a for a in arguments]
+            own = [replace(a) if isinstance(a, InMemory) else a for a in arguments]
             with self.do.masked(condition):
                 kept[:] = self.run(branch.jaxpr, self._consts(branch), own)
             return self._flattened(kept)
@@ -977,17 +990,19 @@ class Lowering:
 
         return self._restored(self.do.branch(condition, compute, leave_out), kept)
 
-    def _branch(self, which: Value, yes: Any, no: Any, arguments: Sequence[Array]) -> list[Array]:
+    def _branch(
+        self, which: Value, yes: core.ClosedJaxpr, no: core.ClosedJaxpr, arguments: Sequence[Array]
+    ) -> list[Array]:
         results: dict[str, list[Array]] = {}
 
-        def build(name: str, branch: Any) -> Callable[[], list[Value]]:
+        def build(name: str, branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
             def compute() -> list[Value]:
-                own = [replace(a) if isinstance(a, Memory) else a for a in arguments]
+                own = [replace(a) if isinstance(a, InMemory) else a for a in arguments]
                 found = self.run(branch.jaxpr, self._consts(branch), own)
                 if results:
                     pairs = zip(found, results["yes"], strict=True)
                     for new, old in pairs:
-                        if isinstance(new, Memory) and isinstance(old, Memory):
+                        if isinstance(new, InMemory) and isinstance(old, InMemory):
                             self._agree(new, old)
                 results[name] = found
                 return self._flattened(found)
@@ -997,7 +1012,7 @@ class Lowering:
         outs = self.do.branch(which, build("yes", yes), build("no", no))
         return self._restored(outs, results["yes"])
 
-    def _agree(self, new: Memory, old: Memory) -> None:
+    def _agree(self, new: InMemory, old: InMemory) -> None:
         """Have the second branch leave an array where the first one does."""
         if new.start != old.start:
             if not old.owned:
@@ -1025,7 +1040,7 @@ class Lowering:
 
     def borrowed(self, array: Array) -> Array:
         """The array, which must not be overwritten."""
-        return replace(array, owned=False) if isinstance(array, Memory) else array
+        return replace(array, owned=False) if isinstance(array, InMemory) else array
 
     def loop(
         self,
@@ -1035,13 +1050,13 @@ class Lowering:
         uniform: bool = False,
     ) -> list[Array]:
         """A loop over arrays; those in memory stay at one place."""
-        first = [self._own(a) if isinstance(a, Memory) else a for a in first]
+        first = [self._own(a) if isinstance(a, InMemory) else a for a in first]
         do = self.do
         last: list[Value] = []
 
         def arrays(values: list[Value]) -> list[Array]:
             found = self._restored(values, first)
-            return [replace(a, owned=True) if isinstance(a, Memory) else a for a in found]
+            return [replace(a, owned=True) if isinstance(a, InMemory) else a for a in found]
 
         def condition(values: list[Value]) -> Value:
             last[:] = [holds(arrays(values))]
@@ -1052,7 +1067,7 @@ class Lowering:
             self._settle(first, found)
             following = self._flattened(
                 [
-                    f if isinstance(f, Memory) else self._like(f, a)
+                    f if isinstance(f, InMemory) else self._like(f, a)
                     for f, a in zip(found, first, strict=True)
                 ]
             )
@@ -1063,7 +1078,7 @@ class Lowering:
             pairs = zip(following, values, strict=True)
             return [do.do("select", do.kinds[new], goes, new, old) for new, old in pairs]
 
-        if do.width > 1 and not uniform and any(isinstance(a, Memory) for a in first):
+        if do.width > 1 and not uniform and any(isinstance(a, InMemory) for a in first):
             raise UnsupportedPrimitiveError("loops over large arrays in lanes")
         return arrays(do.loop(self._flattened(first), condition, body))
 
@@ -1073,7 +1088,7 @@ class Lowering:
             return Packed(self._vector(array))
         return array
 
-    def _own(self, memory: Memory) -> Memory:
+    def _own(self, memory: InMemory) -> InMemory:
         return memory if memory.owned else self.copied(memory)
 
     def _settle(self, places: Sequence[Array], found: Sequence[Array]) -> None:
@@ -1081,9 +1096,9 @@ class Lowering:
         moves = [
             (new, old)
             for new, old in zip(found, places, strict=True)
-            if isinstance(new, Memory) and isinstance(old, Memory) and new.start != old.start
+            if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start
         ]
-        taken = {old.start for old in places if isinstance(old, Memory)}
+        taken = {old.start for old in places if isinstance(old, InMemory)}
         moves = [(self.copied(new) if new.start in taken else new, old) for new, old in moves]
         for new, old in moves:
             self.copied(new, old.start)
@@ -1101,7 +1116,9 @@ class Lowering:
         ]
         outs = [v.aval for v in equation.outvars[carried:]]
         made = [
-            Memory(do.allocate(int(np.prod(o.shape, dtype=int))), tuple(o.shape), kind_of(o), True)
+            InMemory(
+                do.allocate(int(np.prod(o.shape, dtype=int))), tuple(o.shape), kind_of(o), True
+            )
             for o in outs
         ]
         one, end = do.constant("i", 1), do.constant("i", length - 1)
@@ -1110,7 +1127,7 @@ class Lowering:
             k = carries[0]
             assert isinstance(k, int)
             row = do.do("sub", "i", end, k) if parameters["reverse"] else k
-            items = [self._row(a, row) for a in rows if isinstance(a, Memory)]
+            items = [self._row(a, row) for a in rows if isinstance(a, InMemory)]
             found = self.run(closed.jaxpr, self._consts(closed), [*consts, *carries[1:], *items])
             for memory, array in zip(made, found[carried:], strict=True):
                 self._put_row(memory, row, array)
@@ -1125,14 +1142,14 @@ class Lowering:
         stacked = [m if m.size > LARGEST_TAKEN_APART else self._read(m) for m in made]
         return [*results[1:], *stacked]
 
-    def _row(self, memory: Memory, row: Value) -> Array:
+    def _row(self, memory: InMemory, row: Value) -> Array:
         """A row of an array in memory."""
         shape = memory.shape[1:]
         size = int(np.prod(shape, dtype=int))
         first = self.do.do("mul", "i", row, self.do.constant("i", size))
         if size <= LARGEST_TAKEN_APART:
             return self._array(self._at(memory, first, range(size)), shape)
-        out = Memory(self.do.allocate(size), shape, memory.kind, True)
+        out = InMemory(self.do.allocate(size), shape, memory.kind, True)
 
         def visit(k: Value) -> None:
             place = self.do.do("add", "i", first, k)
@@ -1141,10 +1158,10 @@ class Lowering:
         self.do.repeat(size, visit)
         return out
 
-    def _put_row(self, memory: Memory, row: Value, array: Array) -> None:
+    def _put_row(self, memory: InMemory, row: Value, array: Array) -> None:
         size = int(np.prod(memory.shape[1:], dtype=int))
         first = self.do.do("mul", "i", row, self.do.constant("i", size))
-        if not isinstance(array, Memory):
+        if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
                 self.do.store(value, memory.start + k, first)
             return
@@ -1159,7 +1176,7 @@ class Lowering:
 def _unsigned(rule: Rule) -> Rule:
     """A rule whose result is cut to 32 bits."""
 
-    def cut(do: Operations, kind: str, parameters: Any, *arguments: Value) -> Value:
+    def cut(do: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
         value = rule(do, kind, parameters, *arguments)
         return do.do("and", kind, value, elementwise.like(do, value, (1 << 32) - 1))
 

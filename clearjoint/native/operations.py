@@ -31,7 +31,7 @@ class Operation:
 
 
 @dataclass
-class Load:
+class LoadCell:
     """Read the cell `start` + `index`, unless the index is ``None``."""
 
     out: Value
@@ -40,7 +40,7 @@ class Load:
 
 
 @dataclass
-class Store:
+class StoreCell:
     """Write a value to the cell `start` + `index`, unless the index is ``None``."""
 
     value: Value
@@ -75,7 +75,7 @@ class Loop:
     following: list[Value]
 
 
-Entry = Operation | Load | Store | Branch | Loop
+Entry = Operation | LoadCell | StoreCell | Branch | Loop
 
 
 @dataclass
@@ -330,7 +330,7 @@ class Operations:
         """The content of a cell."""
         start, index = self._address(start, index)
         out = self.new(kind)
-        self.block.entries.append(Load(out, start, index))
+        self.block.entries.append(LoadCell(out, start, index))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
@@ -339,7 +339,7 @@ class Operations:
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.do("select", kind, self._mask, value, self.load(kind, start, index))
-        self.block.entries.append(Store(value, start, index))
+        self.block.entries.append(StoreCell(value, start, index))
 
     @contextmanager
     def masked(self, condition: Value) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""Native code against XLA, primitive by primitive: random numbers, NaN and infinities among them."""
+"""Native code against XLA: each primitive on random numbers, NaN and infinities."""
 
 from collections.abc import Callable
 

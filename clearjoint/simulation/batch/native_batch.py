@@ -4,14 +4,14 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ...compilation.clock import begins_a_program, program_is_made_inside
 from ...math.vectors import pack
@@ -337,7 +337,7 @@ def _channels(common: Common, name: str, task: Task, lane: Lane, rows: jax.Array
     return channels_of(common, common.scene(task), name, lane, rows, jax.lax.map)
 
 
-_loops: dict[Any, LaneLoop] = {}
+_loops: dict[Hashable, LaneLoop] = {}
 _compiles = threading.Lock()
 
 
@@ -360,7 +360,7 @@ def _turned(common: Common, own: tuple[Task, Orders], lane: Lane) -> Lane:
     return turn(common.plan, common.scene(task), lane, orders)
 
 
-def _looked_at(common: Common, own: tuple[Task, Orders], lane: Lane) -> dict[str, Any]:
+def _looked_at(common: Common, own: tuple[Task, Orders], lane: Lane) -> dict[str, PyTree]:
     _, orders = own
     return {
         "goes": moves(common.plan, lane, orders),
