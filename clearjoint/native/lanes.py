@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
-from .lowering import Array, Lowering, InMemory, Region
+from .lowering import Array, InMemory, Lowering, Region
 from .machine_code import NativeCall, code_folder, compiled
 from .operations import Operations
 
