@@ -20,7 +20,7 @@ MODULES_BESIDE_ROOMS = 7
 PLACES_OF_ANY = 60
 FLOORS = (
     ("compilation", "math", "results"),
-    ("fields",),
+    ("fields", "native"),
     ("model", "runtime", "datasets"),
     ("dynamics", "parametrisation"),
     ("quantities",),
@@ -33,6 +33,7 @@ FLOORS = (
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy", "typing_extensions"}
 THIRD_PARTY = {
+    "llvmlite": {"native"},
     "diffrax": {"command_line", "simulation", "testing"},
     "tqdm": {"simulation", "sweeps", "identification"},
     "k3d": {"views"},

@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..compilation import Compiled
 from ..fields.conversion import on_device
 from ..math.vectors import Scalar, Structured, pack
 from ..model.bodies import State
+from ..native import Native
 from ..results import RESULTS
 from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
@@ -28,7 +28,7 @@ from .step_state import Step
 T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
 SAVES_A_SEGMENT = 512
-segment_compiled = Compiled(segment)
+segment_compiled = Native(segment)
 
 
 def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[State, RESULTS]:
@@ -36,7 +36,7 @@ def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[
     return pack(final_state(scheme.unpacked(form), step)), final_result(step, end)
 
 
-_end_compiled = Compiled(_end_of, effort="least")
+_end_compiled = Native(_end_of, effort="least")
 
 
 def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, dict[str, Scalar]]:

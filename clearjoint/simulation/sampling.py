@@ -12,11 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..compilation import Compiled, traced_once
+from ..compilation import traced_once
 from ..dynamics.contact_forces import Memory
 from ..dynamics.system import System
 from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
+from ..native import Native
 from ..parametrisation.parametrised_scene import AbstractFamily
 from ..quantities.base import Quantity
 from ..quantities.instant import Instant
@@ -226,7 +227,7 @@ def _looked_at(
     return values, derivatives
 
 
-@Compiled
+@Native
 def sampled_compiled(*arguments: PyTree) -> Sampled:
     """Compiled: what `followed` has seen, without its steps."""
     return followed(*arguments)[0]

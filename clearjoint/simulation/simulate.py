@@ -5,7 +5,6 @@ from dataclasses import replace
 import diffrax
 import equinox as eqx
 
-from ..compilation import Compiled
 from ..datasets.provenance import setting_notes
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.cautions import LawRangeWarning, caution
@@ -14,6 +13,7 @@ from ..fields.conversion import on_device
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..native import Native
 from ..results import RESULTS
 from . import presets
 from .adjoint import loops_for
@@ -141,7 +141,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Compiled(begin, effort="least")
+begin_compiled = Native(begin, effort="least")
 
 
 def _check_numbers(

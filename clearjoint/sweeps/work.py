@@ -8,7 +8,8 @@ import numpy as np
 from ..results import RESULTS, result_number
 from ..runtime import Device, busy_devices
 from ..simulation.batch.device_pool import Common, Extent, Task
-from ..simulation.batch.scheduler import Batch, Ended, Running
+from ..simulation.batch.native_batch import AnyBatch, batch_of
+from ..simulation.batch.scheduler import Ended, Running
 from ..simulation.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
@@ -45,13 +46,13 @@ class Work:
         *,
         devices: Sequence[Device] | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
-    ) -> Batch:
+    ) -> AnyBatch:
         """Run lanes; `on_ended` gets the number and the results of each."""
         for lane in lanes:
             if lane in self.bad:
                 on_ended(lane, self._refused(lane))
         devices = busy_devices() if devices is None else devices
-        batch = Batch(self.common, self.tasks, devices, extent(devices))
+        batch = batch_of(self.common, self.tasks, devices, extent(devices))
         batch.run(
             [lane for lane in lanes if lane not in self.bad],
             lambda ended: on_ended(ended.lane, self._results(ended)),

@@ -31,7 +31,7 @@ from ..quantities.base import Quantity
 from ..simulation import presets
 from ..simulation.batch.device_pool import Common, Seat, advance, begin
 from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
-from ..simulation.batch.scheduler import Batch
+from ..simulation.batch.native_batch import AnyBatch
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.rates import rates_of
@@ -213,7 +213,7 @@ class SweepProgram:
     """
 
     work: Work
-    batch: Batch
+    batch: AnyBatch
 
     @property
     def turns(self) -> int:
@@ -282,11 +282,11 @@ def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
 
 
 def _recording(
-    run: Callable[Concatenate[Work, P], Batch], programs: list[SweepProgram]
-) -> Callable[Concatenate[Work, P], Batch]:
+    run: Callable[Concatenate[Work, P], AnyBatch], programs: list[SweepProgram]
+) -> Callable[Concatenate[Work, P], AnyBatch]:
     """The method that runs the work of a sweep, which also adds what it ran to the programs."""
 
-    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> Batch:
+    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> AnyBatch:
         batch = run(work, *arguments, **settings)
         programs.append(SweepProgram(work, batch))
         return batch

@@ -19,7 +19,8 @@ from ...model.bodies import State
 from ...runtime import busy_devices
 from ...simulation.batch.device_pool import Common, Task
 from ...simulation.batch.lane import Plan
-from ...simulation.batch.scheduler import Batch, Ended
+from ...simulation.batch.native_batch import batch_of
+from ...simulation.batch.scheduler import Ended
 from ...sweeps.work import extent
 from ..residuals import UNREACHED, Experiment, Samples
 
@@ -78,7 +79,7 @@ class SideBySide:
                 take()
 
         devices = busy_devices()
-        batch = Batch(self._common, self._tasks(coordinates, count), devices, extent(devices))
+        batch = batch_of(self._common, self._tasks(coordinates, count), devices, extent(devices))
         batch.run(range(len(coordinates)), on_ended)
         if waiting:
             take()

@@ -34,7 +34,7 @@ from ..aliases import Numbers
 from ..dense_output import Snapshot
 from ..impact_recorder import ImpactRow
 from .lane import WINDOW, Lane, Orders, Outcome, Plan, begin_lane, emptied, moves, outcome, turn
-from .recording import Ring
+from .recording import AbstractRing, SlotRing
 
 T = TypeVar("T")
 Columns = dict[str, Scalar]
@@ -106,7 +106,7 @@ class Common(eqx.Module):
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
-    def logs(self, lane: Lane) -> dict[str, Ring]:
+    def logs(self, lane: Lane) -> dict[str, AbstractRing]:
         """The rings of a lane by the log that they fill."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.rings()
@@ -198,16 +198,28 @@ def harvest(
     ) -> tuple[Outcome, dict[str, Columns]]:
         scene = common.scene(seat.task)
         read = {
-            name: _channels(common, scene, name, seat.lane, rows) for name, rows in logs.items()
+            name: channels_of(common, scene, name, seat.lane, rows) for name, rows in logs.items()
         }
         return pack(outcome(common.plan, scene, seat.lane, seat.task.end_time)), read
 
     return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, seats, logs)
 
 
-def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Array) -> Columns:
-    """The columns that are reported of rows of a log, by name."""
-    example, structure = jax.tree.flatten(common.logs(lane)[name].slots[0])
+def _all_at_once(function: Callable[[jax.Array], Columns], rows: jax.Array) -> Columns:
+    return jax.vmap(function)(rows)
+
+
+def channels_of(
+    common: Common,
+    scene: Scene,
+    name: str,
+    lane: Lane,
+    rows: jax.Array,
+    over: Callable[[Callable[[jax.Array], Columns], jax.Array], Columns] = _all_at_once,
+) -> Columns:
+    """The columns that are reported of rows of a log, by name; `over` applies a function to each of
+    them."""
+    example, structure = jax.tree.flatten(common.logs(lane)[name].example())
     system = common.plan.scheme.system(scene)
     ends = np.cumsum([leaf.size for leaf in example])[:-1]
 
@@ -217,7 +229,7 @@ def _channels(common: Common, scene: Scene, name: str, lane: Lane, rows: jax.Arr
         here: Snapshot | ImpactRow = jax.tree.unflatten(structure, columns)
         return here.columns(system, common.channels.get(name, {}))
 
-    return jax.vmap(at)(rows)
+    return over(at, rows)
 
 
 def _on_devices(mesh: Mesh, function: Callable[..., T], shared: PyTree, *trees: PyTree) -> T:
@@ -270,10 +282,14 @@ def _page(common: Common, lanes: Lane, seated: jax.Array) -> Page:
     """What lanes have recorded, of the seats that `seated` names."""
     rings = common.logs(lanes)
     counts = {name: ring.count for name, ring in rings.items()}
-    return Page({name: _table(ring) for name, ring in rings.items()}, counts, seated)
+    return Page(
+        {name: _table(ring) for name, ring in rings.items() if isinstance(ring, SlotRing)},
+        counts,
+        seated,
+    )
 
 
-def _table(ring: Ring) -> jax.Array:
+def _table(ring: SlotRing) -> jax.Array:
     """The slots of many lanes' rings: (lanes, slots, columns)."""
     lanes = len(ring.count)
     rows = [

@@ -33,7 +33,7 @@ from ..sections import Crossing
 from ..state_tables import contact_label
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
-from .recording import SLOTS, CrossingRecord, CrossingRecorder, Ring
+from .recording import SLOTS, AbstractRing, CrossingRecord, CrossingRecorder, Times, empty_ring
 from .reductions import AbstractReduction
 
 WINDOW = SLOTS + 1
@@ -47,6 +47,7 @@ class Plan(eqx.Module):
     - `reductions`, `sections` and `impacts`: by name.
     - `saves`: whether states are saved at chosen times.
     - `max_steps`: largest number of steps tried in a lane.
+    - `ring_rows`: rows of the rings, as for `empty_ring`.
     """
 
     scheme: Scheme
@@ -55,6 +56,7 @@ class Plan(eqx.Module):
     saves: bool = eqx.field(static=True)
     max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
+    ring_rows: int = eqx.field(default=0, static=True)
 
     @property
     def method(self) -> Method:
@@ -66,12 +68,12 @@ class Orders(eqx.Module):
     """What the host asks of a lane for a segment.
 
     `end_time` and `first_step`: s. `window`: the next times to save at, one more than a ring has
-    slots, infinite behind the last. `wanted`: rows still to be recorded, by log.
+    rows, infinite behind the last. `wanted`: rows still to be recorded, by log.
     """
 
     end_time: Scalar
     first_step: Scalar
-    window: tuple[Scalar, ...]
+    window: Times
     wanted: Mapping[str, Scalar]
 
 
@@ -82,17 +84,19 @@ class Lane(eqx.Module):
     step: Step
     tallies: dict[str, PyTree]
     crossings: dict[str, CrossingRecord]
-    impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
+    impacts: dict[str, ImpactRecord[AbstractRing[ImpactRow]]]
     bracket: Bracket | None
-    saved: Ring[Snapshot] | None
+    saved: AbstractRing[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
         """Whether another step is to be tried."""
         return running(self.step, end_time, plan.max_steps)
 
-    def rings(self) -> dict[str, Ring]:
+    def rings(self) -> dict[str, AbstractRing]:
         """The rings of crossings and of impacts, by the log that each fills."""
-        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
+        rings: dict[str, AbstractRing] = {
+            name: record.rows for name, record in self.crossings.items()
+        }
         for name, record in self.impacts.items():
             for joint, family in record.items():
                 for contact, one in family.items():
@@ -126,17 +130,17 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     )
     row = Snapshot(step.t, step.y, step.memory)
     now = row.instant(system)
-    hits = Ring.like(ImpactRow.none())
+    hits = empty_ring(ImpactRow.none(), plan.ring_rows)
     lane = Lane(
         step,
         {name: reduction.start(now) for name, reduction in plan.reductions.items()},
         {
-            name: CrossingRecord(section.level(now), Ring.like(row))
+            name: CrossingRecord(section.level(now), empty_ring(row, plan.ring_rows))
             for name, section in plan.sections.items()
         },
         {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
         _empty_bracket(plan, system, step, orders) if plan.saves else None,
-        Ring.like(row) if plan.saves else None,
+        empty_ring(row, plan.ring_rows) if plan.saves else None,
     )
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
@@ -193,7 +197,7 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 def _tabling(recorder: ImpactRecorder, name: str, orders: Orders) -> Recorder:
     """The recorder of an output's impacts."""
 
-    def after(record: ImpactRecord[Ring[ImpactRow]], stride: Stride) -> PyTree:
+    def after(record: ImpactRecord[AbstractRing[ImpactRow]], stride: Stride) -> PyTree:
         wanted = {
             joint: {contact: orders.wanted[impact_log(name, joint, contact)] for contact in family}
             for joint, family in record.items()
@@ -224,9 +228,9 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 def emptied(lane: Lane) -> Lane:
     """The lane after the host has taken the rows of all its rings."""
     return jax.tree.map(
-        lambda node: node.emptied() if isinstance(node, Ring) else node,
+        lambda node: node.emptied() if isinstance(node, AbstractRing) else node,
         lane,
-        is_leaf=lambda node: isinstance(node, Ring),
+        is_leaf=lambda node: isinstance(node, AbstractRing),
     )
 
 
@@ -241,7 +245,7 @@ def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
     goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:
-        more = orders.window[SLOTS] < jnp.inf
+        more = orders.window[lane.saved.capacity] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, orders))
         goes = goes & jnp.logical_not(lane.saved.full() & more)
     for log, ring in lane.rings().items():
@@ -252,10 +256,7 @@ def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
 def _next_save(lane: Lane, orders: Orders) -> Scalar:
     """The first time, s, at which no state is saved yet; infinite if all are."""
     assert lane.saved is not None
-    time: Scalar = orders.window[-1]
-    for k in reversed(range(SLOTS)):
-        time = jnp.where(lane.saved.count == k, orders.window[k], time)
-    return time
+    return lane.saved.next_of(orders.window)
 
 
 def _save_is_due(lane: Lane, orders: Orders) -> Condition:

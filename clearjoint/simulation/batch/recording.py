@@ -1,11 +1,14 @@
-"""What lanes record: rings that hold rows, and the rows of sections.
+"""Rows that lanes record: of states, of impacts and of sections.
 
-Inside the native loop nothing may be written at an index that differs from lane to lane, so a lane
-has a ring of a few slots for each thing it records; the host empties them between segments, and a
-lane whose ring is full waits for that.
+A lane has a ring for each thing that it records. The host empties the rings between segments, and a
+lane whose ring is full waits for that. In loops that XLA compiles nothing may be written at an
+index that differs from lane to lane, so that a `SlotRing` has a few slots that are scalars each;
+native code writes into the arrays of a `TableRing`.
 """
 
-from typing import Generic, TypeVar
+import abc
+from dataclasses import replace
+from typing import Generic, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -13,37 +16,68 @@ import jax.numpy as jnp
 
 from ...math.vectors import Condition, Scalar
 from ..advance import Stride
+from ..aliases import Numbers
 from ..dense_output import Snapshot
 from ..sections import Crossing
 
-SLOTS = 8
+SLOTS, ROWS = 8, 64
+"""Rows of a `SlotRing`, and of a `TableRing`."""
+Times = tuple[Scalar, ...] | Numbers
+"""Times, s, one more than a ring has rows: a tuple for a `SlotRing`, an array for a `TableRing`."""
 R = TypeVar("R", bound=eqx.Module)
 
 
-class Ring(eqx.Module, Generic[R]):
+class AbstractRing(eqx.Module, Generic[R]):
     """A few rows, and how many of them are filled."""
 
-    slots: tuple[R, ...]
-    count: jax.Array
+    count: eqx.AbstractVar[jax.Array]
 
-    @staticmethod
-    def like(row: R) -> "Ring[R]":
-        """A ring without rows, with slots for rows like the given one."""
-        return Ring((row,) * SLOTS, jnp.zeros((), int))
+    @property
+    @abc.abstractmethod
+    def capacity(self) -> int:
+        """The number of rows that it holds."""
+
+    @abc.abstractmethod
+    def example(self) -> R:
+        """A row, for its structure."""
+
+    @abc.abstractmethod
+    def with_row(self, row: R, wanted: Condition) -> Self:
+        """The ring with the row behind the last one, if the row is wanted."""
+
+    @abc.abstractmethod
+    def next_of(self, window: Times) -> Scalar:
+        """The first of the next times, s, that has no row yet; infinite if all have one."""
 
     def full(self) -> Condition:
-        """Whether all slots are taken, so that another row must wait for the host."""
-        return self.count >= SLOTS
+        """Whether another row must wait for the host."""
+        return self.count >= self.capacity
 
     def waits(self, wanted: Scalar) -> Condition:
         """Whether a lane waits for the host, of which so many more rows are wanted."""
         return self.full() & (wanted > self.count)
 
-    def emptied(self) -> "Ring[R]":
+    def emptied(self) -> Self:
         """The ring after the host has taken its rows."""
-        return Ring(self.slots, jnp.zeros_like(self.count))
+        return replace(self, count=jnp.zeros_like(self.count))
 
-    def with_row(self, row: R, wanted: Condition) -> "Ring[R]":
+
+class SlotRing(AbstractRing[R]):
+    """A ring of `SLOTS` rows of scalars."""
+
+    slots: tuple[R, ...]
+    count: jax.Array
+
+    @property
+    def capacity(self) -> int:
+        """The number of rows that it holds."""
+        return len(self.slots)
+
+    def example(self) -> R:
+        """A row, for its structure."""
+        return self.slots[0]
+
+    def with_row(self, row: R, wanted: Condition) -> "SlotRing[R]":
         """The ring with the row in its next slot, if the row is wanted."""
         slots = tuple(
             jax.tree.map(
@@ -51,14 +85,63 @@ class Ring(eqx.Module, Generic[R]):
             )
             for k, slot in enumerate(self.slots)
         )
-        return Ring(slots, self.count + wanted)
+        return SlotRing(slots, self.count + wanted)
+
+    def next_of(self, window: Times) -> Scalar:
+        """The first of the next times, s, that has no row yet; infinite if all have one."""
+        time: Scalar = window[self.capacity]
+        for k in reversed(range(self.capacity)):
+            time = jnp.where(self.count == k, window[k], time)
+        return time
+
+
+class TableRing(AbstractRing[R]):
+    """A ring of `ROWS` rows, each leaf of which is an array with rows in front, and one more for
+    a row that is not counted."""
+
+    rows: R
+    count: jax.Array
+
+    @property
+    def capacity(self) -> int:
+        """The number of rows that it holds."""
+        return jax.tree.leaves(self.rows)[0].shape[0] - 1
+
+    def example(self) -> R:
+        """A row, for its structure."""
+        return jax.tree.map(lambda leaf: leaf[0], self.rows)
+
+    def with_row(self, row: R, wanted: Condition) -> "TableRing[R]":
+        """The ring with the row behind the last one, if the row is wanted."""
+
+        def write() -> R:
+            return jax.tree.map(
+                lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
+                self.rows,
+                row,
+            )
+
+        return TableRing(jax.lax.cond(wanted, write, lambda: self.rows), self.count + wanted)
+
+    def next_of(self, window: Times) -> Scalar:
+        """The first of the next times, s, that has no row yet; infinite if all have one."""
+        return jnp.asarray(window)[self.count]
+
+
+def empty_ring(row: R, rows: int) -> AbstractRing[R]:
+    """A ring without rows, for rows like the given one: a `TableRing` of so many rows, or with
+    none a `SlotRing`."""
+    if not rows:
+        return SlotRing((row,) * SLOTS, jnp.zeros((), int))
+    tables = jax.tree.map(lambda leaf: jnp.zeros((rows + 1, *jnp.shape(leaf))), row)
+    return TableRing(tables, jnp.zeros((), int))
 
 
 class CrossingRecord(eqx.Module):
     """The level of a section where a lane is, and its crossings."""
 
     level: Scalar
-    rows: Ring[Snapshot]
+    rows: AbstractRing[Snapshot]
 
 
 class CrossingRecorder(eqx.Module):

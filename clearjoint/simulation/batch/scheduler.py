@@ -275,7 +275,7 @@ class Batch:
         outcomes, first = blocks[0]
         return outcomes, {
             name: {
-                key: _lengthened(np.concatenate([b[name][key] for _, b in blocks], axis=1), length)
+                key: lengthened(np.concatenate([b[name][key] for _, b in blocks], axis=1), length)
                 for key in first[name]
             }
             for name, length in self._lengths.items()
@@ -285,7 +285,7 @@ class Batch:
         self, seats: Seat, name: str, rows: Sequence[Rows], first: int, length: int
     ) -> np.ndarray:
         """A log's rows from the `first` on, (seats, length, columns), and zeros behind them."""
-        slot = self._common.logs(seats.lane)[name].slots[0]
+        slot = self._common.logs(seats.lane)[name].example()
         columns = sum(leaf[0].size for leaf in jax.tree.leaves(slot))
         table = np.zeros((len(rows), length, columns))
         for k, own in enumerate(rows):
@@ -294,7 +294,7 @@ class Batch:
         return table
 
 
-def _lengthened(columns: np.ndarray, length: int) -> np.ndarray:
+def lengthened(columns: np.ndarray, length: int) -> np.ndarray:
     """Columns (seats, rows, ...) of so many rows: cut, or with zeros behind."""
     missing = max(length - columns.shape[1], 0)
     return np.pad(columns[:, :length], [(0, 0), (0, missing), *[(0, 0)] * (columns.ndim - 2)])

@@ -1,0 +1,95 @@
+"""Functions that run as machine code of this room on CPUs, and by XLA elsewhere."""
+
+import os
+import warnings
+from collections.abc import Callable, Hashable
+from functools import update_wrapper
+from typing import Generic, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+from jax._src import core
+from jax.core import Tracer
+
+from ..compilation import Compiled
+from ..compilation.clock import begins_a_program, program_is_made_inside
+from ..compilation.effort import Effort
+from ..compilation.tracing import collector_at_rest
+from .functions import NativeFunction
+from .lowering import UnsupportedPrimitiveError
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+SWITCH = "CLEARJOINT_NATIVE"
+"""Environment variable: 0 has XLA compile everything."""
+_reported: set[str] = set()
+
+
+class NativeFallbackWarning(UserWarning):
+    """A program that XLA compiles, since the scene has a primitive of JAX without a rule in
+    `clearjoint.native`. Results are right, compiling takes longer."""
+
+
+class Native(Generic[Arguments, Result]):
+    """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
+
+    Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
+    compiled by XLA, with one warning. `native`: the function in native code; `effort`: as for
+    `Compiled`.
+    """
+
+    __wrapped__: Callable[Arguments, Result]
+
+    def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
+        self._compiled = Compiled(function, effort=effort)
+        self.native = NativeFunction(begins_a_program(function))
+        self._refused: set[Hashable] = set()
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        """The function's result."""
+        if options or not is_native() or _is_traced(arguments):
+            return self._compiled(*arguments, **options)
+        key = self.native.key(arguments)
+        if key not in self._refused:
+            try:
+                with collector_at_rest(), program_is_made_inside():
+                    program, result = self.native.program(arguments)
+                arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
+                return result(program(arrays))
+            except UnsupportedPrimitiveError as error:
+                self._refused.add(key)
+                report_fallback(error)
+        return self._compiled(*arguments)
+
+    def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
+        """The program for such arguments, as XLA optimises it."""
+        return self._compiled.program(*arguments, **options)
+
+    def programs(self) -> int:
+        """How many programs have been compiled, or loaded."""
+        return self._compiled.programs() + self.native.count()
+
+
+def is_native() -> bool:
+    """Whether programs are compiled by this room: on CPUs, unless `SWITCH` is 0."""
+    return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
+
+
+def _is_traced(arguments: object) -> bool:
+    if not core.trace_state_clean():
+        return True
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
+
+
+def report_fallback(error: UnsupportedPrimitiveError) -> None:
+    """Warn once of each reason for which XLA compiles a program."""
+    reason = str(error)
+    if reason not in _reported:
+        _reported.add(reason)
+        warnings.warn(
+            f"XLA compiles this program, which takes longer: no native code for {reason}. "
+            f"Results are right. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
+            NativeFallbackWarning,
+            stacklevel=4,
+        )

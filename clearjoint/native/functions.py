@@ -1,0 +1,241 @@
+"""Functions of PyTrees that are compiled to machine code."""
+
+import threading
+import time
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import ShapedArray
+from jax.extend import core
+from jax.interpreters import partial_eval
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
+
+from .llvm_text import llvm_text
+from .lowering import Lowering, Region, tangents_of
+from .machine_code import NativeCall, code_folder, compiled
+from .operations import Operations
+
+
+class Image:
+    """Memory of a program, in cells of 8 bytes that are seen as floats and as integers."""
+
+    def __init__(self, cells: int):
+        content = np.zeros(cells + 8)
+        offset = -(content.ctypes.data // 8) % 8  # Vectors are aligned to 64 bytes.
+        self.floats = content[offset : offset + cells]
+        self.whole = self.floats.view(np.int64)
+        self.address = self.floats.ctypes.data
+
+    def write(self, region: Region, array: np.ndarray) -> None:
+        """Write an array into its region."""
+        target = self.floats if array.dtype.kind == "f" else self.whole
+        target[region.start : region.end] = array.ravel()
+
+    def read(self, region: Region) -> np.ndarray:
+        """A copy of the array in a region."""
+        source = self.floats if region.dtype.kind == "f" else self.whole
+        return source[region.start : region.end].reshape(region.shape).astype(region.dtype)
+
+
+class NativeProgram:
+    """A closed jaxpr as machine code.
+
+    - `inputs`: regions of its arguments, in order, and ``None`` for those that it does not use.
+    - `outputs`: regions of its results.
+    - `seconds`: what lowering, writing and compiling took; `text`: in LLVM's language.
+    """
+
+    def __init__(self, closed: core.ClosedJaxpr, tangents: int | None = None):
+        """`tangents`: of the arrays that are kept as vectors; found in the jaxpr unless given."""
+        began = time.perf_counter()
+        outs = closed.jaxpr.outvars
+        jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
+        do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
+        lowering = Lowering(do)
+        avals = iter(jaxpr.invars)
+        self.inputs = [_region(do, next(avals).aval) if is_used else None for is_used in used]
+        given = [
+            lowering.given(v.aval, region.start)
+            for v, region in zip(jaxpr.invars, filter(None, self.inputs), strict=True)
+        ]
+        consts = [lowering.constant(const) for const in closed.consts]
+        found = lowering.run(jaxpr, consts, given)
+        self.outputs = [
+            lowering.stored(array, out.aval) for array, out in zip(found, outs, strict=True)
+        ]
+        straightened = time.perf_counter()
+        self.text = llvm_text(do, "program")
+        written = time.perf_counter()
+        self._call: NativeCall = compiled(self.text, "program", code_folder())
+        self._constants, self._cells = lowering.constants, do.cells
+        self.seconds = {
+            "lowering": straightened - began,
+            "writing": written - straightened,
+            "compiling": time.perf_counter() - written,
+        }
+
+    def image(self) -> Image:
+        """Memory for the program, with its constants."""
+        image = Image(self._cells)
+        for start, array in self._constants.items():
+            image.write(Region(start, array.shape, array.dtype, array.size), array)
+        return image
+
+    def run(self, image: Image) -> None:
+        """Carry the program out on memory."""
+        self._call(image.address)
+
+    def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
+        """The results for arguments of the jaxpr."""
+        image = self.image()
+        for leaf, region in zip(leaves, self.inputs, strict=True):
+            if region is not None:
+                image.write(region, np.asarray(leaf))
+        self.run(image)
+        return [image.read(region) for region in self.outputs]
+
+
+class BoundProgram:
+    """A program whose first arguments stay the same, as a function of the others' cells.
+
+    It has memory of its own: for one thread.
+    """
+
+    def __init__(self, program: NativeProgram, leaves: Sequence[ArrayLike], sizes: Sequence[int]):
+        """`leaves`: the first arguments; `sizes`: the numbers of cells of the others."""
+        self._program, self._image = program, program.image()
+        for leaf, region in zip(leaves, program.inputs, strict=False):
+            if region is not None:
+                self._image.write(region, np.asarray(leaf))
+        starts = np.cumsum([0, *sizes])
+        others = list(zip(starts, program.inputs[len(leaves) :], strict=False))
+        self._from = _joined([np.arange(a, a + r.size) for a, r in others if r is not None])
+        self._to = _joined([np.arange(r.start, r.end) for _, r in others if r is not None])
+        self._out = _joined([np.arange(r.start, r.end) for r in program.outputs])
+
+    def __call__(self, cells: np.ndarray) -> np.ndarray:
+        """The cells of the results for the cells of the arguments."""
+        self._image.floats[self._to] = cells[self._from]
+        self._program.run(self._image)
+        return self._image.floats[self._out]
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.zeros(0, int)
+
+
+def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays in cells, one behind the other."""
+    parts = [
+        np.ravel(array).astype(np.float64)
+        if np.asarray(array).dtype.kind == "f"
+        else np.ravel(array).astype(np.int64).view(np.float64)
+        for array in arrays
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def arrays_of(cells: np.ndarray, regions: Sequence[Region]) -> list[np.ndarray]:
+    """Arrays from cells in which they lie one behind the other."""
+    whole, found, start = cells.view(np.int64), [], 0
+    for region in regions:
+        source = cells if region.dtype.kind == "f" else whole
+        part = source[start : start + region.size]
+        found.append(part.reshape(region.shape).astype(region.dtype))
+        start += region.size
+    return found
+
+
+def _region(do: Operations, aval: ShapedArray) -> Region:
+    return Region.of(aval, do.allocate(int(np.prod(aval.shape, dtype=int))))
+
+
+class NativeFunction:
+    """A function of PyTrees, compiled to machine code at its first call for each structure.
+
+    Arrays may change from call to call; whatever else changes compiles anew, as with
+    `equinox.filter_jit`. Results have NumPy's arrays in the place of JAX's.
+    """
+
+    def __init__(self, function: Callable[..., PyTree]):
+        self._function = function
+        self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
+
+    def count(self) -> int:
+        """How many programs have been compiled."""
+        return len(self._programs)
+
+    def key(self, arguments: tuple[PyTree, ...]) -> PyTree:
+        """What programs are compiled anew for, of arguments."""
+        leaves, structure = jax.tree.flatten(arguments)
+        return structure, _described(leaves)
+
+    def __call__(self, *arguments: PyTree) -> PyTree:
+        """The function's result."""
+        program, result = self.program(arguments)
+        arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
+        return result(program(arrays))
+
+    def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
+        """The program for such arguments, compiled if it isn't yet, and how its results are put
+        together."""
+        key = self.key(arguments)
+        found = self._programs.get(key)
+        if found is None:
+            leaves, structure = jax.tree.flatten(arguments)
+            with _compiles:  # JAX may trace in threads, but each program is made once.
+                found = self._programs.get(key) or self._compiled(leaves, structure)
+                self._programs[key] = found
+        return found
+
+    def _compiled(self, leaves: list[PyTree], structure: PyTree) -> tuple[NativeProgram, "Result"]:
+        is_array = [eqx.is_array(leaf) for leaf in leaves]
+        result: list[PyTree] = []
+
+        def flat(arrays: list[PyTree]) -> list[PyTree]:
+            rest = iter(arrays)
+            mixed = [
+                next(rest) if dynamic else leaf
+                for leaf, dynamic in zip(leaves, is_array, strict=True)
+            ]
+            outs, outer = jax.tree.flatten(self._function(*jax.tree.unflatten(structure, mixed)))
+            result[:] = [_ARRAY if eqx.is_array(leaf) else leaf for leaf in outs], outer
+            return [leaf for leaf in outs if eqx.is_array(leaf)]
+
+        arrays = [leaf for leaf, dynamic in zip(leaves, is_array, strict=True) if dynamic]
+        began = time.perf_counter()
+        closed = jax.make_jaxpr(flat)(arrays)
+        traced = time.perf_counter() - began
+        program = NativeProgram(closed)
+        program.seconds["tracing"] = traced
+        return program, Result(*result)
+
+
+@dataclass(frozen=True)
+class Result:
+    """The structure of a function's result, and its leaves with `_ARRAY` in the place of arrays."""
+
+    leaves: list[PyTree]
+    structure: PyTree
+
+    def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
+        """The result with such arrays."""
+        numbers = iter(arrays)
+        return jax.tree.unflatten(
+            self.structure, [next(numbers) if leaf is _ARRAY else leaf for leaf in self.leaves]
+        )
+
+
+def _described(leaves: list[PyTree]) -> tuple[PyTree, ...]:
+    return tuple(
+        (leaf.shape, leaf.dtype) if eqx.is_array(leaf) else (type(leaf), leaf) for leaf in leaves
+    )
+
+
+_compiles = threading.RLock()
+_ARRAY = object()
+"""Stands for an array in a result."""

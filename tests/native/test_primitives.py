@@ -1,0 +1,306 @@
+"""Native code against XLA: each primitive on random numbers, NaN and infinities."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from jax import lax
+
+from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
+from clearjoint.native.functions import NativeProgram, arrays_of, cells_of
+from clearjoint.native.lanes import WIDTH, LaneLoop
+from clearjoint.native.lowering import LARGEST_TAKEN_APART, Region
+
+# No subnormal numbers, which XLA takes for zero.
+SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]
+RANDOM = np.random.default_rng(0)
+UNARY: dict[str, Callable] = {
+    name: getattr(lax, name)
+    for name in [
+        "neg",
+        "abs",
+        "sign",
+        "floor",
+        "ceil",
+        "is_finite",
+        "sqrt",
+        "rsqrt",
+        "square",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "exp2",
+        "expm1",
+        "log",
+        "log1p",
+        "cbrt",
+        "logistic",
+        "erf",
+        "stop_gradient",
+    ]
+} | {
+    "round": lambda x: lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
+    "round_away": lax.round,
+    "fifth": lambda x: lax.integer_pow(x, 5),
+    "inverse_square": lambda x: lax.integer_pow(x, -2),
+    "to_bool": lambda x: x.astype(bool),
+    "not": lambda x: ~(x > 0.0),
+    "clamp": lambda x: lax.clamp(-0.5, x, 0.7),
+}
+BINARY: dict[str, Callable] = {
+    name: getattr(lax, name)
+    for name in [
+        "add",
+        "sub",
+        "mul",
+        "div",
+        "rem",
+        "max",
+        "min",
+        "pow",
+        "atan2",
+        "nextafter",
+        "lt",
+        "le",
+        "gt",
+        "ge",
+        "eq",
+        "ne",
+    ]
+} | {
+    "select": lambda a, b: jnp.where(a > b, a, b * 2.0),
+    "and": lambda a, b: (a > 0.0) & (b > 0.0),
+    "or": lambda a, b: (a > 0.0) | (b > 0.0),
+    "xor": lambda a, b: (a > 0.0) ^ (b > 0.0),
+    "compare bools": lambda a, b: (a > 0.0) < (b > 0.0),
+}
+WHOLE: dict[str, Callable] = {
+    "add": lax.add,
+    "sub": lax.sub,
+    "mul": lax.mul,
+    "div": lambda a, b: lax.div(a, b),
+    "rem": lambda a, b: lax.rem(a, b),
+    "max": lax.max,
+    "lt": lax.lt,
+    "abs": lambda a, b: abs(a),
+    "sign": lambda a, b: lax.sign(a),
+    "float": lambda a, b: a.astype(float) / 3.0,
+    "short": lambda a, b: a.astype(jnp.int32) + b.astype(jnp.int32),
+    "floor": lambda a, b: a // jnp.where(b == 0, 1, b),
+}
+
+
+def numbers(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two arrays in which all pairs of special numbers stand, if there is room, and others."""
+    a, b = np.meshgrid(SPECIAL, SPECIAL)
+    pairs = np.concatenate([[a.ravel(), b.ravel()], 3.0 * RANDOM.normal(size=(2, 100))], axis=1)
+    chosen = RANDOM.permutation(pairs.shape[1])[:size] if size < pairs.shape[1] else slice(None)
+    return pairs[0][chosen], pairs[1][chosen]
+
+
+def every(a, b):
+    """All primitives of one and two floats."""
+    return {name: f(a) for name, f in UNARY.items()} | {
+        f"{name} of two": f(a, b) for name, f in BINARY.items()
+    }
+
+
+def assert_same(found, expected, ulp=4):
+    for name, values in expected.items():
+        here, there = np.asarray(found[name]), np.asarray(values)
+        assert here.dtype == there.dtype and here.shape == there.shape, name
+        if here.dtype.kind == "f":
+            assert np.array_equal(np.isnan(here), np.isnan(there)), name
+            fine = np.isfinite(there)
+            infinite = np.isinf(there)
+            assert np.array_equal(here[infinite], there[infinite]), name
+            off = np.abs(here[fine] - there[fine])
+            wrong = off > ulp * np.spacing(np.abs(there[fine]))
+            assert not wrong.any(), (name, here[fine][wrong], there[fine][wrong])
+        else:
+            assert np.array_equal(here, there), name
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered in")
+@pytest.mark.parametrize("size", [7, 269])
+def test_floats(size):
+    """Arrays taken apart, and arrays in memory."""
+    a, b = numbers(size)
+    a, b = a[:size], b[:size]
+    with jax.debug_nans(False):
+        assert (len(a) > LARGEST_TAKEN_APART) == (size > 7)
+        expected = jax.jit(every)(a, b)
+    assert_same(NativeFunction(every)(a, b), with_numpy(expected, a, b))
+
+
+def with_numpy(expected, a, b):
+    """NumPy's values where XLA's are off by several units in the last place."""
+    return {
+        **expected,
+        "cbrt": np.cbrt(a),
+        "exp": np.exp(a),
+        "log1p": np.log1p(a),
+        "nextafter of two": np.nextafter(a, b),
+        "rem of two": np.fmod(a, b),
+    }
+
+
+def test_vectors_of_tangents():
+    a, b = numbers(5)
+    closed = jax.make_jaxpr(lambda a, b: list(every(a, b).values()))(a, b)
+    found = NativeProgram(closed, tangents=5)([a, b])
+    alone = NativeFunction(every)(a, b)
+    for name, values in zip(every(a, b), found, strict=True):
+        assert np.array_equal(values, alone[name], equal_nan=True), name
+
+
+def test_lanes_have_the_bits_of_a_lane_alone():
+    a, b = numbers(WIDTH)
+    state = {"a": a[0], "b": b[0], "n": np.zeros((), int), "out": every(a[0], b[0])}
+    state = jax.tree.map(np.asarray, state)
+
+    def turn(shared, own, state):
+        return {**state, "n": state["n"] + 1, "out": every(state["a"], state["b"])}
+
+    def status(shared, own, state):
+        return {"goes": state["n"] < 1}
+
+    loop = LaneLoop(turn, status, None, None, state)
+    columns = loop.columns(None)
+    for k in range(WIDTH):
+        own = {**state, "a": np.asarray(a[k]), "b": np.asarray(b[k])}
+        loop.put(columns, k, np.zeros(0), cells_of(jax.tree.leaves(own)))
+    assert loop.run(columns, 10) == 1
+    leaves, structure = jax.tree.flatten(state)
+    regions = [Region.of(leaf, 0) for leaf in leaves]
+    for k in range(WIDTH):
+        found = jax.tree.unflatten(structure, arrays_of(loop.state_of(columns, k), regions))
+        alone = NativeFunction(every)(np.asarray(a[k]), np.asarray(b[k]))
+        for name, value in found["out"].items():
+            assert np.array_equal(value, alone[name], equal_nan=True), name
+
+
+def test_integers():
+    a = RANDOM.integers(-9, 9, 40)
+    b = RANDOM.integers(-3, 3, 40)
+
+    def all_of(a, b):
+        return {name: f(a, b) for name, f in WHOLE.items()}
+
+    assert_same(NativeFunction(all_of)(a, b), jax.jit(all_of)(a, b))
+
+
+def structural(x, y, table, k):
+    """Arrays from parts of others, by known and by computed places."""
+    return {
+        "stack": jnp.stack([x, x + 1.0], axis=1),
+        "concatenate": jnp.concatenate([x, y[:2]]),
+        "transposed": jnp.outer(x, y).T,
+        "flipped": x[::-1],
+        "padded": jnp.pad(x, (1, 2)),
+        "tiled": jnp.tile(x, 30),
+        "matrix": jnp.outer(x, y) @ jnp.outer(y, x),
+        "sum": jnp.outer(x, y).sum(axis=0),
+        "largest": x.max(),
+        "any": (x > 0.0).any(),
+        "where": jnp.argmax(x),
+        "cumulated": jnp.cumsum(x),
+        "set": x.at[1].set(7.0),
+        "added": x.at[jnp.array([0, 2])].add(y[:2]),
+        "at": x[k],
+        "row": table[k],
+        "rows": table[jnp.array([1, 90, -2])],
+        "many": table[jnp.arange(60) % 7],
+        "part": lax.dynamic_slice(table, (k, 0), (40, 2)),
+        "written": lax.dynamic_update_slice(table, jnp.outer(y, y)[:, :2], (k, 0)),
+        "cumulated table": jnp.cumsum(table[:, 0]),
+        "table's sum": table[:, 1].sum(),
+        "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
+        "searched": jnp.searchsorted(table[:, 0], y[0]),
+        "iota": jnp.arange(100) * k,
+    }
+
+
+def test_structure():
+    x, y = RANDOM.normal(size=3), RANDOM.normal(size=3)
+    table = np.cumsum(RANDOM.uniform(size=(80, 2)), axis=0)
+    for k in (0, 2):
+        expected = jax.jit(structural)(x, 10.0 * abs(y), table, k)
+        assert_same(NativeFunction(structural)(x, 10.0 * abs(y), table, k), expected, ulp=64)
+
+
+def control(x, n, rows):
+    """Loops and branches, over scalars, small arrays and arrays in memory."""
+
+    def turn(carry):
+        k, total, table = carry
+        row = jnp.stack([total, total * 0.5])
+        table = lax.cond(
+            total > 3.0,
+            lambda: lax.dynamic_update_index_in_dim(table, row, k, 0),
+            lambda: table,
+        )
+        return k + 1, total * 1.1 + x, table
+
+    def visit(carry, row):
+        inner = lax.while_loop(lambda c: c[0] < row[0], lambda c: (c[0] + 0.3, c[1] + 1), (0.0, 0))
+        carry = carry * 0.9 + inner[0]
+        return carry, (carry, row * carry, inner[1])
+
+    table = jnp.zeros((60, 2))
+    many = lax.while_loop(lambda c: c[0] < n, turn, (0, 1.0, table))
+    few = lax.while_loop(lambda c: c[0] < n, turn, (0, 1.0, table[:20]))
+    swapped = lax.fori_loop(0, n, lambda k, ab: (ab[1], ab[0] + k), (table, table + 1.0))
+    return {
+        "k": many[0],
+        "total": many[1],
+        "table": many[2],
+        "few": few[2],
+        "swapped": swapped[0],
+        "scanned": lax.scan(visit, x, rows)[1][1],
+        "backwards": lax.scan(visit, x, rows, reverse=True)[1][0],
+        "turns": lax.scan(visit, x, rows)[1][2],
+        "mapped": lax.map(lambda row: row.sum() ** 2, rows),
+        "old table": table,
+        "switched": lax.cond(x > 0.5, lambda v: v * 2.0, lambda v: v - 1.0, rows),
+    }
+
+
+@pytest.mark.parametrize("x", [0.25, 0.75])
+def test_loops_and_branches(x):
+    for count in (6, 70):
+        rows = RANDOM.uniform(size=(count, 2))
+        expected = jax.jit(control)(x, 15, rows)
+        assert_same(NativeFunction(control)(x, 15, rows), expected, ulp=64)
+
+
+def test_sines_and_cosines_are_right_to_a_unit_in_the_last_place():
+    x = np.concatenate(
+        [
+            RANDOM.uniform(-10.0, 10.0, 500),
+            RANDOM.uniform(-1e8, 1e8, 200),
+            np.arange(-60, 60) * (np.pi / 2.0),
+            [1e9, -1e300, 5e-324],
+        ]
+    )
+    found = NativeFunction(lambda x: (jnp.sin(x), jnp.cos(x)))(x)
+    with mpmath.workprec(200):
+        for values, function in zip(found, (mpmath.sin, mpmath.cos), strict=True):
+            for value, angle in zip(values, x, strict=True):
+                exact = function(mpmath.mpf(angle))
+                assert abs(mpmath.mpf(value) - exact) <= np.spacing(abs(value))
+
+
+def test_unknown_primitives_are_named():
+    with pytest.raises(UnsupportedPrimitiveError, match="lu"):
+        NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
