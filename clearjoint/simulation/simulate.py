@@ -54,7 +54,8 @@ def simulate(
     compiles anew, unless a component of a vector becomes zero or one or ceases to be. Works under
     `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and `jax.vjp`; then no run that
     fails raises an error, and each runs in one piece. Put `jax.jit` around the outermost of them,
-    or each call compiles anew.
+    or each call compiles anew. A number that raises an error otherwise, such as a clearance
+    that is NaN, ends a traced run before its first step with the result `domain`.
 
     These derivatives are those of the computed steps, not of the motion: their error is far above
     that of the states (measured by `studies.benchmark`). Take `clearjoint.presets.derivatives`.
