@@ -46,7 +46,7 @@ def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, di
     return {name: one.reduction.results(one.tally, here) for name, one in now.reductions.items()}
 
 
-_results_compiled = Compiled(_results_of, effort="least")
+_results_compiled = Native(_results_of, effort="least")
 
 
 class AbstractRun:

@@ -70,6 +70,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         states = jax.tree.map(np.asarray, self.states)
         wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
         return Trajectory(wanted, states_between(ends, states, wanted))
+
     def __str__(self) -> str:
         """How many states, of which bodies and from when to when, in a line."""
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
