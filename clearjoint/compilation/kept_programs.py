@@ -42,12 +42,18 @@ def keeps_programs() -> bool:
     return _is_on
 
 
+def cache_in_use() -> Path | None:
+    """The folder of JAX's compilation cache, if that is in use."""
+    cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
+        return None
+    return None if "://" in cache else Path(cache)
+
+
 def _folder() -> Path | None:
     """Where programs are kept, or ``None`` if they aren't."""
-    if not (_is_on and jax.config.jax_enable_compilation_cache):  # pyright: ignore
-        return None
-    cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
-    return Path(cache) / FOLDER if cache and "://" not in cache else None
+    cache = cache_in_use()
+    return None if cache is None or not _is_on else cache / FOLDER
 
 
 def _tell(error: RuntimeError) -> None:

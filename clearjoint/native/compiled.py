@@ -12,7 +12,7 @@ from jax._src import core
 from jax.core import Tracer
 
 from ..compilation import Compiled
-from ..compilation.clock import begins_a_program, program_is_made_inside
+from ..compilation.clock import program_is_made_inside
 from ..compilation.effort import Effort
 from ..compilation.tracing import collector_at_rest
 from .functions import NativeFunction
@@ -42,7 +42,7 @@ class Native(Generic[Arguments, Result]):
 
     def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
         self._compiled = Compiled(function, effort=effort)
-        self.native = NativeFunction(begins_a_program(function))
+        self.native = NativeFunction(function)
         self._refused: set[Hashable] = set()
         update_wrapper(self, function)
 

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -14,9 +15,12 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
+from ..compilation.clock import begins_a_program
+from ..compilation.program import PLACE
+from .kept import kept
 from .llvm_text import llvm_text
 from .lowering import Lowering, Region, tangents_of
-from .machine_code import NativeCall, code_folder, compiled
+from .machine_code import compiled
 from .operations import Operations
 
 
@@ -70,13 +74,16 @@ class NativeProgram:
         straightened = time.perf_counter()
         self.text = llvm_text(do, "program")
         written = time.perf_counter()
-        self._call: NativeCall = compiled(self.text, "program", code_folder())
+        self._code = compiled(self.text, "program")
         self._constants, self._cells = lowering.constants, do.cells
         self.seconds = {
             "lowering": straightened - began,
             "writing": written - straightened,
             "compiling": time.perf_counter() - written,
         }
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "text": ""}
 
     def image(self) -> Image:
         """Memory for the program, with its constants."""
@@ -87,7 +94,7 @@ class NativeProgram:
 
     def run(self, image: Image) -> None:
         """Carry the program out on memory."""
-        self._call(image.address)
+        self._code(image.address)
 
     def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
         """The results for arguments of the jaxpr."""
@@ -162,7 +169,7 @@ class NativeFunction:
     """
 
     def __init__(self, function: Callable[..., PyTree]):
-        self._function = function
+        self._function, self._traced = function, begins_a_program(function)
         self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
 
     def count(self) -> int:
@@ -188,7 +195,9 @@ class NativeFunction:
         if found is None:
             leaves, structure = jax.tree.flatten(arguments)
             with _compiles:  # JAX may trace in threads, but each program is made once.
-                found = self._programs.get(key) or self._compiled(leaves, structure)
+                found = self._programs.get(key) or kept(
+                    self._function, arguments, lambda: self._compiled(leaves, structure)
+                )
                 self._programs[key] = found
         return found
 
@@ -202,8 +211,8 @@ class NativeFunction:
                 next(rest) if dynamic else leaf
                 for leaf, dynamic in zip(leaves, is_array, strict=True)
             ]
-            outs, outer = jax.tree.flatten(self._function(*jax.tree.unflatten(structure, mixed)))
-            result[:] = [_ARRAY if eqx.is_array(leaf) else leaf for leaf in outs], outer
+            outs, outer = jax.tree.flatten(self._traced(*jax.tree.unflatten(structure, mixed)))
+            result[:] = [PLACE if eqx.is_array(leaf) else leaf for leaf in outs], outer
             return [leaf for leaf in outs if eqx.is_array(leaf)]
 
         arrays = [leaf for leaf, dynamic in zip(leaves, is_array, strict=True) if dynamic]
@@ -212,21 +221,27 @@ class NativeFunction:
         traced = time.perf_counter() - began
         program = NativeProgram(closed)
         program.seconds["tracing"] = traced
-        return program, Result(*result)
+        return program, Result(jax.tree.unflatten(result[1], result[0]))
 
 
 @dataclass(frozen=True)
 class Result:
-    """The structure of a function's result, and its leaves with `_ARRAY` in the place of arrays."""
+    """A function's result with `PLACE` where an array stands."""
 
-    leaves: list[PyTree]
-    structure: PyTree
+    tree: PyTree
+
+    @cached_property
+    def _flat(self) -> tuple[list[PyTree], PyTree]:
+        return jax.tree.flatten(self.tree)
+
+    def __getstate__(self) -> dict[str, PyTree]:
+        return {"tree": self.tree}
 
     def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
         """The result with such arrays."""
-        numbers = iter(arrays)
+        numbers, (leaves, structure) = iter(arrays), self._flat
         return jax.tree.unflatten(
-            self.structure, [next(numbers) if leaf is _ARRAY else leaf for leaf in self.leaves]
+            structure, [next(numbers) if leaf is PLACE else leaf for leaf in leaves]
         )
 
 
@@ -237,5 +252,3 @@ def _described(leaves: list[PyTree]) -> tuple[PyTree, ...]:
 
 
 _compiles = threading.RLock()
-_ARRAY = object()
-"""Stands for an array in a result."""

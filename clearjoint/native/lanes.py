@@ -18,7 +18,7 @@ from jaxtyping import PyTree
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
 from .lowering import Array, InMemory, Lowering, Region
-from .machine_code import NativeCall, code_folder, compiled
+from .machine_code import compiled
 from .operations import Operations
 
 WIDTH = 8
@@ -72,7 +72,7 @@ class LaneLoop:
         steps, looks = (jax.make_jaxpr(f)(*leaves) for f in (turned, looked_at))
         traced = time.perf_counter()
         do = Operations(width=WIDTH)
-        self._lowering = lowering = Lowering(do)
+        lowering = Lowering(do)
         regions = [Region.of(v.aval, do.allocate(v.aval.size)) for v in steps.jaxpr.invars]
         given = [
             lowering.given(v.aval, region.start)
@@ -112,7 +112,8 @@ class LaneLoop:
         assert isinstance(count, int)
         lowered = time.perf_counter()
         self.text = llvm_text(do, "lanes", count)
-        self._call: NativeCall = compiled(self.text, "lanes", code_folder())
+        self._code = compiled(self.text, "lanes")
+        self._cells, self._constants = do.cells, lowering.constants
         self.seconds = {
             "tracing": traced - began,
             "lowering": lowered - traced,
@@ -122,10 +123,13 @@ class LaneLoop:
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
         self._shared, self.own_cells, self.state_cells = map(_cells, parts)
 
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "text": ""}
+
     def columns(self, shared: PyTree) -> Columns:
         """Memory of a group of lanes, none of which is occupied."""
-        columns = Columns(self._lowering.do.cells)
-        for start, array in self._lowering.constants.items():
+        columns = Columns(self._cells)
+        for start, array in self._constants.items():
             columns.floats[start : start + array.size] = cells_of([array])[:, None]
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
         columns.floats[self._shared] = cells_of(leaves)[:, None]
@@ -155,7 +159,7 @@ class LaneLoop:
     def run(self, columns: Columns, limit: int) -> int:
         """Turns until an occupied lane needs its host, at most so many; their number."""
         columns.whole[self._limit] = limit
-        return self._call(columns.address)
+        return self._code(columns.address)
 
 
 def _cells(regions: list[Region]) -> slice:

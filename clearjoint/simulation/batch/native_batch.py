@@ -18,6 +18,7 @@ from ...math.vectors import pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.compiled import report_fallback
 from ...native.functions import BoundProgram, arrays_of, cells_of
+from ...native.kept import kept
 from ...native.lanes import WIDTH, LaneLoop
 from ...runtime import Device
 from ..interruptions import interruptions_deferred
@@ -351,7 +352,11 @@ def _loop_of(common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
     )
     with _compiles:
         if key not in _loops:
-            _loops[key] = LaneLoop(begins_a_program(_turned), _looked_at, *trees)
+            _loops[key] = kept(
+                _turned,
+                trees,
+                lambda: LaneLoop(begins_a_program(_turned), _looked_at, *trees),
+            )
         return _loops[key]
 
 
