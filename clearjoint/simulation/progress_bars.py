@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import TextIO
+from weakref import WeakSet
 
 from tqdm import tqdm
 
@@ -33,6 +34,10 @@ class ProgressBar(tqdm):
 
     # Locks of tqdm's own are semaphores of the system, which killed processes leave behind.
     _lock = threading.RLock()
+    # Else tqdm adds these and a monitor to the class, which then counts as changed code (see
+    # `compilation`).
+    _instances = WeakSet()
+    monitor_interval = 0
     seconds_left: float | None = None
     _latest_line: float | None = None
 

@@ -58,7 +58,7 @@ class NativeBatch:
         """A lane like all others."""
         self._orders = _Seated(0, task, list(self.common.logs(self.example))).orders(self.common)
         with program_is_made_inside():
-            self._loop = _loop_of(self.common, (task, self._orders), self.example)
+            self._loop = _LOOPS.loop(self.common, (task, self._orders), self.example)
 
     def run(
         self,
@@ -338,26 +338,31 @@ def _channels(common: Common, name: str, task: Task, lane: Lane, rows: jax.Array
     return channels_of(common, common.scene(task), name, lane, rows, jax.lax.map)
 
 
-_loops: dict[Hashable, LaneLoop] = {}
-_compiles = threading.Lock()
+class _Loops:
+    """The native loops of a process, each compiled once."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._loops: dict[Hashable, LaneLoop] = {}
+
+    def loop(self, common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
+        """The loop for lanes of a structure."""
+        trees = common, own, lane
+        leaves, structure = jax.tree.flatten(trees)
+        key = (
+            structure,
+            tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
+        )
+        with self._lock:
+            if key not in self._loops:
+                traced = begins_a_program(_turned)
+                self._loops[key] = kept(
+                    _turned, trees, lambda: LaneLoop(traced, _looked_at, *trees)
+                )
+            return self._loops[key]
 
 
-def _loop_of(common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
-    """The native loop for lanes of a structure."""
-    trees = common, own, lane
-    leaves, structure = jax.tree.flatten(trees)
-    key = (
-        structure,
-        tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
-    )
-    with _compiles:
-        if key not in _loops:
-            _loops[key] = kept(
-                _turned,
-                trees,
-                lambda: LaneLoop(begins_a_program(_turned), _looked_at, *trees),
-            )
-        return _loops[key]
+_LOOPS = _Loops()
 
 
 def _turned(common: Common, own: tuple[Task, Orders], lane: Lane) -> Lane:
