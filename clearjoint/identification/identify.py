@@ -19,6 +19,8 @@ from ..results import RESULTS
 from ..simulation import presets
 from ..simulation.progress_bars import telling_of_compiling
 from ..simulation.settings import Settings, settings_or
+from .checking import check
+from .checking import lowest as lowest_of
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .report import numbered
@@ -49,6 +51,7 @@ def identify(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
+    check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
     """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
@@ -76,6 +79,13 @@ def identify(
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
     - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
       run can use.
+    - `check_runs`: how thoroughly the covariance is tested once the search has converged. Some
+      twenty runs for each parameter compare chi squared, up to four standard errors around the
+      estimates, with what the covariance predicts. Where they differ, chi squared has several
+      minima close together, or is curved: then so many runs without derivatives, side by side, and
+      further rounds among the lowest of them explore it, with local searches in between. The fit
+      moves to the lowest minimum found, its intervals cover all points that the data allow, and
+      its report says so first. See `Fit.check`; 0 leaves out the test.
     - `progress`: show a line with the iterations, or call a function with each `Iteration`.
 
     **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
@@ -114,6 +124,7 @@ def identify(
         max_iterations=max_iterations,
         tolerance=tolerance,
         horizon=horizon,
+        check_runs=check_runs,
         progress=progress,
     )[0]
 
@@ -132,6 +143,7 @@ def identify_many(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
+    check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
     """`identify` for several sets of measurements of the same channels and times, such as draws of
@@ -149,7 +161,7 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    _check(scene, measurements, start_time, grow, max_iterations, tolerance)
+    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
     settings = settings_or(settings, presets.identification)
     times = measurements[0].times()
     if horizon is not None:
@@ -172,10 +184,17 @@ def identify_many(
         for one in measurements:
             searches, screened = windows.searches(one, rows, passes, on_iteration)
             best = lowest(searches)
+            checked = None
+            if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                data = samples(one, len(runs.times))
+                told = partial(on_iteration, data.count)
+                checked = check(best.best, runs, data, parameters, check_runs, told)
+                best = lowest_of(checked, best)
             fitted = runs.family.scene_and_state(best.best.coordinates)
-            found = searches, best, screened, horizon
+            found = searches, best, screened, horizon, checked
             fits.append(Fit(*fitted, dict(parameters), units, one, *found))
     _warn_of_poor(fits)
+    _warn_of_rough(fits)
     return fits
 
 
@@ -190,6 +209,14 @@ def _warn_of_poor(fits: Sequence[Fit]) -> None:
             f"try, in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )
+
+
+def _warn_of_rough(fits: Sequence[Fit]) -> None:
+    """Warn once of fits whose covariance does not describe chi squared around the estimates."""
+    rough = [warning for fit in fits for warning in fit.doubts]
+    if rough:
+        many = "" if len(fits) == 1 else f"{len(rough)} of {len(fits)} fits say so. The first: "
+        caution(f"{many}{rough[0]}", PoorFitWarning)
 
 
 @dataclass(frozen=True)
@@ -300,6 +327,7 @@ def _check(
     grow: Sequence[float],
     max_iterations: int,
     tolerance: float,
+    check_runs: int,
 ) -> None:
     remedy = "pass one set of measurements at least"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
@@ -330,3 +358,6 @@ def _check(
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    fine = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    require(fine, "check_runs", check_runs, "0, or a whole number from 50", remedy)
