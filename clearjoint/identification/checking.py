@@ -98,7 +98,7 @@ class LikelihoodCheck:
         if self.exploration is None:
             return 1
         limit = self.exploration.lowest + likelihood.RISE
-        found: list[likelihood.Minimum] = []
+        found: list[likelihood.LocalMinimum] = []
         for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
             apart = not any(likelihood.inside(other, one.coordinates) for other in found)
             if one.chi_squared <= limit and apart:
@@ -143,7 +143,7 @@ def check(
     def chi_squared(points: np.ndarray) -> np.ndarray:
         return lanes.chi_squared(points, lanes.count)[:, -1]
 
-    def descend(start: np.ndarray) -> likelihood.Minimum:
+    def descend(start: np.ndarray) -> likelihood.LocalMinimum:
         found, iterations, ending = search_with_damping(
             lambda at: run_misfit(runs, data, end, at),
             start,
@@ -193,6 +193,6 @@ def lowest(check: LikelihoodCheck, best: Search) -> Search:
     return min((best, *fine), key=lambda search: search.best.chi_squared)
 
 
-def _minimum(found: RunMisfit) -> likelihood.Minimum:
+def _minimum(found: RunMisfit) -> likelihood.LocalMinimum:
     covariance = statistics.parameter_covariance(found.jacobian)
-    return likelihood.Minimum(found.coordinates, found.chi_squared, covariance)
+    return likelihood.LocalMinimum(found.coordinates, found.chi_squared, covariance)

@@ -139,7 +139,7 @@ def tested(
 
 
 @dataclass(frozen=True)
-class Minimum:
+class LocalMinimum:
     """A minimum that a local search found: coordinates (p,), chi squared, and covariance (p, p)."""
 
     coordinates: Float[np.ndarray, " p"]
@@ -157,7 +157,7 @@ class Exploration:
 
     points: Float[np.ndarray, "n p"]
     chi_squared: Float[np.ndarray, " n"]
-    minima: tuple[Minimum, ...]
+    minima: tuple[LocalMinimum, ...]
     rounds: int
     settled: bool
 
@@ -183,8 +183,8 @@ class Exploration:
 
 def explore(
     chi_squared: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
-    descend: Callable[[Float[np.ndarray, " p"]], Minimum],
-    minimum: Minimum,
+    descend: Callable[[Float[np.ndarray, " p"]], LocalMinimum],
+    minimum: LocalMinimum,
     covariances: Sequence[Float[np.ndarray, "p p"]],
     limits: Float[np.ndarray, " p"],
     number: int,
@@ -247,7 +247,7 @@ def explore(
     return replace(now, settled=False)
 
 
-def inside(minimum: Minimum, point: Float[np.ndarray, " p"]) -> bool:
+def inside(minimum: LocalMinimum, point: Float[np.ndarray, " p"]) -> bool:
     """Whether a point is so near a minimum that a search from it would end there."""
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))

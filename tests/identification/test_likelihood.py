@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from clearjoint.identification import likelihood
-from clearjoint.identification.likelihood import RISE, Minimum
+from clearjoint.identification.likelihood import RISE, LocalMinimum
 
 NOWHERE = np.array([np.inf, np.inf])
 RIPPLE, WAVES = 1.6, 7.0
@@ -90,7 +90,7 @@ class Rough:
             if abs(step) < 1e-8:
                 break
             at, cost = at + step, new
-        return Minimum(np.array([at]), float(cost), np.array([[1.0 / information]]))
+        return LocalMinimum(np.array([at]), float(cost), np.array([[1.0 / information]]))
 
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
