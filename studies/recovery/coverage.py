@@ -1,5 +1,6 @@
 """How often 95 % intervals hold the truth: by the covariance, and by runs around the estimates."""
 
+import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ import clearjoint as cj
 from studies.common import identification_problem as pendulum
 from studies.recovery import crank_rocker
 
+SO_FAR = 5
 RISE = 3.841
 """Rise of chi squared at the ends of a 95 % interval of one parameter."""
 HEADINGS = (
@@ -104,9 +106,14 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 def draws(case: Case, number: int) -> list[Draw]:
-    """Fit so many draws of the noise."""
+    """Fit so many draws of the noise; every fifth time the row so far goes to standard error."""
     generator = np.random.default_rng(0)
-    return [_draw(case, case.clean.with_noise(generator)) for _ in range(number)]
+    found: list[Draw] = []
+    while len(found) < number:
+        found.append(_draw(case, case.clean.with_noise(generator)))
+        if len(found) % SO_FAR == 0:
+            print(row(case.label, found), file=sys.stderr, flush=True)
+    return found
 
 
 def _draw(case: Case, data: cj.Measurements) -> Draw:
