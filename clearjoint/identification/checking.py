@@ -28,8 +28,9 @@ ROUNDS = 6
 """Rounds of drawing points, at most."""
 STEPS_DOWN = 15
 """Runs of a local search, at most."""
-NEAR = 0.03
-"""Gauss-Newton step, in standard errors, at which a local search ends."""
+NEAR, NEAREST = 0.03, 1e-3
+"""Gauss-Newton step, in standard errors, at which a local search ends, and at which the search ends
+that the fit moves to."""
 FARTHEST = 100.0
 """Distance, in standard errors, to which the surroundings are explored."""
 
@@ -143,15 +144,14 @@ def check(
     def chi_squared(points: np.ndarray) -> np.ndarray:
         return lanes.chi_squared(points, lanes.count)[:, -1]
 
-    def descend(start: np.ndarray) -> likelihood.LocalMinimum:
+    def descend(
+        start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN
+    ) -> likelihood.LocalMinimum:
         found, iterations, ending = search_with_damping(
-            lambda at: run_misfit(runs, data, end, at),
-            start,
-            strides,
-            NEAR,
-            STEPS_DOWN,
-            on_iteration,
+            lambda at: run_misfit(runs, data, end, at), start, strides, near, steps, on_iteration
         )
+        if ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
         searches.append(Search(start, (WindowSearch(end, iterations, ending),), found))
         return _minimum(found)
 
@@ -171,6 +171,9 @@ def check(
         ROUNDS,
         generator,
     )
+    low = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+    if best.chi_squared - low.chi_squared > likelihood.FLOOR:
+        descend(low.coordinates, NEAREST, 4 * STEPS_DOWN)
     count += len(explored.points) + sum(search.evaluations for search in searches)
     seconds = time.perf_counter() - begun
     return LikelihoodCheck(test, explored, tuple(searches), count, seconds, difference)
@@ -188,9 +191,9 @@ def longest(best: RunMisfit, parameters: Mapping[str, Parameter]) -> Float[np.nd
 
 
 def lowest(check: LikelihoodCheck, best: Search) -> Search:
-    """The search with the smallest chi squared, of a fit's best and those of its check."""
-    fine = [one for one in check.searches if one.ending in (Ending.CONVERGED, Ending.STALLED)]
-    return min((best, *fine), key=lambda search: search.best.chi_squared)
+    """The search with the smallest chi squared, of a fit's best and those of its check; of equal
+    ones the fit's own, then the last, which went on from the lowest."""
+    return min((best, *check.searches[::-1]), key=lambda search: search.best.chi_squared)
 
 
 def _minimum(found: RunMisfit) -> likelihood.LocalMinimum:

@@ -47,7 +47,8 @@ class Fit(AbstractTabular):
     - `scene`, `state`: with the estimates in their places.
     - `parameters`, `units`: by name, in the order of all arrays.
     - `measurements`: those that were fitted.
-    - `searches`: one from each start; `best` is the one with the smallest chi squared.
+    - `searches`: one from each start; `best`: the one with the smallest chi squared, of these and
+      of those of `check`.
     - `screened`: the starts that each pass of a `Screening` left.
     - `horizon`: that was given, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` without one.

@@ -37,6 +37,29 @@ WINDOW_TOLERANCE = 0.1
 """Tolerance, in standard deviations, of the fits of all windows but the last."""
 
 
+class FitInterrupted(KeyboardInterrupt):
+    """A fit that was stopped by Ctrl-C (SIGINT).
+
+    `fits`: those that had ended, and last the best so far of the one that was interrupted, unless
+    it had no run yet.
+
+    >>> cj.FitInterrupted([]).fits
+    []
+    """
+
+    def __init__(self, fits: Sequence[Fit]):
+        text = "The fit was interrupted before its first run had ended."
+        if fits:
+            values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
+            text = (
+                f"The fit was interrupted; the best so far has chi squared "
+                f"{fits[-1].chi_squared:.6g} of {fits[-1].freedom} expected, at {values}. It is in "
+                "the exception's `fits`, and a next fit may start from its estimates."
+            )
+        super().__init__(text)
+        self.fits = list(fits)
+
+
 def identify(
     scene: Scene,
     state: State,
@@ -88,8 +111,9 @@ def identify(
       its report says so first. See `Fit.check`; 0 leaves out the test.
     - `progress`: show a line with the iterations, or call a function with each `Iteration`.
 
-    **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
-    see `Fit.ending` and `Fit.warnings`.
+    **Raises:** `ValueError` for arguments that no fit can use. `FitInterrupted`, which is a
+    `KeyboardInterrupt` and holds the best fit so far, on Ctrl-C. A search that fails raises
+    nothing: see `Fit.ending` and `Fit.warnings`.
 
     **Warns:** `PoorFitWarning` if the fit ends far above the noise, with what to try, in order,
     which `Fit.advice` and the report have too.
@@ -182,17 +206,25 @@ def identify_many(
     fits = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
-            searches, screened = windows.searches(one, rows, passes, on_iteration)
-            best = lowest(searches)
-            checked = None
-            if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
-                data = samples(one, len(runs.times))
-                told = partial(on_iteration, data.count)
-                checked = check(best.best, runs, data, parameters, check_runs, told)
-                best = lowest_of(checked, best)
+            searches: list[Search] = []
+            screened, checked, stopped = (), None, False
+            try:
+                screened = windows.search(one, rows, passes, on_iteration, searches)
+                best = lowest(searches)
+                if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                    data = samples(one, len(runs.times))
+                    told = partial(on_iteration, data.count)
+                    checked = check(best.best, runs, data, parameters, check_runs, told)
+                    best = lowest_of(checked, best)
+            except KeyboardInterrupt as interruption:
+                if not searches:
+                    raise FitInterrupted(fits) from interruption
+                best, stopped = lowest(searches), True
             fitted = runs.family.scene_and_state(best.best.coordinates)
-            found = searches, best, screened, horizon, checked
+            found = tuple(searches), best, screened, horizon, checked
             fits.append(Fit(*fitted, dict(parameters), units, one, *found))
+            if stopped:
+                raise FitInterrupted(fits)
     _warn_of_poor(fits)
     _warn_of_rough(fits)
     return fits
@@ -229,20 +261,31 @@ class _Windows:
     tolerance: float
     max_iterations: int
 
-    def searches(
+    def search(
         self,
         measurements: Measurements,
         rows: np.ndarray,
         passes: Passes | None,
         on_iteration: OnFitIteration,
-    ) -> tuple[tuple[Search, ...], tuple[Screened, ...]]:
-        """The searches from given starts (n, p), or from those that screening leaves; and what it
-        left."""
+        searches: list[Search],
+    ) -> tuple[Screened, ...]:
+        """Search from given starts (n, p), or from those that screening leaves; what it left.
+
+        `searches` gets each search as it ends, so that none is lost if the next is interrupted.
+        """
         data = samples(measurements, len(self.runs.times))
-        search_from = partial(self._search, data, on_iteration)
-        if passes is None:
-            return tuple(map(search_from, rows)), ()
-        return passes.searches(data, search_from)
+
+        def search_from(start: np.ndarray) -> Search:
+            searches.append(self._search(data, on_iteration, start))
+            if searches[-1].ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            return searches[-1]
+
+        if passes is not None:
+            return passes.searches(data, search_from)[1]
+        for row in rows:
+            search_from(row)
+        return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
         """Search from a start (p,) over the windows, one after the other."""
@@ -251,18 +294,27 @@ class _Windows:
         for end in self.ends:
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
-            best, iterations, ending = search_with_damping(
-                misfit if last else partial(_with_prior, misfit, at, self.strides),
-                at,
-                self.strides,
-                self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
-                self.max_iterations,
-                partial(on_iteration, part.count),
-            )
-            if best.result != RESULTS.successful:
+            try:
+                best, iterations, ending = search_with_damping(
+                    misfit if last else partial(_with_prior, misfit, at, self.strides),
+                    at,
+                    self.strides,
+                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
+                    self.max_iterations,
+                    partial(on_iteration, part.count),
+                )
+            except KeyboardInterrupt:  # in the first run of the window
+                if best is None:
+                    raise
+                iterations, ending, last = (), Ending.INTERRUPTED, False
+            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
                 ending = Ending.FAILED
             windows.append(WindowSearch(end, iterations, ending))
             at = best.coordinates
+            if ending is Ending.INTERRUPTED:
+                if not last:
+                    best = run_misfit(self.runs, data, self.ends[-1], at)
+                break
         assert best is not None
         return Search(start, tuple(windows), best)
 

@@ -123,7 +123,7 @@ def test_intervals_from_points_are_those_of_chi_squared_on_a_fine_grid():
 def test_coverage_of_a_rough_likelihood():
     """Errors of the one minimum that a search ends in hold the truth seldom; intervals from points
     do, as often as those on a grid."""
-    generator, draws = np.random.default_rng(3), 60
+    generator, draws = np.random.default_rng(3), 40
     plain = explored = exact = 0
     for _ in range(draws):
         theta = generator.uniform(-0.5, 0.5)

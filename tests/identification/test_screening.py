@@ -165,3 +165,27 @@ def test_a_covariance_that_holds_is_confirmed_by_few_runs(data):
     assert fit.check.runs == len(fit.check.test.found) == 14
     np.testing.assert_allclose(fit.check.test.found, fit.check.test.predicted, rtol=0.3, atol=0.3)
     assert "up to 4 standard errors away (14 runs around" in str(fit)
+
+
+@pytest.mark.parametrize("last", [2, 5])
+def test_an_interrupted_fit_has_the_best_run_so_far(data, last):
+    """In the first window, and in the one that grows from it."""
+    seen = []
+
+    def stop(iteration):
+        seen.append(iteration)
+        if len(seen) == last:
+            raise KeyboardInterrupt
+
+    with pytest.raises(cj.FitInterrupted, match="the best so far has chi squared") as stopped:
+        cj.identify(
+            SCENE, STATE, data, PARAMETERS, guess={"stiffness": 48.0}, grow=(2.0,), progress=stop
+        )
+    (fit,) = stopped.value.fits
+    assert fit.ending is cj.Ending.INTERRUPTED and fit.check is None
+    assert "Not converged: it was interrupted" in str(fit)
+    assert any(np.array_equal(fit.coordinates, one.coordinates) for one in seen)
+    residuals = (moved(fit.estimates["stiffness"]) - data["x"].values) / NOISE
+    assert fit.chi_squared == pytest.approx(np.sum(residuals**2), rel=1e-3)
+    with pytest.raises(KeyboardInterrupt):
+        raise stopped.value
