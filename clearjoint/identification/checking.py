@@ -158,9 +158,12 @@ def check(
     difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
     covariances = [covariance]
     if math.isfinite(test.horizon):
-        early = np.asarray(runs.times)[: shape[1]] < test.horizon
-        rows = (jacobian * early[:, None]).reshape(len(best.residuals), -1)
-        covariances.append(statistics.parameter_covariance(rows))
+        # Of the data up to the horizon, and up to half of it, chi squared is smoother and wider.
+        for share in (1.0, 0.5):
+            until = float(runs.start_time) + share * (test.horizon - float(runs.start_time))
+            early = np.asarray(runs.times)[: shape[1]] < until
+            rows = (jacobian * early[:, None]).reshape(len(best.residuals), -1)
+            covariances.append(statistics.parameter_covariance(rows))
     explored = likelihood.explore(
         chi_squared,
         descend,
@@ -169,6 +172,7 @@ def check(
         np.minimum(limits, FARTHEST * np.sqrt(np.diag(covariance))),
         number,
         ROUNDS,
+        statistics.likely_chi_squared(data.count - len(best.coordinates)),
         generator,
     )
     low = min(explored.minima, key=lambda minimum: minimum.chi_squared)

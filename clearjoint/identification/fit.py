@@ -297,7 +297,10 @@ class Fit(AbstractTabular):
         number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
         source = f"of chi squared at most 3.84 above the lowest, with {number} ({cost})"
         if self._confirmed:
-            parts = [f"Standard errors hold, although {where}: intervals are about those {source}."]
+            parts = [
+                f"Chi squared is rough: {where}. The intervals agree with those {source}; lower "
+                "minima may lie beyond."
+            ]
         else:
             parts = [f"Standard errors do not hold: {where}. Intervals are those {source}."]
         if self._moved > likelihood.FLOOR:
@@ -333,8 +336,9 @@ class Fit(AbstractTabular):
 
     @property
     def doubts(self) -> list[str]:
-        """The sentence on standard errors that runs around the estimates do not confirm, if so."""
-        return [] if self._confirmed else [self._of_test()]
+        """What is said of the covariance where chi squared does not rise as it predicts: that runs
+        around the estimates contradict it, or that they lead to the same intervals."""
+        return [] if self.check is None or self.check.passed else [self._of_test()]
 
     def _past_horizon(self) -> list[str]:
         """A sentence on the samples that one run can't fit, if there are any."""

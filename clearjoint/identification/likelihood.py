@@ -189,6 +189,7 @@ def explore(
     limits: Float[np.ndarray, " p"],
     number: int,
     rounds: int,
+    likely: float,
     generator: np.random.Generator,
 ) -> Exploration:
     """Search the surroundings of a minimum for all points with a chi squared about as small.
@@ -198,10 +199,10 @@ def explore(
     as many among the lowest points so far, and as many again around a minimum that has turned out
     lower. After every round, local searches start from some of
     the lowest points that lie apart from each other and from the minima found before. It ends when
-    the intervals have settled, or after so many rounds.
+    the intervals have settled and noise explains the lowest chi squared, or after so many rounds.
 
     **Arguments:** `chi_squared` at points; `descend`: a local search from a point; `limits` (p,):
-    how far points may lie from the minimum.
+    how far points may lie from the minimum; `likely`: the largest chi squared that noise explains.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
@@ -233,7 +234,7 @@ def explore(
         lower = min(minima, key=lambda one: one.chi_squared)
         moved = best.chi_squared - lower.chi_squared
         best = lower
-        if before is not None and not new:
+        if before is not None and not new and now.lowest <= likely:
             grown = np.maximum(before[0] - low, high - before[1]) / (high - low)
             if (grown < SETTLED).all():
                 return now
@@ -241,8 +242,8 @@ def explore(
         near = [one.coordinates for one in minima if one.chi_squared <= now.lowest + WORTH * RISE]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
         fresh = among(kept, number // 2, 2 * (p + 1), bounds, generator)
-        if moved > RISE:  # the first points lay around another minimum
-            again = around(best.coordinates, [best.covariance], number // 2)
+        if moved > RISE or now.lowest > likely:  # the first points lay around another minimum
+            again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
             fresh = np.concatenate([fresh, again])
     return replace(now, settled=False)
 

@@ -60,7 +60,7 @@ class Draw:
 
     - `plain`, `checked`: by parameter, whether the interval holds the truth.
     - `higher`: chi squared less that of a fit from the truth, before and after the check.
-    - `warned`: whether the fit doubts its standard errors.
+    - `warned`: whether the fit has a warning.
     - `seconds`: of the search and of the check.
     """
 
@@ -131,7 +131,7 @@ def _draw(case: Case, data: cj.Measurements) -> Draw:
         tuple(plain.tolist()),
         tuple(held),
         (first.chi_squared - nearest.chi_squared, found.chi_squared - nearest.chi_squared),
-        bool(found.doubts),
+        bool(found.warnings),
         (seconds - after, after),
     )
 

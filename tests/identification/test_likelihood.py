@@ -102,6 +102,7 @@ class Rough:
             np.array([20.0]),
             200,
             6,
+            math.inf,
             generator,
         )
         return found, explored
