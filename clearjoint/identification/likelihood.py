@@ -19,9 +19,10 @@ STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
 """Standard errors by which test points lie off the minimum along each direction."""
 DRAWN = 8
 """Test points drawn at random, for each parameter."""
-FACTOR, FLOOR = 2.0, 0.5
-"""Chi squared agrees with the quadratic model if its rise is within this factor of the predicted
-one, give or take the floor."""
+LESS, MORE, FLOOR = 1.5, 2.0, 0.5
+"""Chi squared agrees with the quadratic model if its rise is at most so many times less, or more,
+than the predicted one, give or take the floor. The limit is closer for less: behind a rise that
+slackens there may be another minimum."""
 MANY = 0.1
 """Share of the test points that must differ for the samples so far to lie past the horizon."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
@@ -96,7 +97,7 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """(n,) whether the rise is not the predicted one, by more than a factor of two."""
+        """(n,) whether the rise is not the predicted one, by a factor of 1.5 less or of 2 more."""
         return _differing(self.predicted, self.found)
 
     @property
@@ -106,7 +107,7 @@ class QuadraticTest:
 
 
 def _differing(predicted: np.ndarray, found: np.ndarray) -> np.ndarray:
-    low, high = predicted / FACTOR - FLOOR, predicted * FACTOR + FLOOR
+    low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
     return ~((found >= low) & (found <= high))
 
 
