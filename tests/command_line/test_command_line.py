@@ -13,7 +13,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import running
+from clearjoint.command_line import fitting, running
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.folders import Folder, scene_and_solution
 from clearjoint.command_line.places import find_place, keys_of, written
@@ -393,3 +393,23 @@ def test_a_fit_finds_what_made_the_data(folder):
     assert float(cj.load(out / "fitted.toml")[0].joints["pin"].clearance) == pytest.approx(
         table["estimate"]["clearance"], rel=1e-12
     )
+
+
+@pytest.mark.slow
+def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
+    times = np.linspace(1.0, 20.0, 40)
+    pd.DataFrame({"time [ms]": times, "height [um]": -0.5 * times}).to_csv("rig.csv", index=False)
+
+    def stopped(*arguments, progress, **options):
+        def stop(iteration):
+            progress(iteration)
+            raise KeyboardInterrupt
+
+        return cj.identify(*arguments, progress=stop, **options)
+
+    monkeypatch.setattr(fitting, "identify", stopped)
+    outcome = told("fit", "study.toml", "--out", "stopped")
+    assert outcome.exit_code == 130, outcome.output
+    assert "interrupted; the best fit so far is in stopped" in outcome.output
+    assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
+    assert "it was interrupted" in Path("stopped/report.txt").read_text()
