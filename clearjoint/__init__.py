@@ -35,6 +35,7 @@ from .fields.cautions import UnusualValueWarning as UnusualValueWarning
 from .fields.declarations import quantity as quantity
 from .fields.readable import without_modules as _without_modules
 from .identification.fit import Fit as Fit
+from .identification.identify import FitInterrupted as FitInterrupted
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.levenberg_marquardt import Ending as Ending

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..datasets.labelled import Labelled, labelled_dataset
 from ..identification.fit import Fit
-from ..identification.identify import identify
+from ..identification.identify import FitInterrupted, identify
 from ..identification.levenberg_marquardt import Ending, Iteration
 from ..measurements.readers import Channel, read_csv
 from ..measurements.series import Measurements, Series
@@ -21,7 +21,7 @@ from .reports import write_fit_report
 from .study import Study
 from .study_parts import ColumnPart, FitPart
 
-ESTIMATES, REPORT, SO_FAR = "estimates", "report.txt", "estimates_so_far.csv"
+ESTIMATES, REPORT = "estimates", "report.txt"
 FITTED_SCENE = "fitted.toml"
 
 
@@ -33,7 +33,7 @@ def fit(study: Study, out: Path) -> CommandResult:
     begun, place = time.perf_counter(), study.place.at("fit")
     measured, (parameters, guess) = _measured(study, part, place), _parameters(study, part, place)
     measured.check(study.scene)
-    told = _Iterations(parameters, part.max_iterations)
+    told, interrupted = _Iterations(parameters, part.max_iterations), False
     try:
         found = identify(
             study.scene,
@@ -48,14 +48,19 @@ def fit(study: Study, out: Path) -> CommandResult:
             max_iterations=part.max_iterations,
             progress=told,
         )
-    except KeyboardInterrupt:
-        told.write(Folder.made(out))
-        return CommandResult(INTERRUPTED, "interrupted")
+    except FitInterrupted as stopped:
+        if not stopped.fits:
+            return CommandResult(INTERRUPTED, "interrupted before the first run had ended")
+        interrupted, found = True, stopped.fits[-1]
     folder = Folder.made(out)
     _write(found, folder)
     converged = found.ending is Ending.CONVERGED
-    folder.write_summary(_summary(study, found, time.perf_counter() - begun))
+    summary = _summary(study, found, time.perf_counter() - begun)
+    folder.write_summary(summary | ({"ended": "interrupted"} if interrupted else {}))
     write_fit_report(folder, found)
+    if interrupted:
+        line = f"interrupted; the best fit so far is in {folder / REPORT}"
+        return CommandResult(INTERRUPTED, line)
     if not converged:
         say(f"error: the fit has not converged: {found.ending.value}")
     estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
@@ -114,29 +119,18 @@ def _parameters(
 
 
 class _Iterations:
-    """Tells each iteration, and keeps the best estimates so far."""
+    """Tells each iteration."""
 
     def __init__(self, parameters: Mapping[str, Parameter], most: int):
         self._parameters, self._most = parameters, most
-        self._best: Iteration | None = None
 
     def __call__(self, iteration: Iteration) -> None:
-        if iteration.accepted:
-            self._best = iteration
         values = ", ".join(f"{n} {value:.6g}" for n, value in self._values(iteration).items())
         mark = "" if iteration.accepted else " (rejected)"
         say(
             f"iteration {iteration.number} of at most {self._most}: "
             f"chi squared {iteration.chi_squared:.6g}, {values}{mark}"
         )
-
-    def write(self, folder: Folder) -> None:
-        """Write the best estimates so far, if there are any."""
-        if self._best is None:
-            return
-        rows = [f"{name},{value!r}" for name, value in self._values(self._best).items()]
-        (folder / SO_FAR).write_text("\n".join(["parameter,estimate", *rows]) + "\n")
-        say(f"interrupted; the best estimates so far are in {folder / SO_FAR}")
 
     def _values(self, iteration: Iteration) -> dict[str, float]:
         pairs = zip(self._parameters.items(), iteration.coordinates, strict=True)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..information.horizon import Horizon
 from ..measurements.series import Measurements
 from ..parametrisation.parameter import Parameter
-from ..parametrisation.variations import StateNumber
+from ..parametrisation.variations import SeriesDelay, StateNumber
 from . import goodness_of_fit as statistics
 from .levenberg_marquardt import Ending
 from .searches import Search
@@ -101,11 +101,22 @@ class Evidence:
             told = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
             if told > MOST and _rms(row) > FAR:
                 when = "late" if shift > 0.0 else "early"
+                remedy = (
+                    "let its delay start from another guess"
+                    if name in self._delayed
+                    else f"estimate it, by a parameter cj.Parameter.delay({name!r})"
+                )
                 return (
                     f"Series {name!r} looks {abs(shift):.3g} s {when}, which would explain "
-                    f"{told:.0%} of its misfit: check its clock, its trigger and the start_time."
+                    f"{told:.0%} of its misfit: check its clock and its trigger, or {remedy}."
                 )
         return None
+
+    @property
+    def _delayed(self) -> set[str]:
+        """Series whose delay is among the parameters."""
+        kinds = [parameter.variation for parameter in self.parameters.values()]
+        return {name for kind in kinds if isinstance(kind, SeriesDelay) for name in kind.series}
 
     def _outliers(self) -> str | None:
         """A few samples that make most of chi squared."""

@@ -19,8 +19,9 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
-from . import rivals
+from . import likelihood, rivals
 from .advice import Evidence
+from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending
 from .report import correlation_table, estimates_table, numbered, searches_table, series_table
 from .residuals import RunMisfit
@@ -33,6 +34,11 @@ if TYPE_CHECKING:
 AT_BOUND = 1e-3
 """Distance from a bound, over that between the bounds, below which an estimate is at the bound."""
 
+ALIKE = 1.3
+"""Factor between intervals up to which they count as alike."""
+SHOWN = 3
+"""Other minima that the report lists."""
+
 
 @dataclass(frozen=True)
 class Fit(AbstractTabular):
@@ -41,9 +47,11 @@ class Fit(AbstractTabular):
     - `scene`, `state`: with the estimates in their places.
     - `parameters`, `units`: by name, in the order of all arrays.
     - `measurements`: those that were fitted.
-    - `searches`: one from each start; `best` is the one with the smallest chi squared.
+    - `searches`: one from each start; `best`: the one with the smallest chi squared, of these and
+      of those of `check`.
     - `screened`: the starts that each pass of a `Screening` left.
     - `horizon`: that was given, or ``None``.
+    - `check`: the test of the covariance by runs around the estimates, or ``None`` without one.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
 
@@ -74,6 +82,7 @@ class Fit(AbstractTabular):
     best: Search
     screened: tuple[Screened, ...] = ()
     horizon: Horizon | None = None
+    check: LikelihoodCheck | None = None
 
     def to_xarray(self) -> "xr.Dataset":
         """An `xarray.Dataset` along "parameter": `estimate`, `standard_error` and the bounds of the
@@ -144,9 +153,15 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval of each value, within the bounds of its scale.
 
-        It also covers other minima in which searches ended, as far as their chi squared allows.
+        It also covers other minima in which searches ended, as far as their chi squared allows, and
+        where `check` has explored chi squared, all points at which it is at most 3.84 above the
+        lowest.
         """
-        low, high = map(self._values, rivals.intervals(self.best.best, self._other_minima))
+        ends = rivals.intervals(self.best.best, self._other_minima)
+        if self.check is not None and self.check.exploration is not None:
+            explored = self.check.exploration.intervals()
+            ends = np.minimum(ends[0], explored[0]), np.maximum(ends[1], explored[1])
+        low, high = map(self._values, ends)
         return {name: (low[name], high[name]) for name in self.parameters}
 
     @property
@@ -208,6 +223,7 @@ class Fit(AbstractTabular):
     def warnings(self) -> list[str]:
         """Sentences on what speaks against the estimates; none if nothing does."""
         return [
+            *self.doubts,
             *self._of_search(),
             *self._of_rivals(),
             *self._at_bounds(),
@@ -235,8 +251,10 @@ class Fit(AbstractTabular):
     def __str__(self) -> str:
         """Estimates, goodness of fit, series, correlations, warnings and advice, as aligned
         tables."""
+        first = [] if self.check is None else [self._of_test()]
         parts = [
             self._head(),
+            *first,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
             f"chi squared {self.chi_squared:.6g} with {self.freedom} degrees of freedom, "
             f"p = {self.p_value:.2g}",
@@ -246,7 +264,8 @@ class Fit(AbstractTabular):
             parts.append(correlation_table(list(self.parameters), self.correlation))
         if len(self.searches) > 1:
             parts.append(searches_table(self.searches, self.best, self.screened))
-        parts.append("\n".join(f"Warning: {warning}" for warning in self.warnings))
+        rest = [warning for warning in self.warnings if warning not in first]
+        parts.append("\n".join(f"Warning: {warning}" for warning in rest))
         if self.advice:
             parts.append("What to try, in this order:\n" + numbered(self.advice))
         return "\n\n".join(part for part in parts if part)
@@ -257,6 +276,84 @@ class Fit(AbstractTabular):
             f"Fit of {self.samples} samples in {series} series to {end:g} s: "
             f"{self.ending.value}, {self.best.evaluations} runs"
         )
+
+    def _of_test(self) -> str:
+        """What the runs around the estimates showed, and what was done about it."""
+        assert self.check is not None
+        check, test, explored = self.check, self.check.test, self.check.exploration
+        cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
+        if explored is None:
+            return (
+                f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
+                "rises as it predicts."
+            )
+        bad = test.differing
+        worst = int(np.argmax(np.where(bad, np.abs(test.found - test.predicted), 0.0)))
+        where = (
+            f"at {bad.sum()} of {len(bad)} points up to 4 standard errors away chi squared does "
+            f"not rise as the covariance predicts (by {test.found[worst]:.3g} for "
+            f"{test.predicted[worst]:.3g} at the worst)"
+        )
+        number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
+        source = f"of chi squared at most 3.84 above the lowest, with {number} ({cost})"
+        if self._confirmed:
+            parts = [
+                f"Chi squared is rough: {where}. The intervals agree with those {source}; lower "
+                "minima may lie beyond."
+            ]
+        else:
+            parts = [f"Standard errors do not hold: {where}. Intervals are those {source}."]
+        if self._moved > likelihood.FLOOR:
+            parts.append(
+                f"The fit has moved to a minimum {self._moved:.3g} lower in chi squared than the "
+                "one in which the search had ended."
+            )
+        parts += self._past_horizon()
+        if not explored.settled:
+            parts.append("They were still growing: raise check_runs, or shorten the record.")
+        if abs(check.difference) > 1.0:
+            parts.append(
+                f"Errors of the integration change chi squared by {check.difference:.2g}: tighten "
+                "rtol, or shorten the record."
+            )
+        return " ".join(parts)
+
+    @cached_property
+    def _confirmed(self) -> bool:
+        """Whether runs around the estimates lead to intervals like those by the covariance."""
+        check = self.check
+        if check is None or check.exploration is None:
+            return check is None or check.passed
+        one = check.minima == 1 and self._moved <= likelihood.FLOOR
+        calm = check.exploration.settled and abs(check.difference) <= 1.0
+        return one and calm and check.widening(self.best.best) < ALIKE
+
+    @property
+    def _moved(self) -> float:
+        """By how much the exploration lowered chi squared."""
+        assert self.check is not None and self.check.exploration is not None
+        return float(self.check.exploration.chi_squared[0]) - self.chi_squared
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is said of the covariance where chi squared does not rise as it predicts: that runs
+        around the estimates contradict it, or that they lead to the same intervals."""
+        return [] if self.check is None or self.check.passed else [self._of_test()]
+
+    def _past_horizon(self) -> list[str]:
+        """A sentence on the samples that one run can't fit, if there are any."""
+        assert self.check is not None
+        limits = [self.check.horizon]
+        if self.horizon is not None:
+            limits.append(self.horizon.single_shot)
+        if not math.isfinite(min(limits)):
+            return []
+        until = min(limits)
+        past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
+        return [
+            f"{past} of {self.samples} samples, from {until:.4g} s on, lie past the horizon of a "
+            "fit by a single run."
+        ]
 
     def _of_search(self) -> Sequence[str]:
         warnings = []
@@ -269,7 +366,8 @@ class Fit(AbstractTabular):
 
     def _of_rivals(self) -> Sequence[str]:
         warnings = []
-        for rival in rivals.rivals(self.best.best, self._other_minima):
+        others = rivals.rivals(self.best.best, self._other_minima)
+        for rival in others[:SHOWN]:
             excess = rival.chi_squared - self.chi_squared
             values = self._values(rival.coordinates).items()
             warnings.append(
@@ -277,11 +375,14 @@ class Fit(AbstractTabular):
                 + ", ".join(f"{name} {value:.5g}" for name, value in values)
                 + ": the data do not tell which is right."
             )
+        if len(others) > SHOWN:
+            warnings.append(f"{len(others) - SHOWN} more such minima are in Fit.rivals.")
         return warnings
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        others = [s for s in self.searches if s is not self.best and s.ending is Ending.CONVERGED]
+        found = (*self.searches, *(() if self.check is None else self.check.searches))
+        others = [s for s in found if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
 
     def _at_bounds(self) -> Sequence[str]:

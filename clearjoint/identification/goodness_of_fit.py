@@ -56,6 +56,13 @@ def chi_squared_p(chi_squared: float, freedom: int) -> float:
     return float(chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
 
 
+def likely_chi_squared(freedom: int) -> float:
+    """The largest chi squared that noise explains; infinite without freedom."""
+    from scipy.special import chdtri
+
+    return float(chdtri(freedom, UNLIKELY)) if freedom > 0 else math.inf
+
+
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
     """Probability of so much autocorrelation in white noise; NaN for fewer than 20 residuals.
 

@@ -18,6 +18,8 @@ from ..results import RESULTS
 from ..simulation import presets
 from ..simulation.progress_bars import ProgressBar, telling_of_compiling
 from ..simulation.settings import Settings, settings_or
+from .checking import check
+from .checking import lowest as lowest_of
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .report import numbered
@@ -34,6 +36,29 @@ WINDOW_TOLERANCE = 0.1
 """Tolerance, in standard deviations, of the fits of all windows but the last."""
 
 
+class FitInterrupted(KeyboardInterrupt):
+    """A fit that was stopped by Ctrl-C (SIGINT).
+
+    `fits`: those that had ended, and last the best so far of the one that was interrupted, unless
+    it had no run yet.
+
+    >>> cj.FitInterrupted([]).fits
+    []
+    """
+
+    def __init__(self, fits: Sequence[Fit]):
+        text = "The fit was interrupted before its first run had ended."
+        if fits:
+            values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
+            text = (
+                f"The fit was interrupted; the best so far has chi squared "
+                f"{fits[-1].chi_squared:.6g} of {fits[-1].freedom} expected, at {values}. It is in "
+                "the exception's `fits`, and a next fit may start from its estimates."
+            )
+        super().__init__(text)
+        self.fits = list(fits)
+
+
 def identify(
     scene: Scene,
     state: State,
@@ -48,6 +73,7 @@ def identify(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
+    check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
     """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
@@ -75,10 +101,18 @@ def identify(
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
     - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
       run can use.
+    - `check_runs`: how thoroughly the covariance is tested once the search has converged. Some
+      twenty runs for each parameter compare chi squared, up to four standard errors around the
+      estimates, with what the covariance predicts. Where they differ, chi squared has several
+      minima close together, or is curved: then so many runs without derivatives, side by side, and
+      further rounds among the lowest of them explore it, with local searches in between. The fit
+      moves to the lowest minimum found, its intervals cover all points that the data allow, and
+      its report says so first. See `Fit.check`; 0 leaves out the test.
     - `progress`: show a line with the iterations, or call a function with each `Iteration`.
 
-    **Raises:** `ValueError` for arguments that no fit can use. A search that fails raises nothing:
-    see `Fit.ending` and `Fit.warnings`.
+    **Raises:** `ValueError` for arguments that no fit can use. `FitInterrupted`, which is a
+    `KeyboardInterrupt` and holds the best fit so far, on Ctrl-C. A search that fails raises
+    nothing: see `Fit.ending` and `Fit.warnings`.
 
     **Warns:** `PoorFitWarning` if the fit ends far above the noise, with what to try, in order,
     which `Fit.advice` and the report have too.
@@ -113,6 +147,7 @@ def identify(
         max_iterations=max_iterations,
         tolerance=tolerance,
         horizon=horizon,
+        check_runs=check_runs,
         progress=progress,
     )[0]
 
@@ -131,6 +166,7 @@ def identify_many(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: Horizon | None = None,
+    check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
     """`identify` for several sets of measurements of the same channels and times, such as draws of
@@ -148,7 +184,7 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    _check(scene, measurements, start_time, grow, max_iterations, tolerance)
+    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
     settings = settings_or(settings, presets.identification)
     times = measurements[0].times()
     if horizon is not None:
@@ -169,12 +205,27 @@ def identify_many(
     fits = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
-            searches, screened = windows.searches(one, rows, passes, on_iteration)
-            best = lowest(searches)
+            searches: list[Search] = []
+            screened, checked, stopped = (), None, False
+            try:
+                screened = windows.search(one, rows, passes, on_iteration, searches)
+                best = lowest(searches)
+                if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                    data = samples(one, len(runs.times))
+                    told = partial(on_iteration, data.count)
+                    checked = check(best.best, runs, data, parameters, check_runs, told)
+                    best = lowest_of(checked, best)
+            except KeyboardInterrupt as interruption:
+                if not searches:
+                    raise FitInterrupted(fits) from interruption
+                best, stopped = lowest(searches), True
             fitted = runs.family.scene_and_state(best.best.coordinates)
-            found = searches, best, screened, horizon
+            found = tuple(searches), best, screened, horizon, checked
             fits.append(Fit(*fitted, dict(parameters), units, one, *found))
+            if stopped:
+                raise FitInterrupted(fits)
     _warn_of_poor(fits)
+    _warn_of_rough(fits)
     return fits
 
 
@@ -191,6 +242,14 @@ def _warn_of_poor(fits: Sequence[Fit]) -> None:
         )
 
 
+def _warn_of_rough(fits: Sequence[Fit]) -> None:
+    """Warn once of fits whose covariance does not describe chi squared around the estimates."""
+    rough = [warning for fit in fits for warning in fit.doubts]
+    if rough:
+        many = "" if len(fits) == 1 else f"{len(rough)} of {len(fits)} fits say so. The first: "
+        caution(f"{many}{rough[0]}", PoorFitWarning)
+
+
 @dataclass(frozen=True)
 class _Windows:
     """Windows of the record up to each of the `ends`, s, and how to search in them."""
@@ -201,20 +260,31 @@ class _Windows:
     tolerance: float
     max_iterations: int
 
-    def searches(
+    def search(
         self,
         measurements: Measurements,
         rows: np.ndarray,
         passes: Passes | None,
         on_iteration: OnFitIteration,
-    ) -> tuple[tuple[Search, ...], tuple[Screened, ...]]:
-        """The searches from given starts (n, p), or from those that screening leaves; and what it
-        left."""
+        searches: list[Search],
+    ) -> tuple[Screened, ...]:
+        """Search from given starts (n, p), or from those that screening leaves; what it left.
+
+        `searches` gets each search as it ends, so that none is lost if the next is interrupted.
+        """
         data = samples(measurements, len(self.runs.times))
-        search_from = partial(self._search, data, on_iteration)
-        if passes is None:
-            return tuple(map(search_from, rows)), ()
-        return passes.searches(data, search_from)
+
+        def search_from(start: np.ndarray) -> Search:
+            searches.append(self._search(data, on_iteration, start))
+            if searches[-1].ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            return searches[-1]
+
+        if passes is not None:
+            return passes.searches(data, search_from)[1]
+        for row in rows:
+            search_from(row)
+        return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
         """Search from a start (p,) over the windows, one after the other."""
@@ -223,18 +293,27 @@ class _Windows:
         for end in self.ends:
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
-            best, iterations, ending = search_with_damping(
-                misfit if last else partial(_with_prior, misfit, at, self.strides),
-                at,
-                self.strides,
-                self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
-                self.max_iterations,
-                partial(on_iteration, part.count),
-            )
-            if best.result != RESULTS.successful:
+            try:
+                best, iterations, ending = search_with_damping(
+                    misfit if last else partial(_with_prior, misfit, at, self.strides),
+                    at,
+                    self.strides,
+                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
+                    self.max_iterations,
+                    partial(on_iteration, part.count),
+                )
+            except KeyboardInterrupt:  # in the first run of the window
+                if best is None:
+                    raise
+                iterations, ending, last = (), Ending.INTERRUPTED, False
+            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
                 ending = Ending.FAILED
             windows.append(WindowSearch(end, iterations, ending))
             at = best.coordinates
+            if ending is Ending.INTERRUPTED:
+                if not last:
+                    best = run_misfit(self.runs, data, self.ends[-1], at)
+                break
         assert best is not None
         return Search(start, tuple(windows), best)
 
@@ -299,6 +378,7 @@ def _check(
     grow: Sequence[float],
     max_iterations: int,
     tolerance: float,
+    check_runs: int,
 ) -> None:
     remedy = "pass one set of measurements at least"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
@@ -329,3 +409,6 @@ def _check(
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    fine = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    require(fine, "check_runs", check_runs, "0, or a whole number from 50", remedy)

@@ -69,6 +69,7 @@ class Ending(Enum):
     CONVERGED = "converged"
     STALLED = "no step improves the fit: the data may be rough there; fit growing windows first"
     EXHAUSTED = "the limit of iterations was reached"
+    INTERRUPTED = "it was interrupted"
     FAILED = "the best run that was found does not reach the last sample"
 
 
@@ -194,33 +195,38 @@ def search_with_damping(
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
     """Search the least squares from a start (p,), and report every iteration.
 
-    **Returns:** the best evaluation, all iterations, and how it ended.
+    **Returns:** the best evaluation, all iterations, and how it ended: a `KeyboardInterrupt` after
+    the first evaluation ends it too.
     """
+    iterations: list[Iteration] = []
     best = now = evaluate(start)
-    scales = scales_of(now.jacobian)
-    y, arrays, iterations = on_device(start * scales), None, []
-    limits = on_device(strides * scales), on_device(tolerance)
-    while True:
-        model = on_device(now.coordinates * scales), *_triangular(now, scales)
-        y, arrays, done, length = _advance(y, arrays, model, *limits)
-        accepted = int(arrays.num_steps_since_acceptance) == 0
-        best = now if accepted else best
-        iteration = Iteration(
-            len(iterations),
-            accepted,
-            float(now.residuals @ now.residuals),
-            now.coordinates,
-            float(length),
-            float(arrays.search_state.step_size),
-        )
-        iterations.append(iteration)
-        on_iteration(iteration)
-        if bool(done):
-            near = iteration.decrement < max(NEARLY, tolerance)
-            return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
-        if len(iterations) == max_iterations:
-            return best, tuple(iterations), Ending.EXHAUSTED
-        now = evaluate(np.asarray(arrays.y_eval) / scales)
+    try:
+        scales = scales_of(now.jacobian)
+        y, arrays = on_device(start * scales), None
+        limits = on_device(strides * scales), on_device(tolerance)
+        while True:
+            model = on_device(now.coordinates * scales), *_triangular(now, scales)
+            y, arrays, done, length = _advance(y, arrays, model, *limits)
+            accepted = int(arrays.num_steps_since_acceptance) == 0
+            best = now if accepted else best
+            iteration = Iteration(
+                len(iterations),
+                accepted,
+                float(now.residuals @ now.residuals),
+                now.coordinates,
+                float(length),
+                float(arrays.search_state.step_size),
+            )
+            iterations.append(iteration)
+            on_iteration(iteration)
+            if bool(done):
+                near = iteration.decrement < max(NEARLY, tolerance)
+                return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
+            if len(iterations) == max_iterations:
+                return best, tuple(iterations), Ending.EXHAUSTED
+            now = evaluate(np.asarray(arrays.y_eval) / scales)
+    except KeyboardInterrupt:
+        return best, tuple(iterations), Ending.INTERRUPTED
 
 
 def scales_of(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, " p"]:

@@ -29,6 +29,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
+from ..parametrisation.variations import MadeByFunction, SeriesDelay, unchanged
 from ..quantities.base import Quantity
 from ..results import RESULTS
 from ..simulation import presets
@@ -39,6 +40,9 @@ from ..simulation.sensitivities import check_outputs
 from ..simulation.settings import Settings, settings_or
 from ..simulation.spans import check_span, checked_times
 
+APART = 1e-7
+"""Distance, s, of the instants whose difference tells how fast a delayed output changes: short
+beside contacts, long beside the rounding of times."""
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach, in standard deviations: so large that an
 optimiser turns back."""
@@ -51,6 +55,7 @@ class Experiment(eqx.Module):
       used; `run` takes coordinates.
     - `outputs`: what is measured, by name; `names` are these in the order of arrays.
     - `times`: (T,) s, rising, the last one repeated up to one of few numbers of times.
+    - `delays`: of each delay among the parameters its number, and the names of its outputs.
     - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
     """
 
@@ -62,20 +67,109 @@ class Experiment(eqx.Module):
     first_step: jax.Array
     max_steps: jax.Array
     names: tuple[str, ...] = eqx.field(static=True)
+    delays: tuple[tuple[int, tuple[str, ...]], ...] = eqx.field(static=True, default=())
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
-        """The outputs and their derivatives along a run at coordinates (p,), up to a time, s."""
+        """The outputs and their derivatives along a run at coordinates (p,), up to a time, s; later
+        if an output leads. Outputs are those at the times less their delays."""
+        if not self.delays:
+            return self._sampled(coordinates, self.times, on_device(end_time))
+        instants, end = _instants(self, on_device(coordinates), on_device(end_time))
+        found = self._sampled(coordinates, instants.rising, end)
+        return _delayed(self, on_device(coordinates), instants, found)
+
+    def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
         return sampled_compiled(
             self.scheme,
             self.family.at(coordinates),
             self.outputs,
-            self.times,
+            times,
             self.start_time,
-            on_device(end_time),
+            end_time,
             self.first_step,
             self.max_steps,
             NOTHING_ELSE,
         )
+
+    def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
+        """The value, s, of a delay at coordinates (..., p)."""
+        return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
+
+
+class _Instants(eqx.Module):
+    """Times at which a run with delays is looked at.
+
+    - `rising`: (N,) all of them, s.
+    - `own`: (T,) where the times without a delay are among these.
+    - `at`, `before`, `after`: (T,) by the number of a delay, where the times less it are, and those
+      a little earlier and later; `inside`: which of them are after the start.
+    """
+
+    rising: jax.Array
+    own: jax.Array
+    at: dict[int, jax.Array]
+    before: dict[int, jax.Array]
+    after: dict[int, jax.Array]
+    inside: dict[int, jax.Array]
+
+
+@Compiled
+def _instants(
+    runs: Experiment, coordinates: jax.Array, end_time: jax.Array
+) -> tuple[_Instants, jax.Array]:
+    """Times at which to look, and the end of the run, s."""
+    values = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
+    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(values.values()))))
+    own = jnp.minimum(runs.times, end_time)
+    rows, inside = [own], {}
+    for number, delay in values.items():
+        shifted = own - delay
+        inside[number] = shifted >= runs.start_time
+        rows += [jnp.clip(shifted + d, runs.start_time, end) for d in (0.0, -APART, APART)]
+    every = jnp.concatenate(rows)
+    order = jnp.argsort(every)
+    places = jnp.argsort(order).reshape(len(rows), -1)
+    where = {n: places[1 + 3 * k : 4 + 3 * k] for k, n in enumerate(values)}
+    at, before, after = ({n: rows[k] for n, rows in where.items()} for k in range(3))
+    return _Instants(every[order], places[0], at, before, after, inside), end
+
+
+@Compiled
+def _delayed(
+    runs: Experiment, coordinates: jax.Array, instants: _Instants, found: Sampled
+) -> Sampled:
+    """Outputs and derivatives at the times less their delays, of what was found at all instants;
+    NaN where the run did not come so far."""
+    delay_of = {name: number for number, names in runs.delays for name in names}
+    values, derivatives = {}, {}
+    for name, output in runs.outputs.items():
+        seen = jnp.where(found.reached, found.values[name], jnp.nan)
+        number = delay_of.get(name)
+        if number is None:
+            values[name], derivatives[name] = (
+                seen[instants.own],
+                found.derivatives[name][instants.own],
+            )
+            continue
+        at, before, after = (
+            rows[number] for rows in (instants.at, instants.before, instants.after)
+        )
+        change = seen[after] - seen[before]
+        period = getattr(output, "period", None)
+        if period is not None:
+            change = change - period * jnp.round(change / period)
+        apart = instants.rising[after] - instants.rising[before]
+        rate = jnp.where(instants.inside[number], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
+        scale = runs.family.scales[number]
+        slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
+        values[name] = seen[at]
+        derivatives[name] = found.derivatives[name][at].at[:, number].add(-rate * slope)
+    reached = jnp.ones_like(instants.own, bool)
+    return eqx.tree_at(
+        lambda run: (run.values, run.derivatives, run.reached),
+        found,
+        (values, derivatives, reached),
+    )
 
 
 def experiment(
@@ -96,7 +190,13 @@ def experiment(
     end_time = float(np.max(times))
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
-    family = parametrised(scene, state, parameters, np.zeros(len(parameters)))
+    delays = _delays(parameters, outputs)
+    still = MadeByFunction(unchanged, "s")
+    in_scene = {
+        name: Parameter(still, parameter.scale, value=0.0) if number in dict(delays) else parameter
+        for number, (name, parameter) in enumerate(parameters.items())
+    }
+    family = parametrised(scene, state, in_scene, np.zeros(len(parameters)))
     return Experiment(
         scheme,
         family,
@@ -106,7 +206,27 @@ def experiment(
         on_device(settings.length_of_first_step(start_time, end_time)),
         on_device(settings.max_steps, int),
         tuple(outputs),
+        delays,
     )
+
+
+def _delays(
+    parameters: Mapping[str, Parameter], outputs: Mapping[str, Quantity]
+) -> tuple[tuple[int, tuple[str, ...]], ...]:
+    """The numbers of the delays among the parameters, and the outputs that each is of."""
+    found, taken = [], set()
+    for number, (label, parameter) in enumerate(parameters.items()):
+        if isinstance(parameter.variation, SeriesDelay):
+            names = parameter.variation.series
+            for name in names:
+                one = f"parameters[{label!r}]"
+                known = f"a delay of measured series: {', '.join(outputs)}"
+                require(name in outputs, one, name, known, "correct the name of the series")
+                once = "the only delay of its series"
+                require(name not in taken, one, name, once, "leave the series out of one of them")
+                taken.add(name)
+            found.append((number, names))
+    return tuple(found)
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:

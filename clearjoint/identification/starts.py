@@ -10,6 +10,7 @@ from ..fields.checks import as_number, recheck, require, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
+from ..parametrisation.variations import SeriesDelay
 
 Guess = Mapping[str, float]
 """Values of parameters by name."""
@@ -104,6 +105,8 @@ def _require_possible(scene: Scene, state: State, parameter: Parameter, value: f
 
     **Raises:** `ValueError` as at the scene's construction.
     """
+    if isinstance(parameter.variation, SeriesDelay):
+        return
     changed, _ = parameter.variation.setter(scene, state, value)(scene, state, value)
     recheck(changed)
 

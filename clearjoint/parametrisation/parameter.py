@@ -10,7 +10,14 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from .places import Place, value_at
 from .scales import AbstractScale, Linear
-from .variations import AbstractVariation, Change, MadeByFunction, SceneNumber, StateNumber
+from .variations import (
+    AbstractVariation,
+    Change,
+    MadeByFunction,
+    SceneNumber,
+    SeriesDelay,
+    StateNumber,
+)
 
 
 @dataclass(frozen=True, init=False)
@@ -26,8 +33,9 @@ class Parameter:
     - `value`: that of the scene unless given.
     - `unit`: a label; that of the place unless given.
 
-    `Parameter.initial` takes a place in the initial state, and `Parameter.change` a function that
-    makes scene and state of a value.
+    `Parameter.initial` takes a place in the initial state, `Parameter.change` a function that makes
+    scene and state of a value, and `Parameter.delay` the names of measured series whose clock is
+    late.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
     >>> scene, state = cj.double_pendulum(clearance=0.5e-3)
@@ -73,6 +81,32 @@ class Parameter:
     ) -> "Parameter":
         """A value from which ``make(scene, state, value)`` makes scene and state."""
         return Parameter(MadeByFunction(make, unit), scale, value=value)
+
+    @staticmethod
+    def delay(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """The delay, s, by which the time stamps of measured series are late: a sample at time t is
+        compared with the motion at t - delay. It is for fits, by `identify`, `identify_many` and
+        `minimise`.
+
+        **Arguments:**
+
+        - `series`: names in `Measurements`, at least one; several share one clock.
+        - `value`: first guess, s.
+        - `scale`: `Linear()` unless given; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
+
+        A sample that the delay moves to before the start of the run is compared with the initial
+        state: leave such samples out by `Measurements.between`. A delay common to all series can be
+        told from the motion only if the motion depends on more than the time since its start, or if
+        the initial state is known.
+
+        >>> delay = cj.Parameter.delay("probe x", "probe y")
+        >>> delay.value
+        0.0
+        """
+        remedy = 'pass their names in the measurements, such as Parameter.delay("probe")'
+        named = len(series) > 0 and all(isinstance(name, str) for name in series)
+        require(named, "series", series, "names of series", remedy)
+        return Parameter(SeriesDelay(series), scale, value=value)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
         """The coordinate of `value`, or if it is ``None`` of the value that stands in the scene.

@@ -119,6 +119,41 @@ class MadeByFunction(AbstractVariation):
 
 
 @dataclass(frozen=True)
+class SeriesDelay(AbstractVariation):
+    """The delay of the time stamps of measured `series`, named. It is in no scene: only fits, which
+    have measurements, can use it."""
+
+    series: tuple[str, ...]
+
+    @property
+    def function(self) -> Callable[..., PyTree]:
+        """What leaves the scene as it is."""
+        return unchanged
+
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """Seconds."""
+        return "s"
+
+    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
+        """None.
+
+        **Raises:** `ValueError`.
+        """
+        del scene, state, example
+        series = ", ".join(map(repr, self.series))
+        raise ValueError(
+            f"A delay (of series {series}) is no number of a scene: only cj.identify, "
+            "cj.identify_many and cj.minimise can use it. Leave it out here."
+        )
+
+
+def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+    """The scene and the state themselves, whatever the value."""
+    del value
+    return scene, state
+
+
+@dataclass(frozen=True)
 class _Setter:
     """Puts a value at numbers of the scene, or of the state."""
 

@@ -63,7 +63,14 @@ class Problem:
         grow = self.ends(windows)[:-1]
         begun = time.perf_counter()
         found = cj.identify(
-            scene, state, self.measurements, PARAMETERS, guess=guess, grow=grow, progress=False
+            scene,
+            state,
+            self.measurements,
+            PARAMETERS,
+            guess=guess,
+            grow=grow,
+            check_runs=0,
+            progress=False,
         )
         runs = found.best.evaluations
         return Found(found.coordinates, runs, time.perf_counter() - begun)

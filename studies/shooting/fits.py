@@ -45,6 +45,7 @@ def single(data: cj.Measurements, limits: cj.Horizon | None, grow: list[float]) 
         grow=grow,
         horizon=limits,
         settings=CLOSE,
+        check_runs=0,
         progress=False,
     )
     way = "single run, growing windows" if grow else "single run, at once"

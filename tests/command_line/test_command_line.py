@@ -15,7 +15,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import reports, running
+from clearjoint.command_line import fitting, reports, running
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.examples import MECHANISMS
 from clearjoint.command_line.folders import Folder, scene_and_solution
@@ -499,3 +499,23 @@ def test_ctrl_c_while_the_program_is_imported_ends_it_with_a_word():
         check=False,
     )
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+@pytest.mark.slow
+def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
+    times = np.linspace(1.0, 20.0, 40)
+    pd.DataFrame({"time [ms]": times, "height [um]": -0.5 * times}).to_csv("rig.csv", index=False)
+
+    def stopped(*arguments, progress, **options):
+        def stop(iteration):
+            progress(iteration)
+            raise KeyboardInterrupt
+
+        return cj.identify(*arguments, progress=stop, **options)
+
+    monkeypatch.setattr(fitting, "identify", stopped)
+    outcome = told("fit", "study.toml", "--out", "stopped")
+    assert outcome.exit_code == 130, outcome.output
+    assert "interrupted; the best fit so far is in stopped" in outcome.output
+    assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
+    assert "it was interrupted" in Path("stopped/report.txt").read_text()

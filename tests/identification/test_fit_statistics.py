@@ -29,6 +29,9 @@ def place(scene):
 PLAIN = {"offset": cj.Parameter(place, unit="m"), "slope": cj.Parameter(place, unit="m/s")}
 
 
+DELAY = {"delay": cj.Parameter.delay("laser")}
+
+
 def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.Ending.CONVERGED):
     """A fit of offset + slope * t to data of which the noise is 0.1; no run, but the algebra."""
     at, columns = np.array(at), np.column_stack([np.ones(COUNT), TIMES])
@@ -48,7 +51,7 @@ def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.
     )
     iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
     search = Search(at, (WindowSearch(2.0, (iteration,), ending),), best)
-    units = {name: p.variation.unit for name, p in parameters.items()}
+    units = {n: getattr(p.variation, "unit", "s") for n, p in parameters.items()}
     scene, state = cj.double_pendulum()
     return cj.Fit(scene, state, parameters, units, measurements, (search,), search)
 
@@ -270,6 +273,10 @@ def test_outliers_and_shifts_in_time_are_seen():
     assert f"{TIMES[20]:.6g} s" in outliers or f"{TIMES[90]:.6g} s" in outliers
     late = with_data(lambda data: data - 2.0 * 0.3).advice
     assert any("0.298 s late" in sentence and "97%" in sentence for sentence in late)
+    assert any("cj.Parameter.delay('laser')" in sentence for sentence in late)
+    assert not any("start_time" in sentence for sentence in late)
+    free = with_data(lambda data: data - 0.6, parameters=PLAIN | DELAY).advice
+    assert not any("Parameter.delay" in sentence for sentence in free)
 
 
 def test_what_was_tried_already_is_not_advised():

@@ -64,7 +64,7 @@ def draws(clean):
 
 @pytest.fixture(scope="session")
 def fit(draws):
-    return cj.identify(SCENE, STATE, draws[0], PARAMETERS, guess=CLOSE, progress=False)
+    return fitted(draws[0], guess=CLOSE)
 
 
 @pytest.fixture(scope="session")
@@ -76,7 +76,8 @@ def problem(draws):
 
 
 def fitted(measurements, **options):
-    return cj.identify(SCENE, STATE, measurements, PARAMETERS, **{"progress": False, **options})
+    options = {"progress": False, "check_runs": 0, **options}
+    return cj.identify(SCENE, STATE, measurements, PARAMETERS, **options)
 
 
 def test_data_without_noise_give_the_parameters_back(clean):
@@ -154,7 +155,8 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
 
 
 def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
-    many = cj.identify_many(SCENE, STATE, draws, PARAMETERS, guess=CLOSE, progress=False)
+    options = {"guess": CLOSE, "progress": False, "check_runs": 0}
+    many = cj.identify_many(SCENE, STATE, draws, PARAMETERS, **options)
     assert many[0].estimates == fit.estimates
     assert many[1].estimates == fitted(draws[1], guess=CLOSE).estimates
     assert len({one.estimates["clearance"] for one in many}) == 3
@@ -242,6 +244,7 @@ def test_minimum_of_an_objective(clean):
             {"max_iterations": 0},
             "`max_iterations` must be a whole number, positive, but is 0: allow one run",
         ),
+        ({"check_runs": 10}, "`check_runs` must be 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
         ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be of parameters .*\['mass'\]"),
     ],

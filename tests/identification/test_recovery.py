@@ -15,6 +15,7 @@ from studies.common.identification_problem import (
     ideal,
 )
 from studies.identification import today as identification_today
+from studies.recovery import coverage
 from studies.recovery import draws as recovery
 from studies.recovery.__main__ import main
 from studies.recovery.draws import Recovery
@@ -79,6 +80,25 @@ def test_scipy_with_differences_ends_where_identify_does():
     apart = np.abs(ours.coordinates - theirs.coordinates) / data.bounds
     assert apart.max() < 0.1
     assert ours.runs < theirs.runs
+
+
+def test_coverage_counts_minima_intervals_and_misses():
+    found = [
+        coverage.Draw((True, True), (True, True), (0.0, 0.0), False, (1.0, 2.0)),
+        coverage.Draw((False, True), (True, True), (160.0, -0.1), True, (3.0, 4.0)),
+        coverage.Draw((False, False), (False, True), (9.0, 5.0), True, (5.0, 6.0)),
+        coverage.Draw((False, True), (False, True), (0.0, 0.0), False, (5.0, 6.0)),
+    ]
+    cells = [cell.strip() for cell in coverage.row("pin", found).split("|")[1:-1]]
+    assert cells == ["pin", "4", "2; 1", "25, 75", "50, 100", "2", "2, 1", "4; 5"]
+    assert len(cells) == len(coverage.HEADINGS)
+
+
+@pytest.mark.slow
+def test_quick_coverage_prints_a_row(capsys):
+    main(["coverage", "--quick"])
+    cells = [cell.strip() for cell in capsys.readouterr().out.splitlines()[-1].split("|")]
+    assert cells[1] == "crank-rocker, rocker foot, from 1.1 rad" and cells[2] == "2"
 
 
 @pytest.mark.slow

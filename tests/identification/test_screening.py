@@ -125,3 +125,66 @@ def test_arguments_that_no_screening_can_use(data):
         cj.identify(
             SCENE, STATE, data, PARAMETERS, guess=[FAR, FAR], starts=cj.Screening(), progress=False
         )
+
+
+EARLY, LATE = (TIMES > 0.75) & (TIMES < 2.05), TIMES > 18.45
+UNEQUAL = np.where(EARLY, 0.15, np.where(LATE, 0.75, 1e3))
+"""Noise, m, of samples of which early ones are precise and late ones make ripples; the others, as
+good as none, are there to share the compiled runs of the tests above."""
+
+
+@pytest.fixture(scope="module")
+def rough():
+    series = cj.Series(CHANNEL, TIMES, moved(STIFFNESS), UNEQUAL)
+    return cj.Measurements({"x": series.with_noise(np.random.default_rng(6))})
+
+
+def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
+    """By chi squared in closed form on a fine grid: two minima, the lower one 8 standard errors
+    from where a search from the truth ends."""
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors do not hold"):
+        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
+    plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
+    grid = np.geomspace(STIFFNESS / np.e**2, STIFFNESS * np.e**2, 40001)
+    curve = (((moved(grid[:, None]) - rough["x"].values) / UNEQUAL) ** 2).sum(axis=1)
+    assert fit.chi_squared == pytest.approx(curve.min(), abs=0.01)
+    assert fit.estimates["stiffness"] == pytest.approx(grid[curve.argmin()], rel=1e-3)
+    assert fit.chi_squared < plain.chi_squared and plain.check is None
+    held = grid[curve <= curve.min() + 3.84]
+    assert fit.intervals["stiffness"] == pytest.approx((held[0], held[-1]), rel=0.01)
+    assert fit.check.minima == 2 and len(fit.rivals) == 1
+    first, second = str(fit).split("\n\n")[:2]
+    assert first.startswith("Fit of 200 samples") and second == fit.warnings[0]
+    assert f"with 2 minima ({fit.check.runs} runs around the estimates" in second
+
+
+def test_a_covariance_that_holds_is_confirmed_by_few_runs(data):
+    fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
+    assert fit.check.passed and fit.check.exploration is None and fit.doubts == []
+    assert fit.check.runs == len(fit.check.test.found) == 14
+    np.testing.assert_allclose(fit.check.test.found, fit.check.test.predicted, rtol=0.3, atol=0.3)
+    assert "up to 4 standard errors away (14 runs around" in str(fit)
+
+
+@pytest.mark.parametrize("last", [2, 5])
+def test_an_interrupted_fit_has_the_best_run_so_far(data, last):
+    """In the first window, and in the one that grows from it."""
+    seen = []
+
+    def stop(iteration):
+        seen.append(iteration)
+        if len(seen) == last:
+            raise KeyboardInterrupt
+
+    with pytest.raises(cj.FitInterrupted, match="the best so far has chi squared") as stopped:
+        cj.identify(
+            SCENE, STATE, data, PARAMETERS, guess={"stiffness": 48.0}, grow=(2.0,), progress=stop
+        )
+    (fit,) = stopped.value.fits
+    assert fit.ending is cj.Ending.INTERRUPTED and fit.check is None
+    assert "Not converged: it was interrupted" in str(fit)
+    assert any(np.array_equal(fit.coordinates, one.coordinates) for one in seen)
+    residuals = (moved(fit.estimates["stiffness"]) - data["x"].values) / NOISE
+    assert fit.chi_squared == pytest.approx(np.sum(residuals**2), rel=1e-3)
+    with pytest.raises(KeyboardInterrupt):
+        raise stopped.value

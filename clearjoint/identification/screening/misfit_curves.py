@@ -61,6 +61,7 @@ class SideBySide:
         their samples.
         """
         curves = np.zeros((len(coordinates), count + 1))
+        instants, where = self._instants(coordinates, count)
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
@@ -72,31 +73,56 @@ class SideBySide:
 
         def on_ended(ended: Ended) -> None:
             rows, reached = ended.logs[LOG]
-            predicted = np.stack([rows[name] for name in self.runs.names])
-            predicted[:, reached:] = np.nan
+            predicted = np.full((len(where), len(self.times)), np.nan)
+            for row, name, places in zip(predicted, self.runs.names, where, strict=True):
+                at = places[ended.lane if len(places) > 1 else 0]
+                row[: len(at)] = np.where(at < reached, rows[name][at], np.nan)
             waiting[ended.lane] = predicted
             if len(waiting) == TOGETHER:
                 take()
 
         devices = busy_devices()
-        batch = batch_of(self._common, self._tasks(coordinates, count), devices, extent(devices))
+        tasks = self._tasks(coordinates, instants)
+        batch = batch_of(self._common, tasks, devices, extent(devices))
         batch.run(range(len(coordinates)), on_ended)
         if waiting:
             take()
         return curves
 
-    def _tasks(self, coordinates: np.ndarray, count: int) -> Task:
+    def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         varied, states = jax.device_get(_scenes_and_states(self.runs, self._varied, coordinates))
-        lanes, times = len(coordinates), self.times.copy()
-        end_time = times[count - 1]
-        times[count:] = np.inf  # never come to, so that nothing is recorded for padding
+        lanes = len(coordinates)
         return Task(
             varied,
             states,
-            np.full(lanes, end_time),
+            np.where(np.isfinite(instants), instants, -np.inf).max(axis=1),
             np.full(lanes, float(self.runs.first_step)),
-            np.tile(times, (lanes, 1)),
+            instants,
         )
+
+    def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Times (n, K) at which the runs are recorded, s, infinite behind the last; and for each
+        series where the times of its samples are among these, (n, count), or (1, count) for all."""
+        runs, lanes, own = self.runs, len(coordinates), self.times[:count]
+        if not runs.delays:
+            times = self.times.copy()
+            times[count:] = np.inf  # never come to, so that nothing is recorded for padding
+            return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
+        shift = dict.fromkeys(runs.names, np.zeros(lanes))
+        for number, names in runs.delays:
+            shift |= dict.fromkeys(names, np.asarray(runs.delay(number, jnp.asarray(coordinates))))
+        start = float(runs.start_time)
+        queries = {n: np.maximum(own - d[:, None], start) for n, d in shift.items()}
+        several = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
+        every = np.concatenate([np.tile(own, (lanes, 1)), several], axis=1)
+        instants = np.full((lanes, len(self.times) * (1 + len(runs.delays))), np.inf)
+        where = [np.zeros((lanes, count), int) for _ in runs.names]
+        for lane, row in enumerate(every):
+            rising = np.unique(row)
+            instants[lane, : len(rising)] = rising
+            for places, name in zip(where, runs.names, strict=True):
+                places[lane] = np.searchsorted(rising, queries[name][lane])
+        return instants, where
 
     @cached_property
     def _varied(self) -> PyTree[bool]:
