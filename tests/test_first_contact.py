@@ -96,14 +96,14 @@ ERRORS = {
     ),
     "a body's name in capitals": (
         lambda: scene(joints={"pin": pin(second="Arm")}),
-        "`joints['pin']`",
+        "`joints['pin'].journal_body`",
         "'Arm'",
         "known bodies",
         "did you mean 'arm'?",
     ),
     "another body's name": (
         lambda: scene(joints={"pin": pin(second="crank")}),
-        "`joints['pin']`",
+        "`joints['pin'].journal_body`",
         "'crank'",
         "['arm', 'ground']",
         "add the body",
@@ -257,7 +257,7 @@ ERRORS = {
     "a state beside its joint": (
         lambda: run(HINGED, state(position=(0.6, 0, 0))),
         "`state`",
-        "-0.09",
+        "-0.1",
         "'pin: translation x'",
         "assemble(scene, state)",
     ),
@@ -271,7 +271,7 @@ ERRORS = {
     "a journal outside its bearing": (
         lambda: run(state=state(position=(0.6, 0, 0))),
         "`state`",
-        "0.0994",
+        "0.0995",
         "contact 'V' of joint 'pin'",
         "assemble(scene, state)",
     ),

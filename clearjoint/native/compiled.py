@@ -12,9 +12,7 @@ from jax._src import core
 from jax.core import Tracer
 
 from ..compilation import Compiled
-from ..compilation.clock import program_is_made_inside
 from ..compilation.effort import Effort
-from ..compilation.tracing import collector_at_rest
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
@@ -53,8 +51,7 @@ class Native(Generic[Arguments, Result]):
         key = self.native.key(arguments)
         if key not in self._refused:
             try:
-                with collector_at_rest(), program_is_made_inside():
-                    program, result = self.native.program(arguments)
+                program, result = self.native.program(arguments)
                 arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
                 return result(program(arrays))
             except UnsupportedPrimitiveError as error:

@@ -15,8 +15,9 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-from ..compilation.clock import begins_a_program
+from ..compilation.clock import begins_a_program, program_is_made_inside
 from ..compilation.program import PLACE
+from ..compilation.tracing import collector_at_rest
 from .kept import kept
 from .llvm_text import llvm_text
 from .lowering import Lowering, Region, tangents_of
@@ -194,7 +195,8 @@ class NativeFunction:
         found = self._programs.get(key)
         if found is None:
             leaves, structure = jax.tree.flatten(arguments)
-            with _compiles:  # JAX may trace in threads, but each program is made once.
+            # JAX may trace in threads, but each program is made once.
+            with collector_at_rest(), program_is_made_inside(), _compiles:
                 found = self._programs.get(key) or kept(
                     self._function, arguments, lambda: self._compiled(leaves, structure)
                 )

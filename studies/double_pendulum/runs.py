@@ -106,4 +106,4 @@ def _instants(settings: Settings, impacts: cj.Impacts) -> np.ndarray:
     early = np.linspace(0.0, settings.early, EARLY_INSTANTS)
     late_count = SAVED - EARLY_INSTANTS - 3 * IMPACT_INSTANTS
     late = np.linspace(settings.early, settings.duration, late_count)
-    return np.sort(np.concatenate([early, late, *inside]))
+    return np.unique(np.concatenate([early, late, *inside]))
