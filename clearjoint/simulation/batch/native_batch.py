@@ -1,5 +1,6 @@
 """Lanes side by side in native code, one thread a core, each refilled as soon as its lane ends."""
 
+import math
 import queue
 import threading
 import time
@@ -31,6 +32,8 @@ SLICE = 4096
 """Turns after which a thread looks whether it is to stop, and reports."""
 PERIOD = 0.2
 """Seconds between two reports of progress."""
+KNOWN_SHARE = 0.01
+"""Of all work, from which on the time left is estimated."""
 
 
 class NativeBatch:
@@ -89,6 +92,11 @@ class NativeBatch:
             if stopped():
                 raise KeyboardInterrupt
 
+    @property
+    def end_times(self) -> np.ndarray:
+        """Where the lanes end, s."""
+        return np.asarray(self._tasks.end_time)
+
     def task(self, number: int) -> Task:
         """The task of a lane."""
         return jax.tree.map(lambda leaf: np.asarray(leaf[number]), self._tasks)
@@ -113,6 +121,7 @@ class _Shared:
     - `waiting`: numbers of the lanes that have not begun; `reports`: what groups hand over: lanes
       that have ended, an error, or ``None`` at the end of a group.
     - `times`: where the lanes are that run, s, by number; `stops`: whether groups are to end.
+    - `lanes`: number of all lanes.
     """
 
     def __init__(self, batch: NativeBatch, waiting: deque[int]):
@@ -120,6 +129,7 @@ class _Shared:
         self.reports: queue.Queue[Ended | BaseException | None] = queue.Queue()
         self.times: dict[int, float] = {}
         self.stops = False
+        self.lanes, self._begun = len(waiting), time.monotonic()
 
     def next_lane(self) -> int | None:
         """The number of a lane to begin, or ``None`` if none waits."""
@@ -128,11 +138,16 @@ class _Shared:
         except IndexError:
             return None
 
-    def running(self, seconds: float) -> Running:
-        """How far the lanes are, after so many seconds."""
-        del seconds
-        times, start = list(self.times.values()), float(self.batch.common.start_time)
-        return Running(len(times), min(times, default=start), max(times, default=start), None)
+    def running(self) -> Running:
+        """How far the lanes are."""
+        times, start = dict(self.times), float(self.batch.common.start_time)
+        ends = self.batch.end_times
+        begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
+        ended = self.lanes - len(self.waiting) - len(times)
+        share, seconds = (ended + begun) / self.lanes, time.monotonic() - self._begun
+        left = seconds * (1.0 - share) / share if share > KNOWN_SHARE else None
+        earliest, latest = (f(times.values(), default=start) for f in (min, max))
+        return Running(len(times), earliest, latest, left)
 
 
 def _deliver(
@@ -143,7 +158,7 @@ def _deliver(
     stopped: Callable[[], bool],
 ) -> None:
     """Hand over what groups report, until all have ended."""
-    began = reported = time.monotonic()
+    reported = -math.inf
     while groups:
         try:
             report = shared.reports.get(timeout=PERIOD)
@@ -158,7 +173,7 @@ def _deliver(
         shared.stops = shared.stops or stopped()
         if time.monotonic() - reported > PERIOD:
             reported = time.monotonic()
-            on_progress(shared.running(reported - began))
+            on_progress(shared.running())
 
 
 class _Programs:
