@@ -109,11 +109,11 @@ def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
     scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
     state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
-    cj.simulate(scene, state, 0.3, progress=progress)
+    cj.simulate(scene, state, 60.0, progress=progress)  # some milliseconds
     assert ("compiling, 12 s:   0%" in capsys.readouterr().err) == progress
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     outputs = {"x": cj.quantities.Position("mass", "x")}
-    cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.1], progress=progress)
+    cj.sensitivities(scene, state, 60.0, parameters, outputs, [0.1], progress=progress)
     assert ("compiling, 12 s" in capsys.readouterr().err) == progress
 
 
