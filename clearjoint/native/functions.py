@@ -23,6 +23,7 @@ from .llvm_text import llvm_text
 from .lowering import Lowering, Region, tangents_of
 from .machine_code import compiled
 from .operations import Operations
+from .primitives import RULES
 
 
 class Image:
@@ -60,7 +61,7 @@ class NativeProgram:
         outs = closed.jaxpr.outvars
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
-        lowering = Lowering(do)
+        lowering = Lowering(do, RULES)
         avals = iter(jaxpr.invars)
         self.inputs = [_region(do, next(avals).aval) if is_used else None for is_used in used]
         given = [

@@ -15,11 +15,13 @@ from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
+from .control import borrowed, loop
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
 from .lowering import Array, InMemory, Lowering, Region
 from .machine_code import compiled
 from .operations import Operations
+from .primitives import RULES
 
 WIDTH = 8
 """Lanes side by side: as many as a vector of 512 bits holds, or two of 256."""
@@ -72,22 +74,21 @@ class LaneLoop:
         steps, looks = (jax.make_jaxpr(f)(*leaves) for f in (turned, looked_at))
         traced = time.perf_counter()
         do = Operations(width=WIDTH)
-        lowering = Lowering(do)
+        lowering = Lowering(do, RULES)
         regions = [Region.of(v.aval, do.allocate(v.aval.size)) for v in steps.jaxpr.invars]
         given = [
             lowering.given(v.aval, region.start)
             for v, region in zip(steps.jaxpr.invars, regions, strict=True)
         ]
         counts = [len(jax.tree.leaves(tree)) for tree in arrays]
-        fixed = [lowering.borrowed(array) for array in given[: counts[0] + counts[1]]]
+        fixed = [borrowed(array) for array in given[: counts[0] + counts[1]]]
         state_regions = regions[len(fixed) :]
         self._occupied, self._limit = do.allocate(1), do.allocate(1)
         occupied, limit = do.load("b", self._occupied), do.load("i", self._limit)
         do.mark_uniform(limit)
 
         def looked(state: list[Array]) -> list[Array]:
-            borrowed = [lowering.borrowed(array) for array in state]
-            return _results(lowering, looks, [*fixed, *borrowed])
+            return _results(lowering, looks, [*fixed, *map(borrowed, state)])
 
         def holds(carries: list[Array]) -> int:
             count, goes = carries[0], looked(carries[1:])[names.index("goes")]
@@ -104,7 +105,7 @@ class LaneLoop:
             return [following, *_results(lowering, steps, [*fixed, *carries[1:]])]
 
         first: list[Array] = [do.constant("i", 0), *given[len(fixed) :]]
-        count, *after = lowering.loop(first, holds, go, uniform=True)
+        count, *after = loop(lowering, first, holds, go, uniform=True)
         for array, region in zip(after, state_regions, strict=True):
             _store(lowering, array, region)
         shown = zip(names, looked(after), looks.jaxpr.outvars, strict=True)

@@ -1,0 +1,207 @@
+"""Primitives that join elements: sums, extremes and products; rules as in `.structure`."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jax.extend import core
+
+from .elementwise import RULES as ELEMENTWISE
+from .lowering import (
+    Array,
+    EquationRule,
+    InMemory,
+    Lowering,
+    UnsupportedPrimitiveError,
+    kind_of,
+)
+from .operations import Value
+
+
+def _reduced(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
+    aval, axes = equation.invars[0].aval, tuple(equation.params["axes"])
+    kind, out = kind_of(aval), equation.outvars[0].aval
+
+    def join(a: Value, b: Value) -> Value:
+        return ELEMENTWISE[name](lower.do, kind, {}, a, b)
+
+    if isinstance(array, InMemory):
+        if out.shape != ():
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
+        return [_scan_memory(lower, array, join)[-1]]
+    values = np.array(lower.values(array)).reshape(aval.shape)
+    rest = [k for k in range(values.ndim) if k not in axes]
+    rows = values.transpose([*rest, *axes]).reshape(int(np.prod(out.shape, dtype=int)), -1)
+    found = []
+    for row in rows.tolist():
+        total = row[0]
+        for value in row[1:]:
+            total = join(total, value)
+        found.append(total)
+    return [lower.array(found, tuple(out.shape))]
+
+
+def _scan_memory(
+    lower: Lowering,
+    array: InMemory,
+    join: Callable[[Value, Value], Value],
+    out: InMemory | None = None,
+) -> list[Value]:
+    """Elements joined one after the other, each total stored if there is an array for them;
+    the last index and total."""
+    do = lower.do
+    first = do.load(array.kind, array.start)
+    if out is not None:
+        do.store(first, out.start)
+    end = do.constant("i", array.size)
+
+    def body(carries: list[Value]) -> list[Value]:
+        k, total = carries
+        total = join(total, do.load(array.kind, array.start, k))
+        if out is not None:
+            do.store(total, out.start, k)
+        return [do.do("add", "i", k, do.constant("i", 1)), total]
+
+    start = [do.constant("i", 1), first]
+    return do.loop(start, lambda carries: do.do("ilt", "b", carries[0], end), body)
+
+
+def _reduce_sum(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "add")
+
+
+def _reduce_prod(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "mul")
+
+
+def _reduce_max(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "max")
+
+
+def _reduce_min(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "min")
+
+
+def _reduce_or(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "or")
+
+
+def _reduce_and(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _reduced(lower, equation, array, "and")
+
+
+def _cumulated(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
+    aval, kind = equation.invars[0].aval, kind_of(equation.invars[0].aval)
+    if len(aval.shape) != 1 or equation.params["reverse"]:
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
+
+    def join(a: Value, b: Value) -> Value:
+        return ELEMENTWISE[name](lower.do, kind, {}, a, b)
+
+    if isinstance(array, InMemory):
+        out = InMemory(lower.do.allocate(array.size), array.shape, kind, True)
+        _scan_memory(lower, array, join, out)
+        return [out]
+    values = lower.values(array)
+    for k in range(1, len(values)):
+        values[k] = join(values[k - 1], values[k])
+    return [lower.array(values, tuple(aval.shape))]
+
+
+def _cumsum(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _cumulated(lower, equation, array, "add")
+
+
+def _cumprod(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _cumulated(lower, equation, array, "mul")
+
+
+def _cummax(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _cumulated(lower, equation, array, "max")
+
+
+def _cummin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _cumulated(lower, equation, array, "min")
+
+
+def _extreme_place(
+    lower: Lowering, equation: core.JaxprEqn, array: Array, compare: str
+) -> list[Array]:
+    aval, (axis,) = equation.invars[0].aval, equation.params["axes"]
+    out, do = equation.outvars[0].aval, lower.do
+    if isinstance(array, InMemory):
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+    values = np.moveaxis(np.array(lower.values(array)).reshape(aval.shape), axis, -1)
+    found = []
+    for row in values.reshape(-1, aval.shape[axis]).tolist():
+        best, place = row[0], do.constant(kind_of(out), 0)
+        for k, value in enumerate(row[1:], 1):
+            better = ELEMENTWISE[compare](do, "b", {}, value, best)
+            if kind_of(aval) == "f":
+                is_nan = do.do("is_nan_either", "b", value, value)
+                better = do.do("or", "b", better, is_nan)
+                known = do.do("is_nan_either", "b", best, best)
+                better = do.do("and", "b", better, do.do("not", "b", known))
+            best = do.do("select", kind_of(aval), better, value, best)
+            place = do.do("select", kind_of(out), better, do.constant(kind_of(out), k), place)
+        found.append(place)
+    return [lower.array(found, tuple(out.shape))]
+
+
+def _argmax(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _extreme_place(lower, equation, array, "gt")
+
+
+def _argmin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+    return _extreme_place(lower, equation, array, "lt")
+
+
+def _dot_general(
+    lower: Lowering, equation: core.JaxprEqn, first: Array, second: Array
+) -> list[Array]:
+    (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    if isinstance(first, InMemory) or isinstance(second, InMemory):
+        raise UnsupportedPrimitiveError("dot_general of large arrays")
+    out = equation.outvars[0].aval
+    kind = kind_of(out)
+
+    def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
+        shape = equation.invars[number].aval.shape
+        values = np.array(lower.values(array)).reshape(shape)
+        rest = [k for k in range(len(shape)) if k not in (*batch, *along)]
+        count = int(np.prod([shape[k] for k in batch], dtype=int))
+        length = int(np.prod([shape[k] for k in along], dtype=int))
+        return values.transpose([*batch, *rest, *along]).reshape(count, -1, length).tolist()
+
+    add, multiply = ELEMENTWISE["add"], ELEMENTWISE["mul"]
+    found = []
+    left_rows, right_rows = (
+        rows(first, 0, left_batch, left),
+        rows(second, 1, right_batch, right),
+    )
+    for lefts, rights in zip(left_rows, right_rows, strict=True):
+        for a in lefts:
+            for b in rights:
+                terms = [multiply(lower.do, kind, {}, x, y) for x, y in zip(a, b, strict=True)]
+                total = terms[0]
+                for term in terms[1:]:
+                    total = add(lower.do, kind, {}, total, term)
+                found.append(total)
+    return [lower.array(found, tuple(out.shape))]
+
+
+RULES: dict[str, EquationRule] = {
+    "reduce_sum": _reduce_sum,
+    "reduce_prod": _reduce_prod,
+    "reduce_max": _reduce_max,
+    "reduce_min": _reduce_min,
+    "reduce_or": _reduce_or,
+    "reduce_and": _reduce_and,
+    "cumsum": _cumsum,
+    "cumprod": _cumprod,
+    "cummax": _cummax,
+    "cummin": _cummin,
+    "argmax": _argmax,
+    "argmin": _argmin,
+    "dot_general": _dot_general,
+}
+"""Rules by the names of primitives."""
