@@ -57,7 +57,7 @@ class Native(Generic[Arguments, Result]):
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
                 report_fallback(error)
-        return self._compiled(*arguments)
+        return self._compiled(*arguments, **options)
 
     def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
         """The program for such arguments, as XLA optimises it."""

@@ -17,6 +17,7 @@ from .lowering import (
     Lowering,
     Packed,
     UnsupportedPrimitiveError,
+    aval_of,
     count_equations,
     kind_of,
 )
@@ -67,7 +68,7 @@ def _cond(lower: Lowering, equation: core.JaxprEqn, which: Array, *arguments: Ar
         which = lower.do.do("igt", "b", which, elementwise.like(lower.do, which, 0))
     no, yes = branches
     in_memory = any(
-        int(np.prod(v.aval.shape, dtype=int)) > LARGEST_TAKEN_APART for v in equation.outvars
+        int(np.prod(aval_of(v).shape, dtype=int)) > LARGEST_TAKEN_APART for v in equation.outvars
     )
     sizes = [count_equations(branch.jaxpr) for branch in branches]
     if not in_memory and max(sizes) <= LONGEST_CHOICE:
@@ -253,12 +254,12 @@ def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[A
     length, closed = parameters["length"], parameters["jaxpr"]
     consts = [borrowed(a) for a in arguments[:constants]]
     first = list(arguments[constants : constants + carried])
-    avals = [v.aval for v in equation.invars[constants + carried :]]
+    avals = [aval_of(v) for v in equation.invars[constants + carried :]]
     rows = [
         borrowed(lower.in_memory(a, tuple(aval.shape)))
         for a, aval in zip(arguments[constants + carried :], avals, strict=True)
     ]
-    outs = [v.aval for v in equation.outvars[carried:]]
+    outs = [aval_of(v) for v in equation.outvars[carried:]]
     made = [
         InMemory(do.allocate(int(np.prod(o.shape, dtype=int))), tuple(o.shape), kind_of(o), True)
         for o in outs

@@ -20,7 +20,7 @@ from ..compilation.program import PLACE
 from ..compilation.tracing import collector_at_rest
 from .kept import kept
 from .llvm_text import llvm_text
-from .lowering import Lowering, Region, tangents_of
+from .lowering import Lowering, Region, aval_of, tangents_of
 from .machine_code import compiled
 from .operations import Operations
 from .primitives import RULES
@@ -63,15 +63,15 @@ class NativeProgram:
         do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
         lowering = Lowering(do, RULES)
         avals = iter(jaxpr.invars)
-        self.inputs = [_region(do, next(avals).aval) if is_used else None for is_used in used]
+        self.inputs = [_region(do, aval_of(next(avals))) if is_used else None for is_used in used]
         given = [
-            lowering.given(v.aval, region.start)
+            lowering.given(aval_of(v), region.start)
             for v, region in zip(jaxpr.invars, filter(None, self.inputs), strict=True)
         ]
         consts = [lowering.constant(const) for const in closed.consts]
         found = lowering.run(jaxpr, consts, given)
         self.outputs = [
-            lowering.stored(array, out.aval) for array, out in zip(found, outs, strict=True)
+            lowering.stored(array, aval_of(out)) for array, out in zip(found, outs, strict=True)
         ]
         straightened = time.perf_counter()
         self.text = llvm_text(do, "program")

@@ -15,6 +15,7 @@ from .lowering import (
     InMemory,
     Lowering,
     UnsupportedPrimitiveError,
+    aval_of,
     kind_of,
 )
 from .operations import Value
@@ -60,7 +61,7 @@ def elements_at(
 def _dynamic_slice(
     lower: Lowering, equation: core.JaxprEqn, array: Array, *starts: Array
 ) -> list[Array]:
-    shape, sizes = equation.invars[0].aval.shape, equation.params["slice_sizes"]
+    shape, sizes = aval_of(equation.invars[0]).shape, equation.params["slice_sizes"]
     first = _first_place(lower, starts, shape, sizes)
     places = _places_in(shape, sizes)
     known = lower.do.number(first)
@@ -84,7 +85,7 @@ def _dynamic_slice(
 def _dynamic_update_slice(
     lower: Lowering, equation: core.JaxprEqn, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
-    shape, sizes = (equation.invars[k].aval.shape for k in (0, 1))
+    shape, sizes = (aval_of(equation.invars[k]).shape for k in (0, 1))
     first = _first_place(lower, starts, shape, sizes)
     places = _places_in(shape, sizes)
     known = lower.do.number(first)
@@ -114,13 +115,13 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Array) -> list[Array]:
-    parameters, shape = equation.params, equation.invars[0].aval.shape
+    parameters, shape = equation.params, aval_of(equation.invars[0]).shape
     numbers = parameters["dimension_numbers"]
-    sizes, out = parameters["slice_sizes"], equation.outvars[0].aval
+    sizes, out = parameters["slice_sizes"], aval_of(equation.outvars[0])
     fills = "FILL" in str(parameters["mode"])
     if numbers.operand_batching_dims:
         raise UnsupportedPrimitiveError("gather of batches")
-    batch = equation.invars[1].aval.shape[:-1]
+    batch = aval_of(equation.invars[1]).shape[:-1]
     offsets = [k for k in range(len(shape)) if k not in numbers.collapsed_slice_dims]
     block = [sizes[k] for k in offsets]
     strides = _strides(shape)
@@ -129,7 +130,7 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
         for k, (axis, size) in enumerate(zip(offsets, block, strict=True))
     )
     inside = np.broadcast_to(np.asarray(inside, dtype=int), block).ravel()
-    depth = equation.invars[1].aval.shape[-1]
+    depth = aval_of(equation.invars[1]).shape[-1]
     memory: InMemory | None = array if isinstance(array, InMemory) else None
     small = None if memory is not None else lower.values(array)
 
@@ -170,7 +171,7 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
         return [lower.array(values.transpose(own).ravel().tolist(), tuple(out.shape))]
     if tuple(numbers.offset_dims) != tuple(range(len(batch), len(out.shape))):
         raise UnsupportedPrimitiveError("gather of large transposed arrays")
-    table = lower.in_memory(indices, equation.invars[1].aval.shape)
+    table = lower.in_memory(indices, aval_of(equation.invars[1]).shape)
     if memory is None:
         memory = lower.in_memory(array, tuple(shape))
     result = InMemory(lower.do.allocate(count * inside.size), tuple(out.shape), memory.kind, True)
@@ -196,12 +197,12 @@ def _scattered(
     name: str,
 ) -> list[Array]:
     """A small array with some elements replaced, or joined with updates by a rule."""
-    shape, numbers = equation.invars[0].aval.shape, equation.params["dimension_numbers"]
-    update_shape, depth = equation.invars[2].aval.shape, equation.invars[1].aval.shape[-1]
+    shape, numbers = aval_of(equation.invars[0]).shape, equation.params["dimension_numbers"]
+    update_shape, depth = aval_of(equation.invars[2]).shape, aval_of(equation.invars[1]).shape[-1]
     large = [a for a in (array, indices, updates) if isinstance(a, InMemory)]
     if large or numbers.operand_batching_dims:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
-    do, kind, values = lower.do, kind_of(equation.outvars[0].aval), lower.values(array)
+    do, kind, values = lower.do, kind_of(aval_of(equation.outvars[0])), lower.values(array)
     strides, starts, news = _strides(shape), lower.values(indices), lower.values(updates)
     windows = list(numbers.update_window_dims)
     kept = [k for k in range(len(shape)) if k not in numbers.inserted_window_dims]

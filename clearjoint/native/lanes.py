@@ -18,7 +18,7 @@ from jaxtyping import PyTree
 from .control import borrowed, loop
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
-from .lowering import Array, InMemory, Lowering, Region
+from .lowering import Array, InMemory, Lowering, Region, aval_of
 from .machine_code import compiled
 from .operations import Operations
 from .primitives import RULES
@@ -75,9 +75,9 @@ class LaneLoop:
         traced = time.perf_counter()
         do = Operations(width=WIDTH)
         lowering = Lowering(do, RULES)
-        regions = [Region.of(v.aval, do.allocate(v.aval.size)) for v in steps.jaxpr.invars]
+        regions = [Region.of(aval_of(v), do.allocate(aval_of(v).size)) for v in steps.jaxpr.invars]
         given = [
-            lowering.given(v.aval, region.start)
+            lowering.given(aval_of(v), region.start)
             for v, region in zip(steps.jaxpr.invars, regions, strict=True)
         ]
         counts = [len(jax.tree.leaves(tree)) for tree in arrays]
@@ -109,7 +109,7 @@ class LaneLoop:
         for array, region in zip(after, state_regions, strict=True):
             _store(lowering, array, region)
         shown = zip(names, looked(after), looks.jaxpr.outvars, strict=True)
-        self.status = {name: lowering.stored(array, v.aval) for name, array, v in shown}
+        self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in shown}
         assert isinstance(count, int)
         lowered = time.perf_counter()
         self.text = llvm_text(do, "lanes", count)

@@ -75,6 +75,13 @@ Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, an array of values, or an array in memory."""
 
 
+def aval_of(atom: Atom) -> ShapedArray:
+    """The shape and dtype of a variable or a number in a jaxpr."""
+    if not isinstance(atom.aval, ShapedArray):
+        raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
+    return atom.aval
+
+
 def kind_of(aval: ShapedArray) -> str:
     """The kind of the elements of an abstract array."""
     kind = KINDS.get(str(aval.dtype))
@@ -254,10 +261,10 @@ class Lowering:
         if not isinstance(atom, core.Literal):
             return known[atom]
         if np.ndim(atom.val) == 0:
-            kind = KINDS.get(str(atom.aval.dtype))
+            kind = KINDS.get(str(aval_of(atom).dtype))
             if kind is not None:
                 return self.do.constant(kind, atom.val)
-        return self.constant(np.asarray(atom.val, dtype=atom.aval.dtype))
+        return self.constant(np.asarray(atom.val, dtype=aval_of(atom).dtype))
 
     def _run_equation(
         self, equation: core.JaxprEqn, known: dict[Atom, Array], last: dict[Atom, int], number: int
@@ -302,13 +309,13 @@ class Lowering:
         return [self.constant(const) for const in getattr(closed, "consts", ())]
 
     def _elementwise(self, equation: core.JaxprEqn, arguments: list[Array]) -> Array:
-        aval = equation.outvars[0].aval
+        aval = aval_of(equation.outvars[0])
         kind, shape = kind_of(aval), tuple(aval.shape)
         rule, do, parameters = RULES[equation.primitive.name], self.do, equation.params
         if str(aval.dtype) == "uint32":
             rule = _unsigned(rule)
         arguments = [
-            self._spread(argument, tuple(v.aval.shape), shape)
+            self._spread(argument, tuple(aval_of(v).shape), shape)
             for argument, v in zip(arguments, equation.invars, strict=True)
         ]
         try:
@@ -376,7 +383,7 @@ class Lowering:
 
     def moved(self, equation: core.JaxprEqn, array: Array, places: np.ndarray) -> Array:
         """The result of an equation, whose elements are at `places` among those of an array."""
-        return self.at_places(array, places.reshape(equation.outvars[0].aval.shape))
+        return self.at_places(array, places.reshape(aval_of(equation.outvars[0]).shape))
 
     def at_places(self, array: Array, places: np.ndarray) -> Array:
         """The array whose elements are at some places among those of another."""

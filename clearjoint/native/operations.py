@@ -98,7 +98,7 @@ _COMPARED = {
     "eq": operator.eq,
     "ne": operator.ne,
 }
-_FOLDED: dict[str, Callable[..., Number]] = {
+_FOLDED: dict[str, Callable] = {
     "fadd": operator.add,
     "fsub": operator.sub,
     "fmul": operator.mul,

@@ -12,14 +12,15 @@ from .lowering import (
     InMemory,
     Lowering,
     UnsupportedPrimitiveError,
+    aval_of,
     kind_of,
 )
 from .operations import Value
 
 
 def _reduced(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
-    aval, axes = equation.invars[0].aval, tuple(equation.params["axes"])
-    kind, out = kind_of(aval), equation.outvars[0].aval
+    aval, axes = aval_of(equation.invars[0]), tuple(equation.params["axes"])
+    kind, out = kind_of(aval), aval_of(equation.outvars[0])
 
     def join(a: Value, b: Value) -> Value:
         return ELEMENTWISE[name](lower.do, kind, {}, a, b)
@@ -90,7 +91,7 @@ def _reduce_and(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[
 
 
 def _cumulated(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
-    aval, kind = equation.invars[0].aval, kind_of(equation.invars[0].aval)
+    aval, kind = aval_of(equation.invars[0]), kind_of(aval_of(equation.invars[0]))
     if len(aval.shape) != 1 or equation.params["reverse"]:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
 
@@ -126,8 +127,8 @@ def _cummin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Arra
 def _extreme_place(
     lower: Lowering, equation: core.JaxprEqn, array: Array, compare: str
 ) -> list[Array]:
-    aval, (axis,) = equation.invars[0].aval, equation.params["axes"]
-    out, do = equation.outvars[0].aval, lower.do
+    aval, (axis,) = aval_of(equation.invars[0]), equation.params["axes"]
+    out, do = aval_of(equation.outvars[0]), lower.do
     if isinstance(array, InMemory):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
     values = np.moveaxis(np.array(lower.values(array)).reshape(aval.shape), axis, -1)
@@ -161,11 +162,11 @@ def _dot_general(
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):
         raise UnsupportedPrimitiveError("dot_general of large arrays")
-    out = equation.outvars[0].aval
+    out = aval_of(equation.outvars[0])
     kind = kind_of(out)
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        shape = equation.invars[number].aval.shape
+        shape = aval_of(equation.invars[number]).shape
         values = np.array(lower.values(array)).reshape(shape)
         rest = [k for k in range(len(shape)) if k not in (*batch, *along)]
         count = int(np.prod([shape[k] for k in batch], dtype=int))

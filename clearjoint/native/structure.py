@@ -16,6 +16,7 @@ from .lowering import (
     Lowering,
     Packed,
     UnsupportedPrimitiveError,
+    aval_of,
     kind_of,
 )
 
@@ -23,13 +24,13 @@ from .lowering import (
 def _structure(
     lower: Lowering, equation: core.JaxprEqn, array: Array, move: Callable
 ) -> list[Array]:
-    aval = equation.invars[0].aval
+    aval = aval_of(equation.invars[0])
     size = int(np.prod(aval.shape, dtype=int))
     return [lower.moved(equation, array, move(np.arange(size).reshape(aval.shape)))]
 
 
 def _squeeze(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    shape = equation.outvars[0].aval.shape
+    shape = aval_of(equation.outvars[0]).shape
     if isinstance(array, int):
         return [array]
     if isinstance(array, np.ndarray) and array.size == 1 and shape == ():
@@ -46,7 +47,7 @@ def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
     at = tuple(slice(*row) for row in rows)
-    if isinstance(array, Packed) and equation.outvars[0].aval.shape == (1,):
+    if isinstance(array, Packed) and aval_of(equation.outvars[0]).shape == (1,):
         element = lower.do.element(array.value, at[0].start)
         return [lower.array([element], (1,))]
     return _structure(lower, equation, array, lambda places: places[at])
@@ -87,21 +88,23 @@ def _joined(
     lower: Lowering, equation: core.JaxprEqn, arrays: Sequence[Array], join: Callable
 ) -> list[Array]:
     """One array of several ones'."""
-    sizes = [int(np.prod(v.aval.shape, dtype=int)) for v in equation.invars]
+    sizes = [int(np.prod(aval_of(v).shape, dtype=int)) for v in equation.invars]
     starts = np.cumsum([0, *sizes])
     places = join(
         [
-            np.arange(start, start + size).reshape(v.aval.shape)
+            np.arange(start, start + size).reshape(aval_of(v).shape)
             for start, size, v in zip(starts, sizes, equation.invars, strict=False)
         ]
     )
-    shape = tuple(equation.outvars[0].aval.shape)
+    shape = tuple(aval_of(equation.outvars[0]).shape)
     if places.size <= LARGEST_TAKEN_APART:
         values = [value for array in arrays for value in lower.values(array)]
         return [lower.array([values[k] for k in places.ravel()], shape)]
     if not np.array_equal(places.ravel(), np.arange(starts[-1])):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
-    out = InMemory(lower.do.allocate(places.size), shape, kind_of(equation.outvars[0].aval), True)
+    out = InMemory(
+        lower.do.allocate(places.size), shape, kind_of(aval_of(equation.outvars[0])), True
+    )
     for start, array in zip(starts, arrays, strict=False):
         if isinstance(array, InMemory):
             lower.copied(array, out.start + int(start))
@@ -122,7 +125,7 @@ def _stack(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Arr
 
 
 def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array) -> list[Array]:
-    aval, widths = equation.invars[0].aval, equation.params["padding_config"]
+    aval, widths = aval_of(equation.invars[0]), equation.params["padding_config"]
     if any(low < 0 or high < 0 or inside for low, high, inside in widths):
         raise UnsupportedPrimitiveError("pad with negative or inner padding")
     size = int(np.prod(aval.shape, dtype=int))
@@ -139,7 +142,7 @@ def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array)
 
 def _split(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     sizes, axis = equation.params["sizes"], equation.params["axis"]
-    aval = equation.invars[0].aval
+    aval = aval_of(equation.invars[0])
     places = np.arange(int(np.prod(aval.shape, dtype=int))).reshape(aval.shape)
     parts = np.split(places, np.cumsum(sizes)[:-1], axis)
     if isinstance(array, InMemory):
@@ -149,13 +152,13 @@ def _split(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array
 
 
 def _unstack(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    aval, axis = equation.invars[0].aval, equation.params.get("axis", 0)
+    aval, axis = aval_of(equation.invars[0]), equation.params.get("axis", 0)
     places = np.arange(aval.size).reshape(aval.shape)
     return [lower.at_places(array, part) for part in np.moveaxis(places, axis, 0)]
 
 
 def _iota(lower: Lowering, equation: core.JaxprEqn) -> list[Array]:
-    aval, axis = equation.outvars[0].aval, equation.params["dimension"]
+    aval, axis = aval_of(equation.outvars[0]), equation.params["dimension"]
     own = np.arange(aval.shape[axis]).reshape(
         [-1 if k == axis else 1 for k in range(len(aval.shape))]
     )

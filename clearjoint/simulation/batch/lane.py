@@ -23,7 +23,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...results import RESULTS
 from ..advance import Recorder, Stride, advance, latest_bracket
-from ..aliases import Integers
+from ..aliases import Integers, Numbers
 from ..dense_output import Bracket, Snapshot, on_constraints
 from ..grading import FromBegin
 from ..impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
@@ -74,7 +74,7 @@ class Orders(eqx.Module):
     end_time: Scalar
     first_step: Scalar
     window: Times
-    wanted: Mapping[str, Scalar]
+    wanted: Mapping[str, Scalar | Numbers]
 
 
 class Lane(eqx.Module):

@@ -22,6 +22,7 @@ from ...native.functions import BoundProgram, arrays_of, cells_of
 from ...native.kept import kept
 from ...native.lanes import WIDTH, LaneLoop
 from ...runtime import Device
+from ..aliases import Numbers
 from ..interruptions import interruptions_deferred
 from .device_pool import Columns, Common, Extent, Task, channels_of
 from .lane import Lane, Orders, Outcome, begin_lane, moves, outcome, turn
@@ -348,7 +349,7 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 
 
 @Native
-def _channels(common: Common, name: str, task: Task, lane: Lane, rows: jax.Array) -> Columns:
+def _channels(common: Common, name: str, task: Task, lane: Lane, rows: Numbers) -> Columns:
     """What is reported of rows of a log."""
     return channels_of(common, common.scene(task), name, lane, rows, jax.lax.map)
 

@@ -85,7 +85,7 @@ class SlotRing(AbstractRing[R]):
             )
             for k, slot in enumerate(self.slots)
         )
-        return SlotRing(slots, self.count + wanted)
+        return SlotRing(slots=slots, count=self.count + wanted)
 
     def next_of(self, window: Times) -> Scalar:
         """The first of the next times, s, that has no row yet; infinite if all have one."""
@@ -121,7 +121,8 @@ class TableRing(AbstractRing[R]):
                 row,
             )
 
-        return TableRing(jax.lax.cond(wanted, write, lambda: self.rows), self.count + wanted)
+        rows = jax.lax.cond(wanted, write, lambda: self.rows)
+        return TableRing(rows=rows, count=self.count + wanted)
 
     def next_of(self, window: Times) -> Scalar:
         """The first of the next times, s, that has no row yet; infinite if all have one."""
@@ -132,9 +133,9 @@ def empty_ring(row: R, rows: int) -> AbstractRing[R]:
     """A ring without rows, for rows like the given one: a `TableRing` of so many rows, or with
     none a `SlotRing`."""
     if not rows:
-        return SlotRing((row,) * SLOTS, jnp.zeros((), int))
+        return SlotRing(slots=(row,) * SLOTS, count=jnp.zeros((), int))
     tables = jax.tree.map(lambda leaf: jnp.zeros((rows + 1, *jnp.shape(leaf))), row)
-    return TableRing(tables, jnp.zeros((), int))
+    return TableRing(rows=tables, count=jnp.zeros((), int))
 
 
 class CrossingRecord(eqx.Module):
