@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jax.core import ShapedArray
-from jax.extend import core
+from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
 from . import elementwise
@@ -43,7 +43,11 @@ _CALLS = {
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
-    """A primitive, or a use of one, that has no rule here."""
+    """A primitive, or a use of one, that has no rule here, and the line of code it comes from."""
+
+    def __init__(self, what: str, place: str = ""):
+        super().__init__(f"{what}, in {place}" if place else what)
+        self.place = place
 
 
 @dataclass(frozen=True)
@@ -279,7 +283,13 @@ class Lowering:
                     live.append(array)
                     array = replace(array, owned=False)
             arguments.append(array)
-        outs = self._outs(equation, arguments)
+        try:
+            outs = self._outs(equation, arguments)
+        except UnsupportedPrimitiveError as error:
+            if error.place:
+                raise
+            place = source_info_util.summarize(equation.source_info)
+            raise UnsupportedPrimitiveError(str(error), place) from error
         starts = Counter(out.start for out in outs if isinstance(out, InMemory))
         for array in live:
             if array.start in starts:
