@@ -12,6 +12,7 @@ import llvmlite.binding as llvm
 
 from ..compilation.kept_programs import cache_in_use
 from ..compilation.program_store import ProgramStore
+from .lowering import UnsupportedPrimitiveError
 
 OPTIMISATION = 2
 
@@ -20,7 +21,9 @@ def _new_target_machine() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     if sys.platform == "linux":
-        llvm.load_library_permanently("libm.so.6")
+        # Where the C library is another one, its functions of mathematics are in the process.
+        with suppress(RuntimeError):
+            llvm.load_library_permanently("libm.so.6")
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
@@ -87,7 +90,10 @@ def store_of_code() -> ProgramStore | None:
 
 def _object_file(text: str) -> bytes:
     machine = _target_machine()
-    module = llvm.parse_assembly(text)
+    try:
+        module = llvm.parse_assembly(text)
+    except RuntimeError as error:
+        raise UnsupportedPrimitiveError(f"a program that LLVM refuses ({error})") from error
     options = llvm.create_pipeline_tuning_options(speed_level=OPTIMISATION)
     # Loops are few and code is straight: these passes would only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
