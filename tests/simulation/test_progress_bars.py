@@ -9,7 +9,7 @@ from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
 from clearjoint.compilation import Compiled, seconds_of_compiling
-from clearjoint.simulation import progress_bars
+from clearjoint.simulation import host_run, progress_bars, sampling
 from clearjoint.simulation.batch.scheduler import Running
 from clearjoint.simulation.progress_bars import compiling_bar
 from clearjoint.sweeps.progress import lane_progress, show_running
@@ -101,6 +101,16 @@ def test_an_error_inside_ends_the_counting(error, capsys):
     assert capsys.readouterr().err == ""
 
 
+def slowly(function):
+    """The function, which takes so long that another thread gets its turn."""
+
+    def call(*arguments):
+        time.sleep(0.05)
+        return function(*arguments)
+
+    return call
+
+
 @pytest.mark.parametrize("progress", [True, False])
 def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     monkeypatch.setattr(progress_bars, "TICK", 1e-4)
@@ -109,11 +119,13 @@ def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
     scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
     state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
-    cj.simulate(scene, state, 60.0, progress=progress)  # some milliseconds
+    for module, name in ((host_run, "segment_compiled"), (sampling, "sampled_compiled")):
+        monkeypatch.setattr(module, name, slowly(getattr(module, name)))
+    cj.simulate(scene, state, 0.3, progress=progress)
     assert ("compiling, 12 s:   0%" in capsys.readouterr().err) == progress
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     outputs = {"x": cj.quantities.Position("mass", "x")}
-    cj.sensitivities(scene, state, 60.0, parameters, outputs, [0.1], progress=progress)
+    cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.1], progress=progress)
     assert ("compiling, 12 s" in capsys.readouterr().err) == progress
 
 
