@@ -1,5 +1,6 @@
 """Primitives that read or write elements at computed places; rules as in `.structure`."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -153,7 +154,7 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
         if not fills:
             return values
         kind = do.kinds[values[0]]
-        missing = do.constant(kind, np.nan if kind == "f" else 0)
+        missing = do.constant(kind, _fill_value(parameters["fill_value"], out.dtype))
         return [do.do("select", kind, fits, value, missing) for value in values]
 
     count = int(np.prod(batch, dtype=int))
@@ -186,6 +187,17 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
 
     lower.do.repeat(count, visit)
     return [result]
+
+
+def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
+    """What JAX puts in the place of elements outside of an array (see `jax.lax.gather`)."""
+    if given is not None:
+        return np.asarray(given, dtype).item()
+    if dtype.kind == "f":
+        return math.nan
+    if dtype.kind == "b":
+        return True
+    return int(np.iinfo(dtype).max if dtype.kind == "u" else np.iinfo(dtype).min)
 
 
 def _scattered(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from jax.core import ShapedArray
 from jax.extend import core
 
 from .elementwise import RULES as ELEMENTWISE
@@ -18,8 +19,16 @@ from .lowering import (
 from .operations import Value
 
 
+def _filled(equation: core.JaxprEqn) -> ShapedArray:
+    """The shape and dtype of what is reduced, which must have elements."""
+    aval = aval_of(equation.invars[0])
+    if not aval.size:
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of no elements")
+    return aval
+
+
 def _reduced(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
-    aval, axes = aval_of(equation.invars[0]), tuple(equation.params["axes"])
+    aval, axes = _filled(equation), tuple(equation.params["axes"])
     kind, out = kind_of(aval), aval_of(equation.outvars[0])
 
     def join(a: Value, b: Value) -> Value:
@@ -127,7 +136,7 @@ def _cummin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Arra
 def _extreme_place(
     lower: Lowering, equation: core.JaxprEqn, array: Array, compare: str
 ) -> list[Array]:
-    aval, (axis,) = aval_of(equation.invars[0]), equation.params["axes"]
+    aval, (axis,) = _filled(equation), equation.params["axes"]
     out, do = aval_of(equation.outvars[0]), lower.do
     if isinstance(array, InMemory):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")

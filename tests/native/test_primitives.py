@@ -219,6 +219,10 @@ def structural(x, y, table, k):
         "added": x.at[jnp.array([0, 2])].add(y[:2]),
         "at": x[k],
         "row": table[k],
+        "outside": (jnp.arange(5) * k).at[jnp.array([7, 1])].get(mode="fill"),
+        "outside of floats": x.at[jnp.array([3, 0])].get(mode="fill"),
+        "outside, as given": x.at[jnp.array([3, k])].get(mode="fill", fill_value=4.0),
+        "outside of bools": (x > 0.0).at[jnp.array([3 + k, 0])].get(mode="fill"),
         "rows": table[jnp.array([1, 90, -2])],
         "many": table[jnp.arange(60) % 7],
         "part": lax.dynamic_slice(table, (k, 0), (40, 2)),
@@ -304,3 +308,5 @@ def test_sines_and_cosines_are_right_to_a_unit_in_the_last_place():
 def test_unknown_primitives_are_named():
     with pytest.raises(UnsupportedPrimitiveError, match="lu"):
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
+    with pytest.raises(UnsupportedPrimitiveError, match="no elements"):
+        NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
