@@ -119,12 +119,12 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
 
 def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
     """Dots at the largest and the smallest value of an output, which its samples may miss."""
-    told = outputs[name].attrs
-    if "largest" not in told:
+    attributes = outputs[name].attrs
+    if "largest" not in attributes:
         return
     times, values = scaled(outputs["time"]), scaled(outputs[name])
     for which in ("largest", "smallest"):
-        x, y = times.factor * told[f"{which}_time"], values.factor * told[which]
+        x, y = times.factor * attributes[f"{which}_time"], values.factor * attributes[which]
         drawn.plot(x, y, "o", color=plot.style.DARK, markersize=4)
 
 

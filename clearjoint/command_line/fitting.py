@@ -33,7 +33,7 @@ def fit(study: Study, out: Path) -> CommandResult:
     begun, place = time.perf_counter(), study.place.at("fit")
     measured, (parameters, guess) = _measured(study, part, place), _parameters(study, part, place)
     measured.check(study.scene)
-    told, interrupted = _Iterations(parameters, part.max_iterations), False
+    iterations, interrupted = _Iterations(parameters, part.max_iterations), False
     try:
         found = identify(
             study.scene,
@@ -46,7 +46,7 @@ def fit(study: Study, out: Path) -> CommandResult:
             starts=part.starts,
             grow=part.grow,
             max_iterations=part.max_iterations,
-            progress=told,
+            progress=iterations,
         )
     except FitInterrupted as stopped:
         if not stopped.fits:

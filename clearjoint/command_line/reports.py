@@ -75,9 +75,9 @@ def write_page(folder: Folder, *parts: str) -> None:
     pictures = [pages.picture(path) for path in folder.pictures()]
     beside = sorted(path.name for path in folder.path.iterdir() if path.is_file())
     files = pages.links("Files", [name for name in beside if name != PAGE])
-    told = {key: value for key, value in summary.items() if key != "title" and value != "None"}
-    told = {key: _without_nothing(value) for key, value in told.items()}
-    content = [pages.facts(told), *texts, *pictures, *parts, files]
+    facts = {key: value for key, value in summary.items() if key != "title" and value != "None"}
+    facts = {key: _without_nothing(value) for key, value in facts.items()}
+    content = [pages.facts(facts), *texts, *pictures, *parts, files]
     (folder / PAGE).write_text(pages.page(str(summary["title"]), content), encoding="utf-8")
 
 

@@ -42,7 +42,7 @@ SHARP = "N", "N m", "m/s^2", "rad/s^2"
 LARGEST, SMALLEST = " largest", " smallest"
 """Of the reductions that find an output's extremes, behind its name."""
 MISSED = 0.02
-"""Share of an output's range that samples may miss before the user is told."""
+"""Share of an output's range that samples may miss before a note says so."""
 
 
 class Negative(AbstractQuantity):

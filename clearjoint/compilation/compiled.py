@@ -9,13 +9,12 @@ from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
-from jax._src import core
 
 from .clock import begins_a_program, program_is_made_inside
 from .effort import Effort, compiler_options
 from .kept_programs import KeptPrograms
 from .program import Donated
-from .tracing import collector_at_rest
+from .tracing import collector_at_rest, is_tracing
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -54,7 +53,7 @@ class Compiled(Generic[Arguments, Result]):
             if found is not None:
                 program, leaves = found
                 return program(leaves)
-            if not core.trace_state_clean():
+            if is_tracing():
                 # JAX takes options for outermost programs alone.
                 return self._part(*arguments, **options)
             return self._compiled(*arguments, **options)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import jax
-from jax._src import core, util
+from jax._src import util
 from jaxtyping import PyTree
 
 from .clock import begins_a_program
@@ -22,6 +22,7 @@ from .program import (
 )
 from .program_key import program_key, signature
 from .program_store import ProgramStore
+from .tracing import is_tracing
 
 FOLDER = "programs"
 """Of compiled programs, in the folder of JAX's compilation cache."""
@@ -90,7 +91,7 @@ class KeptPrograms:
         """The program for such arguments, and their leaves; ``None`` where it isn't kept, so that
         it is to be compiled elsewhere."""
         folder = _folder()
-        if folder is None or not core.trace_state_clean():
+        if folder is None or is_tracing():
             return None
         leaves, structure = jax.tree.flatten((arguments, options))
         known_by = signature(leaves, structure)

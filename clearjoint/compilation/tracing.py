@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
+from jax._src import core
 from jaxtyping import PyTree
 
 Result = TypeVar("Result")
@@ -51,3 +52,8 @@ def collector_at_rest() -> Iterator[None]:
         yield
     finally:
         gc.enable()
+
+
+def is_tracing() -> bool:
+    """Whether JAX traces a function in this thread. JAX has no public name for this."""
+    return not core.trace_state_clean()

@@ -98,8 +98,8 @@ class Evidence:
             row = self.residuals[name]
             power = float(rate @ rate)
             shift = float(row @ rate) / power if power > 0.0 else 0.0
-            told = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
-            if told > MOST and _rms(row) > FAR:
+            explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
+            if explained > MOST and _rms(row) > FAR:
                 when = "late" if shift > 0.0 else "early"
                 remedy = (
                     "let its delay start from another guess"
@@ -108,7 +108,7 @@ class Evidence:
                 )
                 return (
                     f"Series {name!r} looks {abs(shift):.3g} s {when}, which would explain "
-                    f"{told:.0%} of its misfit: check its clock and its trigger, or {remedy}."
+                    f"{explained:.0%} of its misfit: check its clock and its trigger, or {remedy}."
                 )
         return None
 

@@ -212,8 +212,8 @@ def identify_many(
                 best = lowest(searches)
                 if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                     data = samples(one, len(runs.times))
-                    told = partial(on_iteration, data.count)
-                    checked = check(best.best, runs, data, parameters, check_runs, told)
+                    on_check = partial(on_iteration, data.count)
+                    checked = check(best.best, runs, data, parameters, check_runs, on_check)
                     best = lowest_of(checked, best)
             except KeyboardInterrupt as interruption:
                 if not searches:

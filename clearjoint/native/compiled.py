@@ -8,11 +8,11 @@ from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
-from jax._src import core
 from jax.core import Tracer
 
 from ..compilation import Compiled
 from ..compilation.effort import Effort
+from ..compilation.tracing import is_tracing
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
@@ -74,7 +74,7 @@ def is_native() -> bool:
 
 
 def _is_traced(arguments: object) -> bool:
-    if not core.trace_state_clean():
+    if is_tracing():
         return True
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
 

@@ -1,7 +1,7 @@
 """The program `clearjoint` from its first moment on.
 
-It stands outside of the package, of which an import takes a second or more: Ctrl-C ends the program
-during it as well, without a traceback.
+Installed as a module outside of the package, whose import takes a second or more: Ctrl-C ends the
+program during that import as well, without a traceback.
 """
 
 import os
