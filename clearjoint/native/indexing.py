@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jax.extend import core
@@ -247,24 +248,12 @@ def _scattered(
     return [lower.array(values, tuple(shape))]
 
 
-def _scatter(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
-    return _scattered(lower, equation, *arguments, name="")
-
-
-def _scatter_add(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
-    return _scattered(lower, equation, *arguments, name="add")
-
-
-def _scatter_mul(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
-    return _scattered(lower, equation, *arguments, name="mul")
-
-
 RULES: dict[str, EquationRule] = {
     "dynamic_slice": _dynamic_slice,
     "dynamic_update_slice": _dynamic_update_slice,
     "gather": _gather,
-    "scatter": _scatter,
-    "scatter-add": _scatter_add,
-    "scatter-mul": _scatter_mul,
+    "scatter": partial(_scattered, name=""),
+    "scatter-add": partial(_scattered, name="add"),
+    "scatter-mul": partial(_scattered, name="mul"),
 }
 """Rules by the names of primitives."""

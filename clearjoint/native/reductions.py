@@ -1,6 +1,7 @@
 """Primitives that join elements: sums, extremes and products; rules as in `.structure`."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from jax.core import ShapedArray
@@ -75,30 +76,6 @@ def _scan_memory(
     return do.loop(start, lambda carries: do.do("ilt", "b", carries[0], end), body)
 
 
-def _reduce_sum(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "add")
-
-
-def _reduce_prod(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "mul")
-
-
-def _reduce_max(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "max")
-
-
-def _reduce_min(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "min")
-
-
-def _reduce_or(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "or")
-
-
-def _reduce_and(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _reduced(lower, equation, array, "and")
-
-
 def _cumulated(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
     aval, kind = aval_of(equation.invars[0]), kind_of(aval_of(equation.invars[0]))
     if len(aval.shape) != 1 or equation.params["reverse"]:
@@ -115,22 +92,6 @@ def _cumulated(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str
     for k in range(1, len(values)):
         values[k] = join(values[k - 1], values[k])
     return [lower.array(values, tuple(aval.shape))]
-
-
-def _cumsum(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _cumulated(lower, equation, array, "add")
-
-
-def _cumprod(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _cumulated(lower, equation, array, "mul")
-
-
-def _cummax(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _cumulated(lower, equation, array, "max")
-
-
-def _cummin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _cumulated(lower, equation, array, "min")
 
 
 def _extreme_place(
@@ -155,14 +116,6 @@ def _extreme_place(
             place = do.do("select", kind_of(out), better, do.constant(kind_of(out), k), place)
         found.append(place)
     return [lower.array(found, tuple(out.shape))]
-
-
-def _argmax(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _extreme_place(lower, equation, array, "gt")
-
-
-def _argmin(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    return _extreme_place(lower, equation, array, "lt")
 
 
 def _dot_general(
@@ -200,18 +153,18 @@ def _dot_general(
 
 
 RULES: dict[str, EquationRule] = {
-    "reduce_sum": _reduce_sum,
-    "reduce_prod": _reduce_prod,
-    "reduce_max": _reduce_max,
-    "reduce_min": _reduce_min,
-    "reduce_or": _reduce_or,
-    "reduce_and": _reduce_and,
-    "cumsum": _cumsum,
-    "cumprod": _cumprod,
-    "cummax": _cummax,
-    "cummin": _cummin,
-    "argmax": _argmax,
-    "argmin": _argmin,
+    "reduce_sum": partial(_reduced, name="add"),
+    "reduce_prod": partial(_reduced, name="mul"),
+    "reduce_max": partial(_reduced, name="max"),
+    "reduce_min": partial(_reduced, name="min"),
+    "reduce_or": partial(_reduced, name="or"),
+    "reduce_and": partial(_reduced, name="and"),
+    "cumsum": partial(_cumulated, name="add"),
+    "cumprod": partial(_cumulated, name="mul"),
+    "cummax": partial(_cumulated, name="max"),
+    "cummin": partial(_cumulated, name="min"),
+    "argmax": partial(_extreme_place, compare="gt"),
+    "argmin": partial(_extreme_place, compare="lt"),
     "dot_general": _dot_general,
 }
 """Rules by the names of primitives."""
