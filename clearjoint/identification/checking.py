@@ -156,14 +156,7 @@ def check(
         return _minimum(found)
 
     difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-    covariances = [covariance]
-    if math.isfinite(test.horizon):
-        # Of the data up to the horizon, and up to half of it, chi squared is smoother and wider.
-        for share in (1.0, 0.5):
-            until = float(runs.start_time) + share * (test.horizon - float(runs.start_time))
-            early = np.asarray(runs.times)[: shape[1]] < until
-            rows = (jacobian * early[:, None]).reshape(len(best.residuals), -1)
-            covariances.append(statistics.parameter_covariance(rows))
+    covariances = [covariance, *_early_covariances(runs, jacobian, test.horizon)]
     explored = likelihood.explore(
         chi_squared,
         descend,
@@ -203,3 +196,17 @@ def lowest(check: LikelihoodCheck, best: Search) -> Search:
 def _minimum(found: RunMisfit) -> likelihood.LocalMinimum:
     covariance = statistics.parameter_covariance(found.jacobian)
     return likelihood.LocalMinimum(found.coordinates, found.chi_squared, covariance)
+
+
+def _early_covariances(
+    runs: Experiment, jacobian: Float[np.ndarray, "S T p"], horizon: float
+) -> list[Float[np.ndarray, "p p"]]:
+    """Covariances by the data up to the horizon, s, and up to half of it, for which chi squared is
+    smoother and wider; none if the horizon is infinite."""
+    start, times = float(runs.start_time), np.asarray(runs.times)[: jacobian.shape[1]]
+    found = []
+    for share in (1.0, 0.5) if math.isfinite(horizon) else ():
+        early = times < start + share * (horizon - start)
+        rows = (jacobian * early[:, None]).reshape(-1, jacobian.shape[-1])
+        found.append(statistics.parameter_covariance(rows))
+    return found
