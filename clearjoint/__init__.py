@@ -48,8 +48,6 @@ from .identification.limits.margins import MarginZero as MarginZero
 from .identification.limits.margins import largest_within as largest_within
 from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
-from .identification.multiple_shooting.identify import ShootingFit as ShootingFit
-from .identification.multiple_shooting.identify import identify_by_shots as identify_by_shots
 from .identification.screening.screening import Screened as Screened
 from .identification.screening.screening import Screening as Screening
 from .identification.starts import Starts as Starts

@@ -62,7 +62,6 @@ class Evidence:
             self._starts(),
             self._iterations(),
             self._initial_state(),
-            self._shots(),
         )
         return [sentence for sentence in parts if sentence is not None]
 
@@ -176,7 +175,8 @@ class Evidence:
         if end > self.horizon.single_shot:
             return (
                 f"The record ends at {end:.4g} s, and a single run can fit "
-                f"{self.horizon.single_shot:.4g} s: cut it there, or take multiple shooting."
+                f"{self.horizon.single_shot:.4g} s: cut it there, or fit "
+                "windows that grow from there: grow=[...]."
             )
         return None
 
@@ -214,13 +214,6 @@ class Evidence:
             "Estimate the initial state too, if it is not known to the noise: "
             'cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]), say.'
         )
-
-    def _shots(self) -> str:
-        """Several short runs for a long one."""
-        times = self.measurements.times()
-        cuts = np.linspace(times[0], times[-1], 5)[1:-1]
-        words = ", ".join(f"{cut:.4g}" for cut in cuts)
-        return f"Fit several short runs at once: cj.identify_by_shots(..., boundaries=[{words}])."
 
 
 def _rms(row: Float[np.ndarray, " N"]) -> float:

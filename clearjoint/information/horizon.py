@@ -113,8 +113,8 @@ class Horizon:
                 )
             warnings.warn(
                 f"The record ends at {1e3 * time:.4g} ms, beyond what a fit by a single run can "
-                f"use: {'; '.join(reasons)}. Take multiple shooting, or let the record grow from "
-                f"{1e3 * min(self.single_shot, time):.4g} ms.",
+                f"use: {'; '.join(reasons)}. Fit windows that grow from "
+                f"{1e3 * min(self.single_shot, time):.4g} ms: identify(..., grow=[...]).",
                 UserWarning,
                 stacklevel=2,
             )

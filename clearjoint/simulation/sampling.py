@@ -103,9 +103,8 @@ def followed(
     first_step: Scalar,
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
-) -> tuple[Sampled, Step, Step]:
-    """Integrate state and derivatives, and look at quantities at rising times: what was seen, and
-    the first and the last step. Traceable.
+) -> Sampled:
+    """Integrate state and derivatives, and look at quantities at rising times. Traceable.
 
     Steps go by a clock that starts with the run, at zero: the times of steps that land on impacts
     are rounded too coarsely long after time zero.
@@ -139,7 +138,7 @@ def followed(
     )
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], looks)
-    sampled = Sampled(
+    return Sampled(
         values=values,
         derivatives=derivatives,
         reached=reached,
@@ -151,7 +150,6 @@ def followed(
         impacts=records.get(IMPACTS),
         sections=records[SECTIONS],
     )
-    return sampled, first, step
 
 
 def _scanned(
@@ -227,10 +225,7 @@ def _looked_at(
     return values, derivatives
 
 
-@Native
-def sampled_compiled(*arguments: PyTree) -> Sampled:
-    """Compiled: what `followed` has seen, without its steps."""
-    return followed(*arguments)[0]
+sampled_compiled = Native(followed)
 
 
 def recorded_run(

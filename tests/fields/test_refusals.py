@@ -2,7 +2,6 @@
 the argument's name, before anything is compiled."""
 
 import math
-from functools import partial
 
 import numpy as np
 import pytest
@@ -33,8 +32,8 @@ def sensitivities(parameters=None, outputs=None, **options):
     cj.sensitivities(SCENE, STATE, 2e-3, parameters, outputs, [1e-3], **options)
 
 
-def identify(data=DATA, parameters=None, how=cj.identify, **options):
-    how(
+def identify(data=DATA, parameters=None, **options):
+    cj.identify(
         SCENE,
         STATE,
         data,
@@ -66,7 +65,6 @@ def horizon(**options):
     )
 
 
-shots = partial(identify, how=cj.identify_by_shots)
 BODY = cj.Body(1.0, (1, 1, 1))
 
 WRONG = {
@@ -83,10 +81,6 @@ WRONG = {
     ),
     "a joint minimised": (lambda: minimise({"force": LOST}), f"Output 'force': .*{KNOWN}"),
     "a joint measured": (lambda: identify(lost_series()), f"Series 'force': .*{KNOWN}"),
-    "a joint shot": (
-        lambda: shots(lost_series(), boundaries=[5e-4]),
-        f"Series 'force': .*{KNOWN}",
-    ),
     "a joint planned": (horizon, f"Sensor 'force': .*{KNOWN}"),
     "joints in a list": (
         lambda: cj.Scene({"a": BODY}, []),
@@ -121,10 +115,6 @@ WRONG = {
     "a place as parameter": (
         lambda: identify(parameters={"c": lambda scene: scene.gravity}),
         r"`parameters\['c'\]` must be a Parameter, but is 'function'",
-    ),
-    "a place as parameter of shots": (
-        lambda: shots(parameters={"c": None}, boundaries=[1.5e-3]),
-        r"`parameters\['c'\]` must be a Parameter",
     ),
     "outputs of two kinds": (
         lambda: sensitivities(outputs={1: HEIGHT, "a": HEIGHT}),
@@ -179,10 +169,6 @@ WRONG = {
         "`max_steps` must be a whole number",
     ),
     "half an iteration": (lambda: identify(max_iterations=1.5), "`max_iterations` must be a whole"),
-    "half an iteration of shots": (
-        lambda: shots(boundaries=[1.5e-3], max_iterations=1.5),
-        "`max_iterations` must be a whole",
-    ),
     "half a run": (lambda: minimise(iterations=1.5), "`iterations` must be a whole number"),
     "half a start": (lambda: cj.Starts(1.5), "`number` must be a whole number"),
     "half a round": (lambda: cj.Screening(rounds=1.5), "`rounds` must be a whole number"),
@@ -193,10 +179,6 @@ WRONG = {
     "a start after the samples": (
         lambda: identify(start_time=1.5e-3),
         r"`start_time` must be no later than the first sample, at 0.001 s, but is 0.0015: start",
-    ),
-    "a start after the samples of shots": (
-        lambda: shots(boundaries=[1.8e-3], start_time=1.5e-3),
-        "`start_time` must be no later than the first sample",
     ),
     "a guess that is no number": (
         lambda: identify(guess={"clearance": math.nan}),
@@ -216,10 +198,6 @@ WRONG = {
     "a guess without a name": (lambda: identify(guess=math.nan), "`guess` must be values by name"),
     "an infinite bound": (lambda: cj.Bounded(0.0, math.inf), "`high` must be finite, but is inf"),
     "a unit of nothing": (lambda: cj.Linear(0.0), "`unit` must be positive, but is 0.0"),
-    "a gap that is no number": (
-        lambda: shots(boundaries=[1.5e-3], continuity=math.nan),
-        "`continuity` must be finite",
-    ),
 }
 
 

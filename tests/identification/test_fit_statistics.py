@@ -246,7 +246,7 @@ def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
     assert 0.8 < until <= 1.05
     order = [
         next(k for k, s in enumerate(fit.advice) if word in s)
-        for word in ("grow=", "cj.horizon", "cj.Starts", "Parameter.initial", "identify_by_shots")
+        for word in ("grow=", "cj.horizon", "cj.Starts", "Parameter.initial")
     ]
     assert order == sorted(order)
     assert f"1. {fit.advice[0]}" in str(fit)

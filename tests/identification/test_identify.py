@@ -231,6 +231,28 @@ def test_minimum_of_an_objective(clean):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
 
 
+@pytest.mark.parametrize("factor", [0.3, 4.0])
+def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(factor):
+    """An oscillator whose phase is wrong by more than a turn in the end, and little in the first
+    window; data by the closed form x0 cos(sqrt(k/m) t)."""
+    origin, times = (0.0, 0.0, 0.0), np.linspace(0.05, 3.0, 60)
+    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0 * factor)
+    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
+    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    series = cj.Series(
+        cj.quantities.Position("mass", "x"), times, 0.3 * np.cos(5.0 * times), noise=1e-3
+    )
+    data = cj.Measurements({"x": series.with_noise(np.random.default_rng(5))})
+    parameters = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    run = partial(cj.identify, scene, state, data, parameters, check_runs=0, progress=False)
+    with pytest.warns(cj.PoorFitWarning):
+        astray = run()
+    grown = run(grow=(0.7, 1.4, 2.2))
+    error = grown.standard_errors["stiffness"]
+    assert abs(astray.estimates["stiffness"] - 50.0) > 100.0 * error
+    assert abs(grown.estimates["stiffness"] - 50.0) < 4.0 * error
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -1,16 +1,19 @@
 """Statistics of recovered parameters, and the fits that they and today's tools make."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import clearjoint as cj
 from studies.common.baselines.scipy_fit import fit, probes
 from studies.common.identification_problem import (
     PARAMETERS,
     STARTS,
     TRUTH,
+    WINDOWS,
     coordinates,
     ideal,
 )
@@ -115,3 +118,23 @@ def test_accelerometers_come_home_from_far_starts(start):
     found = recovery.recovery(clean, bounds, STARTS[start], "screened", 1, 0.1)
     assert not found.astray.any()
     assert found.attempts[0].found.warnings == []
+
+
+@pytest.mark.slow
+def test_growing_windows_fit_five_horizons():
+    """Probes over 0.187 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
+    clean, _ = ideal("probes", 0.187)
+    found = cj.identify(
+        *cj.double_pendulum(),
+        clean.with_noise(np.random.default_rng(0)),
+        PARAMETERS,
+        replace(cj.presets.derivatives, rtol=1e-10),
+        guess=STARTS["stiff, wide"],
+        grow=[*WINDOWS, *np.arange(0.1, 0.187, 0.01)],
+        check_runs=0,
+        progress=False,
+    )
+    assert 0.95 < found.chi_squared / found.samples < 1.1
+    for name, value in TRUTH.items():
+        assert abs(found.estimates[name] - value) < 4.0 * found.standard_errors[name]
+    assert found.standard_errors["young"] < 1e-3 * TRUTH["young"]

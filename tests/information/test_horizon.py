@@ -156,7 +156,7 @@ def test_a_short_run_is_within_all_horizons(found):
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
     limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
-    with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*multiple shooting"):
+    with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*grow from 20 ms"):
         limited.warn_if_beyond(0.03)
 
 

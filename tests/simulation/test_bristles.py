@@ -202,13 +202,6 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
     assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
 
 
-def test_windows_that_would_lose_bristles_are_refused():
-    times = np.linspace(1e-4, 1e-3, 10)
-    position = cj.Series(Q.Position("block", "x"), times, times, 1e-3)
-    with pytest.raises(ValueError, match="scene.*without bristles.*floor"):
-        cj.identify_by_shots(*falling(), cj.Measurements({"x": position}), {}, [5e-4])
-
-
 @pytest.mark.slow
 def test_alike_joints_and_lanes_have_what_each_has_alone():
     """Two blocks are computed as a group, and lanes side by side."""

@@ -110,7 +110,7 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
-        return followed(scheme, family, outputs, times, *span, 1000)[0].derivatives
+        return followed(scheme, family, outputs, times, *span, 1000).derivatives
 
     sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
     found = primitives(sampling, beside=("while",))
@@ -192,7 +192,7 @@ def test_many_times_are_looked_at_in_blocks():
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
-        return followed(scheme, family, arguments[2], times, *span, 1000)[0].derivatives
+        return followed(scheme, family, arguments[2], times, *span, 1000).derivatives
 
     blocks = body_of(jax.make_jaxpr(program)(jnp.zeros(512), 0.0, 0.1, 1e-7), "scan")
     lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]

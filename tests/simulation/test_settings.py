@@ -23,7 +23,6 @@ RUNNERS = (
     cj.horizon,
     cj.identify,
     cj.identify_many,
-    cj.identify_by_shots,
     cj.minimise,
 )
 STIFFNESS = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness)}

@@ -1,1 +1,0 @@
-"""Fits of long records in windows, each with a start of its own."""

@@ -1,1 +1,0 @@
-"""A record of five horizons, fitted in windows."""
