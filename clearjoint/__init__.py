@@ -42,10 +42,6 @@ from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
 from .identification.limits.largest import Largest as Largest
 from .identification.limits.largest import largest as largest
-from .identification.limits.looks import margins as margins
-from .identification.limits.margins import Margins as Margins
-from .identification.limits.margins import MarginZero as MarginZero
-from .identification.limits.margins import largest_within as largest_within
 from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
 from .identification.screening.screening import Screened as Screened

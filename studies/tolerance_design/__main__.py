@@ -1,20 +1,16 @@
-"""The largest clearance at which a slider-crank keeps its tolerances, by gradient.
+"""The largest clearance at which a slider-crank keeps its tolerances.
 
     python -m studies.tolerance_design [--quick] [--output FOLDER]
 
 The slider's pin may have as much clearance as leaves the slider within a tolerance of the ideal
-mechanism's position, and the pin force within a limit. The margins of both peaks come with their
-derivatives (`clearjoint.sensitivities`), and Newton's method finds where the smaller one is zero;
-bisection and Brent's method on the same margins are counted beside it. The margins over a range of
-clearances then tell whether all smaller ones hold; if not, the search begins anew below the first
-that does not.
+mechanism's position, and the pin force within a limit. `clearjoint.largest` finds the largest with
+which all smaller ones hold, too.
 
 There are two questions. When the machine starts, at full speed and with the pin in the middle of
 its bearing, the play is taken up in one impact, which makes the peaks: their margins are smooth.
-After a transient, at a speed at which the journal keeps to the wall, the motion has forgotten its
-start, and so have the derivatives; but the journal still vibrates on the wall, and the phase of
-that makes the margins uneven. Where it strikes, small differences grow from revolution to
-revolution, and derivatives with them: correct, and of no use.
+After a transient, at a speed at which the journal keeps to the wall, it still vibrates there, and
+the phase of that makes the margins uneven. Where the journal strikes, small differences grow from
+revolution to revolution, and derivatives with them.
 """
 
 import argparse

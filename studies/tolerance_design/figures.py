@@ -10,30 +10,35 @@ from clearjoint import plot
 from clearjoint.plot import style
 from studies.tolerance_design.search import FORCE, POSITION, RANGE, Answer, Design
 
-REACH = 0.25
-"""Half the length of a drawn tangent, in logarithms of the clearance."""
-
 
 def margins(answers: list[Answer]) -> Figure:
-    """Margins against clearance, with the places that Newton's method looked at, and tangents."""
+    """Margins against clearance, with the largest clearance of each limit alone."""
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     panels = figure.subplots(2, len(answers), sharex=True, squeeze=False)
     for column, answer in zip(panels.T, answers, strict=True):
         column[0].set_title(answer.design.title, fontsize="medium")
         for axes, name in zip(column, answer.design.limits, strict=True):
             _curve(answer, name, axes)
-            _tangents(answer.alone[name].found.path, name, axes)
+            axes.axvline(
+                1e6 * answer.alone[name].value,
+                color=style.VERMILLION,
+                linewidth=1.2,
+                label="largest clearance for this limit",
+            )
     handles = panels[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=4, frameon=False)
     return figure
 
 
 def _curve(answer: Answer, name: str, axes: Axes) -> None:
-    places = np.array([lane.place for lane in answer.lanes])
-    values = np.array([lane.margins[name] for lane in answer.lanes])
-    micrometres = 1e6 * np.exp(places)
+    micrometres, values = 1e6 * answer.clearances, answer.margins[name]
     axes.axvspan(
-        1e6 * RANGE[0], 1e6 * answer.safe, color=style.LIGHT, alpha=0.5, lw=0, label="both hold"
+        1e6 * RANGE[0],
+        1e6 * answer.both.value,
+        color=style.LIGHT,
+        alpha=0.5,
+        lw=0,
+        label="both hold",
     )
     axes.axhline(0.0, color=style.GREY, linewidth=1.2, label="limit")
     axes.plot(
@@ -48,15 +53,6 @@ def _curve(answer: Answer, name: str, axes: Axes) -> None:
     room = 0.15 * (high - low)
     axes.set_ylim(low - room, high + room)
     style.dress(axes, "radial clearance, µm", f"{name}:\nlog(limit / peak)")
-
-
-def _tangents(path: list[cj.Margins], name: str, axes: Axes) -> None:
-    ends = np.array([-REACH, REACH])
-    for number, look in enumerate(path):
-        here, margin, slope = 1e6 * np.exp(look.place), look.margins[name], look.slopes[name]
-        axes.plot(here * np.exp(ends), margin + slope * ends, color=style.VERMILLION, linewidth=0.9)
-        label = "Newton's method, with tangents" if number == 0 else None
-        axes.plot(here, margin, "o", color=style.VERMILLION, markersize=5, label=label)
 
 
 def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> Figure:

@@ -3,15 +3,11 @@
 See `studies.tolerance_design`.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import brentq
 
 import clearjoint as cj
 from clearjoint.extend import Instant
@@ -23,7 +19,7 @@ POSITION, FORCE = "slider position", "pin force"
 RANGE = (5e-6, 60e-6)
 """Radial clearances that are considered, m."""
 TOLERANCE = 1e-5
-"""Of a margin that is called zero."""
+"""Of the largest clearance, relative to itself."""
 SAMPLES = 4000
 """Instants at which a run takes its outputs: in a revolution, some 10 a vibration on the wall."""
 
@@ -87,25 +83,23 @@ class Design:
             throw=False,
         )
 
-    def look(self, place: float) -> cj.Margins:
-        """Margins at the logarithm of a clearance in m, by a run that finds the peaks and another
-        that takes the outputs closely round them."""
+    def margins(self, clearances: np.ndarray) -> dict[str, np.ndarray]:
+        """log(limit / peak) of each output at radial clearances in m, by one sweep."""
         scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
         end = self.revolutions * self.period
-        return cj.margins(
+        units = {POSITION: "m", FORCE: "N"}
+        swept = cj.sweep(
             scene,
             state,
             end,
-            CLEARANCE,
-            {name: OUTPUTS[name] for name in self.limits},
-            self.limits,
-            value=float(np.exp(place)),
-            after=end - self.period,
-            samples=SAMPLES,
+            {"clearance": cj.Axis(CLEARANCE.variation, clearances)},
+            {name: cj.Peak(OUTPUTS[name], units[name], after=end - self.period) for name in units},
+            cj.presets.derivatives,
         )
+        return {name: np.log(limit / swept[name].values) for name, limit in self.limits.items()}
 
-    def largest(self, count: int) -> cj.Largest:
-        """The largest clearance that keeps both limits, with rows of so many clearances."""
+    def largest(self, names: list[str]) -> cj.Largest:
+        """The largest clearance that keeps the limits of some outputs."""
         scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
         end = self.revolutions * self.period
         return cj.largest(
@@ -113,13 +107,11 @@ class Design:
             state,
             end,
             CLEARANCE,
-            {name: OUTPUTS[name] for name in self.limits},
-            self.limits,
+            {name: OUTPUTS[name] for name in names},
+            {name: self.limits[name] for name in names},
             between=RANGE,
             after=end - self.period,
-            lanes=count,
             tolerance=TOLERANCE,
-            samples=SAMPLES,
         )
 
 
@@ -138,50 +130,23 @@ def settled(revolutions: float) -> Design:
 
 
 @dataclass(frozen=True)
-class Alone:
-    """The search for one requirement, and how often bisection and Brent's method look in the same
-    range to the same tolerance."""
-
-    found: cj.MarginZero
-    bisection: int
-    brent: int
-
-
-@dataclass(frozen=True)
 class Answer:
-    """What was found for a design: for each requirement alone and for both; the margins over the
-    range; and what the library's search says of both."""
+    """What was found for a design: the largest clearance for each limit alone and for both; and
+    margins at clearances over the range, m."""
 
     design: Design
-    alone: dict[str, Alone]
-    both: cj.MarginZero
-    lanes: list[cj.Margins]
-    safest: cj.Largest
-
-    @property
-    def safe(self) -> float:
-        """The clearance, m, up to which all hold."""
-        return self.safest.value
+    alone: dict[str, cj.Largest]
+    both: cj.Largest
+    clearances: np.ndarray
+    margins: dict[str, np.ndarray]
 
 
 def solve(design: Design, count: int) -> Answer:
     """Search, and look at so many clearances of the range."""
-    low, high = np.log(RANGE)
-    look = lru_cache(None)(design.look)
-    both = cj.largest_within(look, low, high, TOLERANCE)
-    lanes = [look(float(place)) for place in np.linspace(low, high, count)]
-    alone = {name: search(look, name, low, high) for name in design.limits}
-    return Answer(design, alone, both, lanes, design.largest(count))
-
-
-def search(look: Callable[[float], cj.Margins], name: str, low: float, high: float) -> Alone:
-    """For one requirement between two places."""
-    found = cj.largest_within(lambda place: look(place).of(name), low, high, TOLERANCE)
-    halvings = math.ceil(math.log2((high - low) / TOLERANCE))
-    _, brent = brentq(
-        lambda place: look(place).margins[name], low, high, xtol=TOLERANCE, full_output=True
-    )
-    return Alone(found, 2 + halvings, brent.function_calls)
+    clearances = np.geomspace(*RANGE, count)
+    alone = {name: design.largest([name]) for name in design.limits}
+    both = design.largest(list(design.limits))
+    return Answer(design, alone, both, clearances, design.margins(clearances))
 
 
 def growth(design: Design, clearance: float) -> np.ndarray:

@@ -1,8 +1,7 @@
 """The largest value of a parameter with which quantities stay within their limits."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, partial
 
 import numpy as np
 from jaxtyping import Float
@@ -18,16 +17,12 @@ from ...simulation.batch.reductions import AbstractReduction
 from ...simulation.settings import Settings, settings_or
 from ...sweeps.axes import Axis
 from .lanes import LaneMargins, LaneProblem, as_reduction
-from .looks import SAMPLES, check_limits, margins
-from .margins import Margins, largest_within
 
 QUANTITY = "quantity"
 CLOSE = 2.0
 """How far below the first lane that fails a second row looks closely, in steps of the first row."""
 INSPECTIONS = 12
 """Rows at most that look closely at where a violation may lie between two lanes."""
-TOLD = 0.1
-"""Share of the change of a margin that its slopes may miss where it counts as smooth."""
 
 Watched = Quantity | AbstractReduction
 
@@ -47,10 +42,8 @@ class Largest:
       and violations alternate between them. ``None`` if no value above the first violation holds.
     - `spacing`: the largest distance between neighbouring values looked at up to `value`, relative
       to the larger.
-    - `by_gradient`: whether Newton's method found it; if not, ever finer rows of values did.
     - `values`, `margins`: (n,) what was looked at in lanes, and the smallest margin
       log(limit / peak) there, -inf where a run failed.
-    - `looks`: those with derivatives.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -69,12 +62,10 @@ class Largest:
     interval: tuple[float, float]
     met: bool
     monotone: bool
-    by_gradient: bool
     alternating: tuple[float, float] | None
     spacing: float
     values: Float[np.ndarray, " n"]
     margins: Float[np.ndarray, " n"]
-    looks: tuple[Margins, ...]
 
     def __str__(self) -> str:
         """The value, how sure it is, and what was seen on the way, in a sentence."""
@@ -88,11 +79,10 @@ class Largest:
         if not self.met:
             found = f"No limit is met up to {self.value:.6g} {self.unit}, the end of the range."
             return f"{found} {fall}"
-        how = f"Newton's method in {len(self.looks)} looks" if self.by_gradient else "lanes"
         form = f".{_digits(low, high)}g"
         found = (
             f"Up to {self.value:{form}} {self.unit} (the first violation begins between "
-            f"{low:{form}} and {high:{form}}), by {how} and {len(self.values)} lanes."
+            f"{low:{form}} and {high:{form}}), by {len(self.values)} lanes."
         )
         if self.alternating is not None:
             first, last = (f"{value:{form}}" for value in self.alternating)
@@ -121,18 +111,16 @@ def largest(
     quantile: float = 1.0,
     lanes: int = 32,
     tolerance: float = 1e-3,
-    samples: int = SAMPLES,
     start_time: float = 0.0,
     progress: bool = True,
 ) -> Largest:
     """Find the largest value of a parameter, a clearance say, with which quantities stay within
     their limits, and all smaller values of the range too.
 
-    Rows of lanes tell where a limit is first exceeded; a second row looks closely at what lies
+    A row of lanes tells where a limit is first exceeded; a second row looks closely at what lies
     just below. Where margins rise and fall, further rows look between lanes whose margins are
-    smaller than they change from lane to lane. Where derivatives tell how margins change there,
-    Newton's method goes on from them, inside its bracket; where they don't, since impacts come and
-    go, further rows do.
+    smaller than they change from lane to lane. Each further row divides the interval in which the
+    limit is met by the number of lanes, to the tolerance.
 
     ```python
     import clearjoint as cj
@@ -164,8 +152,7 @@ def largest(
     - `draws`: what scatters, such as the phase at the start: axes of equally many values each, by
       name, which change together. `quantile`: the part of them that must keep the limits.
     - `lanes`: values in a row.
-    - `tolerance`: of the value, relative to itself; of margins for Newton's method.
-    - `samples`: instants at which derivatives are taken; see `margins`.
+    - `tolerance`: of the value, relative to itself.
     - `progress`: show a bar while lanes run.
 
     **Returns:** a `Largest`.
@@ -178,7 +165,7 @@ def largest(
     limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
     draws = {} if draws is None else dict(draws)
     low, high = _range_on_scale(parameter, between)
-    check_limits(quantities, limits)
+    _check_limits(quantities, limits)
     _check(scene, quantities, draws, quantile, lanes, tolerance)
     settings = settings_or(settings, presets.derivatives)
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
@@ -195,43 +182,21 @@ def largest(
         start_time,
         progress,
     )
-    functions = {n: one for n, one in quantities.items() if not isinstance(one, AbstractReduction)}
-    look = partial(
-        margins,
-        scene,
-        state,
-        end_time,
-        parameter,
-        functions,
-        limits,
-        settings,
-        after=after,
-        start_time=start_time,
-        samples=samples,
-    )
-    smooth = not draws and len(functions) == len(quantities)
     search = _Search(problem, lanes, tolerance, parameter)
-    unit = parameter.variation.unit_in(scene, state)
-    return search.found(low, high, unit, partial(_at, look, parameter) if smooth else None)
-
-
-def _at(look: Callable[..., Margins], parameter: Parameter, place: float) -> Margins:
-    return look(value=float(parameter.scale.value(place)))
+    return search.found(low, high, parameter.variation.unit_in(scene, state))
 
 
 @dataclass(frozen=True)
 class _Search:
-    """Rows of so many lanes, and Newton's method, up to a tolerance."""
+    """Rows of so many lanes, up to a tolerance."""
 
     problem: LaneProblem
     lanes: int
     tolerance: float
     parameter: Parameter
 
-    def found(
-        self, low: float, high: float, unit: str, look: Callable[[float], Margins] | None
-    ) -> Largest:
-        """The largest value between two places; by `look` too where margins are smooth."""
+    def found(self, low: float, high: float, unit: str) -> Largest:
+        """The largest value between two places."""
         seen = self.problem.margins(np.linspace(low, high, self.lanes))
         least = self._value(low)
         remedy = f"{seen.peak}; lower it, or raise the limit"
@@ -240,14 +205,11 @@ class _Search:
             seen = self._refined(seen, close=True)
         seen = self._inspected(seen)
         if seen.gap() is None:
-            return self._largest(seen, self._value(high), unit, None)
-        looks = () if look is None else self._looks(seen, look)
-        if looks:
-            return self._largest(seen, self._value(looks[-1].place), unit, looks)
-        while self._width(seen) > self.tolerance:
+            return self._largest(seen, self._value(high), unit)
+        while self._widths(seen)[_gap(seen)[0]] > self.tolerance:
             seen = self._refined(seen)
         holds, _ = _gap(seen)
-        return self._largest(seen, self._value(seen.places[holds]), unit, None)
+        return self._largest(seen, self._value(seen.places[holds]), unit)
 
     def _refined(self, seen: LaneMargins, close: bool = False) -> LaneMargins:
         """One more row of lanes in the gap; one that looks `close` begins below it."""
@@ -273,58 +235,31 @@ class _Search:
             seen = seen.with_others(self.problem.margins(np.concatenate(rows)))
         return seen
 
-    def _looks(self, seen: LaneMargins, look: Callable[[float], Margins]) -> tuple[Margins, ...]:
-        """Newton's looks in the gap, the last at its end; none where slopes don't tell how margins
-        change from one side of it to the other."""
-        holds, fails = (float(seen.places[k]) for k in _gap(seen))
-        look = cache(look)
-        first, last = look(holds), look(fails)
-        change, told = last.margin - first.margin, 0.5 * (first.slope + last.slope)
-        missed = abs(told * (fails - holds) - change)
-        if not (first.holds and not last.holds and missed <= TOLD * abs(change)):
-            return ()
-        path = largest_within(look, holds, fails, self.tolerance).path
-        return (last, *path)
-
-    def _largest(
-        self, seen: LaneMargins, value: float, unit: str, looks: tuple[Margins, ...] | None
-    ) -> Largest:
+    def _largest(self, seen: LaneMargins, value: float, unit: str) -> Largest:
         met = seen.gap() is not None
         again = int(np.flatnonzero(seen.margins >= 0.0)[-1])
         first = _gap(seen)[1] if met else len(seen.places) - 1
         return Largest(
             value=value,
             unit=unit,
-            interval=self._interval(seen, looks) if met else (value, value),
+            interval=self._interval(seen) if met else (value, value),
             met=met,
             monotone=seen.falls(self.tolerance),
-            by_gradient=looks is not None,
             alternating=(self._value(seen.places[first]), self._value(seen.places[again]))
             if again > first
             else None,
             spacing=float(self._widths(seen)[:first].max()),
             values=np.array([self._value(place) for place in seen.places]),
             margins=np.nan_to_num(seen.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
-            looks=looks or (),
         )
 
-    def _interval(
-        self, seen: LaneMargins, looks: tuple[Margins, ...] | None
-    ) -> tuple[float, float]:
+    def _interval(self, seen: LaneMargins) -> tuple[float, float]:
         """Values between which the largest one is."""
-        if looks:
-            last = looks[-1]
-            room = max(self.tolerance, abs(last.margin)) / abs(last.slope)
-            return self._value(last.place - room), self._value(last.place + room)
         sure = np.flatnonzero(~(seen.low >= 0.0))
         lost = np.flatnonzero(~(seen.high >= 0.0))
         low = seen.places[max(int(sure[0]) - 1, 0)] if len(sure) else seen.places[-1]
         high = seen.places[int(lost[0])] if len(lost) else seen.places[-1]
         return self._value(low), self._value(high)
-
-    def _width(self, seen: LaneMargins) -> float:
-        """How far the ends of the gap are apart, in the larger of their values."""
-        return float(self._widths(seen)[_gap(seen)[0]])
 
     def _widths(self, seen: LaneMargins) -> Float[np.ndarray, " m"]:
         """How far neighbouring values are apart, relative to the larger."""
@@ -352,6 +287,16 @@ def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple
     require(rising, "between", between, "two rising values", remedy)
     low, high = (float(parameter.scale.coordinate(value)) for value in ends)
     return low, high
+
+
+def _check_limits(outputs: Mapping[str, object], limits: Mapping[str, float]) -> None:
+    remedy = "give each quantity one limit, under the same name"
+    same = set(outputs) == set(limits)
+    require(same, "limit", sorted(limits), f"one for each of {sorted(outputs)}", remedy)
+    for name, limit in limits.items():
+        fine = isinstance(limit, int | float | np.number) and 0.0 < float(limit) < np.inf
+        remedy = "give the largest value allowed, of a magnitude or a distance"
+        require(fine, f"limit[{name!r}]", limit, "a positive number", remedy)
 
 
 def _check(
