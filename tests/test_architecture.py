@@ -55,7 +55,6 @@ THIRD_PARTY = {
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
     "pdoc": {"reference"},
-    "latex2mathml": {"reference"},
     "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},

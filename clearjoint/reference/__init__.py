@@ -1,2 +1,2 @@
-"""Pages of every public name from its docstring, with rendered equations: needs the extra
-`reference`. `python -m clearjoint.reference` writes them."""
+"""Pages of every public name from its docstring, by pdoc: needs the extra `reference`.
+`python -m clearjoint.reference` writes them."""

@@ -1,9 +1,20 @@
-"""``python -m clearjoint.reference`` writes the reference pages, which need no network."""
+"""``python -m clearjoint.reference`` writes the reference pages."""
 
 import argparse
+import importlib
+import types
+import warnings
 from pathlib import Path
 
-from .pages import write_pages
+try:
+    import pdoc
+    import pdoc.render
+except ImportError as error:
+    raise ImportError(
+        'The reference pages need pdoc: pip install "clearjoint[reference]"'
+    ) from error
+
+MODULES = ("", ".extend", ".plot", ".presets", ".quantities", ".simulation.presets", ".testing")
 
 
 def main() -> None:
@@ -12,7 +23,26 @@ def main() -> None:
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
     )
-    print(write_pages(parser.parse_args().folder))
+    folder = parser.parse_args().folder
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {}
+    for suffix in MODULES:
+        module = importlib.import_module("clearjoint" + suffix)
+        # pdoc leaves names out that are imported from elsewhere, unless they are in `__all__`.
+        vars(module)["__all__"] = [
+            name
+            for name, value in vars(module).items()
+            if not name.startswith("_") and not isinstance(value, types.ModuleType)
+        ]
+        pages[module.__name__] = pdoc.doc.Module(module)
+    pdoc.render.configure(docformat="markdown", math=True, show_source=False)
+    with warnings.catch_warnings():  # of annotations that pdoc can't place
+        warnings.simplefilter("ignore")
+        for name, page in pages.items():
+            html = pdoc.render.html_module(page, pages)
+            (folder / f"{name}.html").write_text(html, encoding="utf-8")
+        (folder / "search.js").write_text(pdoc.render.search_index(pages), encoding="utf-8")
+    print(folder / "clearjoint.html")
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ import pytest
 import clearjoint as cj
 from clearjoint import extend
 from clearjoint.fields.checks import as_shown
-from clearjoint.reference.public_names import MODULES
 from clearjoint.results import RESULTS
+from tests.support.public_names import MODULES
 
 
 def test_a_scene_shows_its_numbers():

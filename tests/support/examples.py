@@ -10,7 +10,7 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint import extend, plot, testing
-from clearjoint.reference.public_names import PublicName, public_names
+from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
     r"\b(simulate\w*|sweep|sensitivities|identif\w+|minimise|horizon|compiled_sensitivities"
