@@ -1,11 +1,9 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
 `check_law`, `check_friction`, `check_bristles`, `check_film`, `check_constraint`, `check_force` and
-`check_contact_joint` are for authors of new elements. The others are for who measures what a step
-costs, counts its operations, or wants to know that a change leaves programs as they were: what a
-run does at a step (`RunProgram`, `Stepper`), what a sweep compiles (`programs_of_sweeps`), the
-compiled run of `sensitivities`, contexts in which the code of a feature is missing (`without`) or
-the equations of motion are another's, and the runtime's settings.
+`check_contact_joint` are for authors of new elements. The others measure what a step costs and
+count its operations: what a run does at a step (`RunProgram`, `Stepper`), what a sweep compiles
+(`programs_of_sweeps`), the compiled run of `sensitivities`, and the runtime's settings.
 """
 
 from ..fields.readable import without_modules as _without_modules
@@ -24,12 +22,8 @@ from .programs import Stepper as Stepper
 from .programs import SweepProgram as SweepProgram
 from .programs import compiled_sensitivities as compiled_sensitivities
 from .programs import programs_of_sweeps as programs_of_sweeps
-from .replaced_code import FEATURES as FEATURES
-from .replaced_code import equations_of_motion as equations_of_motion
-from .replaced_code import without as without
 
 __all__ = [
-    "FEATURES",
     "RunProgram",
     "Stepper",
     "SweepProgram",
@@ -41,11 +35,9 @@ __all__ = [
     "check_friction",
     "check_law",
     "compiled_sensitivities",
-    "equations_of_motion",
     "moving",
     "programs_of_sweeps",
     "runtime_settings",
-    "without",
     "xla_flags",
 ]
 

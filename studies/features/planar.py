@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
+from unittest.mock import patch
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -40,7 +41,6 @@ from clearjoint.extend import (
     point_in_plane,
     within_two_turns,
 )
-from clearjoint.testing import equations_of_motion
 from studies.features.program import Program
 
 
@@ -324,7 +324,7 @@ def planar_programs() -> dict[str, dict[str, Program]]:
 
 def _slider_crank_programs(scene: cj.Scene, state: cj.State) -> dict[str, Program]:
     single = Program.of(with_one_base(scene), state)
-    by_hand = partial(equations_of_motion, slider_crank_rates)
+    by_hand = partial(patch.object, System, "rates", slider_crank_rates)
     return {
         "spatial": Program.of(scene, state),
         "one base": single,

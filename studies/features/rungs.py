@@ -1,26 +1,14 @@
 """A ladder of scenes, each with one feature more than the one below."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import clearjoint as cj
-from clearjoint.testing import without
 from studies.features.program import Program
 
 FRICTION = cj.RegularisedCoulomb(0.1)
 SHOULDERS = cj.EndPlay(1e-3, cj.Hertz(1e8))
 CLEARANCE = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
-
-
-@dataclass(frozen=True)
-class Rung:
-    """A scene with one feature more than that of the rung below, and the feature's name in
-    `clearjoint.testing.FEATURES`."""
-
-    name: str
-    make: Callable[[], Program]
-    feature: str = ""
 
 
 def free_body() -> Program:
@@ -50,29 +38,14 @@ def _rough(
     return Program.of(scene, state, settings, parameters)
 
 
-LADDER = (
-    Rung("free body", free_body),
-    Rung("pendulum", pendulum, "hinge"),
-    Rung("+ ideal joint", _double(None), "link on a link"),
-    Rung("+ clearance", _double(), "clearance"),
-    Rung("+ friction", _double(friction=FRICTION), "friction"),
-    Rung("+ end play", _double(friction=FRICTION, axial=SHOULDERS), "end play"),
-    Rung("+ energy ledger", lambda: _rough(cj.Settings(ledger=True)), "energy ledger"),
-    Rung(
-        "+ one sensitivity, no ledger",
-        lambda: _rough(parameters={"clearance": CLEARANCE}),
-        "sensitivities",
-    ),
-)
-
-
-def unchanged(place: int) -> bool:
-    """Whether a rung has the same program, word by word, where the code of all rungs above it is
-    missing."""
-    rung = LADDER[place]
-    text = rung.make().text()
-    with without(*(above.feature for above in LADDER[place + 1 :])):
-        try:
-            return rung.make().text() == text
-        except AssertionError:
-            return False
+LADDER: dict[str, Callable[[], Program]] = {
+    "free body": free_body,
+    "pendulum": pendulum,
+    "+ ideal joint": _double(None),
+    "+ clearance": _double(),
+    "+ friction": _double(friction=FRICTION),
+    "+ end play": _double(friction=FRICTION, axial=SHOULDERS),
+    "+ energy ledger": lambda: _rough(cj.Settings(ledger=True)),
+    "+ one sensitivity, no ledger": lambda: _rough(parameters={"clearance": CLEARANCE}),
+}
+"""By name, each with one feature more than the one before."""

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from clearjoint.plot import style
 from studies.features.planar import planar_programs
 from studies.features.program import Program
-from studies.features.rungs import LADDER, unchanged
+from studies.features.rungs import LADDER
 
 TURNS, ROUNDS, LANES = 100_000, 9, 64
 Table = list[tuple[str, ...]]
@@ -33,24 +33,21 @@ def times(
 def ladder(quick: bool) -> tuple[Table, list[str], np.ndarray]:
     """The table of rungs; their names, and (rungs, 4) operations and times of right-hand side and
     step."""
-    rungs = LADDER[:2] if quick else LADDER
-    programs = {rung.name: rung.make() for rung in rungs}
+    programs = {name: make() for name, make in list(LADDER.items())[: 2 if quick else None]}
     found = times(programs, 1, TURNS // 100 if quick else TURNS, 1 if quick else ROUNDS)
     rows: Table = [
         (
             "scene", "numbers integrated", "equations: rates, step", "operations: rates, step",
-            "rates, µs", "step, µs", "without the code above",
+            "rates, µs", "step, µs",
         )
     ]  # fmt: skip
     numbers = []
-    for place, (name, program) in enumerate(programs.items()):
+    for name, program in programs.items():
         operations, equations = program.operations(), program.equations()
-        same = "the same program" if unchanged(place) else "ANOTHER PROGRAM"
         numbers.append((*operations, *found[name]))
         rows.append((
             name, f"{program.variables}", "{}, {}".format(*equations),
             "{}, {}".format(*operations), *(f"{value:.2g}" for value in found[name]),
-            same if place + 1 < len(LADDER) else "(the last)",
         ))  # fmt: skip
     return rows, list(programs), np.array(numbers)
 

@@ -1,0 +1,59 @@
+"""Contexts in which part of the package is missing while programs are traced."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from types import MappingProxyType
+from typing import NoReturn
+from unittest.mock import patch
+
+from clearjoint.dynamics import contact_forces, system
+from clearjoint.dynamics.joint_coordinates import branches
+from clearjoint.dynamics.joint_coordinates import spatial_inertia as inertia
+from clearjoint.dynamics.system import System
+from clearjoint.model.contact.friction import RegularisedCoulomb
+from clearjoint.model.joints import motion_subspaces as freedoms
+from clearjoint.model.plays import axial, bearing_surfaces, clearance
+from clearjoint.parametrisation.parametrised_scene import AbstractFamily
+from clearjoint.simulation import stepping
+from clearjoint.simulation.landing import Landing
+
+FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
+    {
+        "hinge": (
+            (freedoms.Hinge, "rotation"),
+            (freedoms.Hinge, "columns"),
+            (branches, "jointed_link"),
+        ),
+        "link on a link": ((inertia.Inertia, "without"),),
+        "clearance": (
+            (clearance.ClearanceJoint, "contacts"),
+            (contact_forces, "contact_normal_force"),
+            (Landing, "due"),
+            (Landing, "retry"),
+            (stepping, "updated_memory"),
+            (System, "second_rates"),
+        ),
+        "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),
+        "end play": ((axial.EndPlay, "shoulder_gap"),),
+        "energy ledger": ((system, "ledger_powers"),),
+        "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
+    }
+)
+"""Of each feature of a scene or run the functions that no scene without it calls, as owner and
+name; in the order of the rungs of `studies.features`."""
+
+
+@contextmanager
+def without(*features: str) -> Iterator[None]:
+    """Inside, the code of `FEATURES` is missing: a call of it raises an ``AssertionError``."""
+    with ExitStack() as patches:
+        for owner, name in (place for feature in features for place in FEATURES[feature]):
+            patches.enter_context(patch.object(owner, name, _missing(name)))
+        yield
+
+
+def _missing(name: str) -> Callable[..., NoReturn]:
+    def function(*_: object, **__: object) -> NoReturn:
+        raise AssertionError(f"{name} is called by a scene that lacks the feature")
+
+    return function
