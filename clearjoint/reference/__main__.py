@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 try:
-    import pdoc
+    import pdoc.doc
     import pdoc.render
 except ImportError as error:
     raise ImportError(

@@ -225,7 +225,7 @@ def _looked_at(
     return values, derivatives
 
 
-sampled_compiled = Native(followed)
+sampled_compiled: Native[..., Sampled] = Native(followed)
 
 
 def recorded_run(
