@@ -1,6 +1,6 @@
 """The scene: bodies, joints, forces and gravity, by name."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 import jax
@@ -19,10 +19,49 @@ from ..fields.readable import AbstractReadable
 from ..fields.suggestions import nearest
 from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
-from .connections import unconnected_bodies, unheld_drives
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
+from .drives.rotation import AbstractDrive
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+
+
+def unconnected_bodies(
+    bodies: Iterable[str],
+    joints: Mapping[str, AbstractElement],
+    forces: Mapping[str, AbstractElement],
+) -> list[str]:
+    """The bodies that no element names, of a scene that has joints."""
+    named = {
+        body for element in (*joints.values(), *forces.values()) for body in element.body_names()
+    }
+    return [body for body in bodies if joints and body not in named]
+
+
+def unheld_drives(
+    joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
+) -> list[str]:
+    """The drives about an axis between two bodies that no chain of joints connects."""
+    drives = {
+        name: element
+        for name, element in {**joints, **forces}.items()
+        if isinstance(element, AbstractDrive)
+    }
+    links = [joint.body_names() for name, joint in joints.items() if name not in drives]
+    return [
+        name
+        for name, drive in drives.items()
+        if drive.second not in _connected_with(drive.first, links)
+    ]
+
+
+def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
+    """The bodies that links lead to, the body itself among them."""
+    found, waiting = {body}, [set(link) for link in links]
+    while reached := [link for link in waiting if link & found]:
+        found |= set().union(*reached)
+        waiting = [link for link in waiting if not link <= found]
+    return found
+
 
 FARTHEST = 100.0
 """Distance of a body's point from its centre of mass, over the radius of gyration, beyond which one

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
-from ..model.bodies import BodyState, State, body_state
+from ..model.bodies import GROUND, BodyState, State, body_state
 from ..model.joints.ideal import RevoluteJoint
 from ..model.plays.backlash import Backlash
 from ..model.plays.clearance import ClearanceJoint
@@ -31,10 +31,43 @@ from .urdf_frames import (
     root_frame,
 )
 from .urdf_joints import HINGES, Play, joint_of
-from .urdf_rest import not_carried_over
 
 if TYPE_CHECKING:
     import yourdfpy
+
+OF_JOINTS = {
+    "limit": "limits",
+    "dynamics": "damping and friction",
+    "mimic": "mimics",
+    "calibration": "calibrations",
+    "safety_controller": "safety controllers",
+}
+READ = {"link", "joint", "material"}
+"""Tags of which the materials belong to the looks."""
+OF_LINKS = {"visuals": "looks", "collisions": "shapes of collisions"}
+
+
+def not_carried_over(
+    robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
+) -> str:
+    """What is left out, and of which links and joints; empty if nothing is.
+
+    **Arguments:** `tags`: of all that the file says of the robot.
+    """
+    left = {}
+    for attribute, what in OF_JOINTS.items():
+        left[what] = [joint.name for joint in robot.joints if getattr(joint, attribute)]
+    for attribute, what in OF_LINKS.items():
+        left[what] = [link.name for link in robot.links if getattr(link, attribute)]
+    left["inertia of the root"] = [
+        link.name
+        for link in robot.links
+        if frames[link.name].body == GROUND and not is_massless(link)
+    ]
+    named = [f"{what} of {', '.join(names)}" for what, names in left.items() if names]
+    others = sorted(set(tags) - READ)
+    return "; ".join([*named, *(f"<{tag}>" for tag in others)])
+
 
 BACKLASH = "backlash"
 """The argument of a play that is an angle, in the place of `Backlash`'s own name for it."""

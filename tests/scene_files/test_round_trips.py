@@ -19,8 +19,8 @@ from jaxtyping import Float
 import clearjoint as cj
 from clearjoint.model.contact.stiffness import AbstractElasticity
 from clearjoint.scene_files.complaints import FilePlace
-from clearjoint.scene_files.differences import first_difference
 from clearjoint.scene_files.expectations import Expectation, arguments
+from clearjoint.scene_files.files import first_difference
 from clearjoint.scene_files.kinds import is_abstract
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")

@@ -1,6 +1,7 @@
 """Two spur gears with involute teeth and play between them."""
 
 import math
+from dataclasses import dataclass
 
 import equinox as eqx
 
@@ -16,9 +17,10 @@ from ...fields.checks import (
 )
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Single, Triple
-from ...math.functions import cosine, sine, where, within_a_period
-from ...math.rotations import unit
-from ...math.vectors import ZERO, Scalar, Vector, add
+from ...math.functions import cosine, polar_angle, sine, where, within_a_period
+from ...math.rotations import transverse_axes, unit
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
 from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
@@ -29,7 +31,50 @@ from ..joints.constraint_rows import Pose, rows_from_residual
 from ..joints.pairs import AbstractPairAtPoints
 from ..pen import AbstractPen
 from .flanks import FLANKS, SIDE_OF
-from .gear_mesh import LineOfCentres, involute, sine_of
+
+
+def involute(sine: Scalar, cosine: Scalar) -> Scalar:
+    """inv(alpha) = tan(alpha) - alpha, by sine and cosine of an acute angle."""
+    return sine / cosine - polar_angle(sine, cosine)
+
+
+def sine_of(cosine: Scalar) -> Scalar:
+    """The sine of an acute angle by its cosine."""
+    return square_root(1.0 - cosine * cosine)
+
+
+@dataclass(frozen=True)
+class LineOfCentres:
+    """From the first gear's centre to the second's, seen along the first one's `axis`.
+
+    `along` and `across`, with the axis, are right-handed unit vectors in global axes; `distance`
+    and the second gear's `height` along the axis are in m.
+    """
+
+    axis: Vector
+    along: Vector
+    across: Vector
+    distance: Scalar
+    height: Scalar
+
+    @staticmethod
+    def between(
+        first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
+    ) -> "LineOfCentres":
+        """That of gears with centres in m and an axis of the first, in body axes."""
+        axis = first.direction(unit(axis))
+        apart = second.point(centre_second) - first.point(centre_first)
+        height = apart.dot(axis)
+        distance, along = norm_and_direction(apart - axis * height)
+        return LineOfCentres(axis, along, axis.cross(along), distance, height)
+
+    def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
+        """The line's angle, rad within (-pi, pi], about a gear's axis, given in its body axes, from
+        the first of the `transverse_axes`."""
+        start, quarter = transverse_axes(unit(axis))
+        line = gear.components(self.along)
+        return polar_angle(line.dot(quarter), line.dot(start))
+
 
 LARGEST_MODULE = 0.1
 """Of teeth, m, beyond which one is warned."""
