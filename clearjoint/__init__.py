@@ -10,6 +10,20 @@ The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, d
    (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
 5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
+
+Examples in docstrings begin where these lines end, after `cj.configure()`. All numbers are in SI
+units.
+
+>>> import clearjoint as cj
+>>> import jax.numpy as jnp
+>>> import matplotlib.pyplot as plt
+>>> import numpy as np
+>>> from clearjoint import extend, plot, testing
+>>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+>>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+>>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+>>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+>>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
 """
 
 # First of all, so that the source files are noted before any other module is read from them.

@@ -55,11 +55,6 @@ class Fit(AbstractTabular):
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
     ...     scene,

@@ -118,11 +118,6 @@ def identify(
     **Warns:** `PoorFitWarning` if the fit ends far above the noise, with what to try, in order,
     which `Fit.advice` and the report have too.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
     ...     scene,
@@ -173,11 +168,6 @@ def identify_many(
     """`identify` for several sets of measurements of the same channels and times, such as draws of
     the noise: one fit for each.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
     >>> draws = [cj.Measurements({"x": series}) for series in noisy]

@@ -50,11 +50,6 @@ class Identifiability:
     - `records`: derivatives of each sensor's samples.
     - `accuracy`: relative error of the derivatives, below which a combination is not seen.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
     >>> slopes = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -254,11 +249,6 @@ def identifiability(
 
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run fails.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
     >>> report.identifiable

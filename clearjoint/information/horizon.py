@@ -56,11 +56,6 @@ class Horizon:
     `numerical`, `convergence` and `single_shot` are infinite if nothing of the kind happens within
     the record.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.horizon(
     ...     scene,
@@ -182,11 +177,6 @@ def horizon(
     **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run at the
     parameters' own values fails.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.horizon(
     ...     scene,

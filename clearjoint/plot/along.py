@@ -34,9 +34,6 @@ def series(
 
     **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> found = plot.series(scene, solution, cj.quantities.Position("ball", "x"))
@@ -63,9 +60,6 @@ def rate_series(
 
     **Arguments**, **Returns**, **Raises:** as of `series`.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> found = plot.rate_series(scene, solution, cj.quantities.Position("ball", "x"))

@@ -137,9 +137,6 @@ def poincare_section_of_lane(
 
     **Raises:** `ValueError` for names that the sweep has not.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
     >>> still = cj.Section(speed, {"x": (x, "m"), "speed": (speed, "m/s")}, count=3)

@@ -57,11 +57,6 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
     **Returns:** the axes, (2, number of series), of a new figure.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
     ...     scene,
@@ -119,11 +114,6 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     """Correlations of the estimates, as numbers on colours.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
     ...     scene,

@@ -35,9 +35,6 @@ def parameter_map(
 
     **Returns:** the axes, and colours, logarithmic where values spread over a decade.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> mass = cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 1.0])

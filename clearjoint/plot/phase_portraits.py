@@ -34,9 +34,6 @@ def phase_portrait(
     **Returns:** the axes. A dot marks the beginning, a square the end. Angles that turn go on
     beyond a turn.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "x"))

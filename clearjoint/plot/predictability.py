@@ -17,11 +17,6 @@ def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
 
     **Returns:** the axes; time in ms, displacements in m, logarithmic.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.horizon(
     ...     scene,
@@ -51,11 +46,6 @@ def integration_error(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
 
     **Returns:** the axes; time in ms, errors logarithmic.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.horizon(
     ...     scene,

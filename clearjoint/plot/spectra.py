@@ -103,9 +103,6 @@ def spectrum(
 
     **Raises:** `ValueError` for times at unequal intervals.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> axes = plot.spectrum(scene, solution, cj.quantities.Velocity("ball", "x"))
@@ -168,9 +165,6 @@ def waterfall(
 
     **Raises:** `ValueError` for names that the sweep has not, and unequal intervals.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x = cj.quantities.Position("ball", "x")
     >>> outputs = {"probe": cj.Saved(np.linspace(0.0, 2.0, 201), {"x": (x, "m")})}

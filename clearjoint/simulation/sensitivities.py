@@ -64,11 +64,6 @@ class Sensitivities(AbstractTabular):
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give values and derivatives.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> found.values["x"].shape, found.derivatives["x"].shape
     ((30,), (30, 1))
@@ -153,11 +148,6 @@ def sensitivities(
     `SimulationError` for a run that fails. A force of a class of one's own that jumps where the
     motion decides ends the run there, with `RESULTS.force_jumped`.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
     >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))

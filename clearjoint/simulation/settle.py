@@ -57,9 +57,6 @@ class Settled:
       period, in ranges of the motion.
     - `result`: the `RESULTS` code of the last run.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
     >>> settled.kind.name, settled.multiple, settled.settled
     ('PERIODIC', 1, True)

@@ -109,9 +109,6 @@ class Solution(AbstractReadable, AbstractTabular):
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
     >>> positions = solution.saved.states.bodies["ball"].position
     >>> print(solution.result == cj.RESULTS.successful, np.round(positions[:, 0], 4))
@@ -246,9 +243,6 @@ class SimulationError(RuntimeError):
     """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
     that raised it returns.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
         ...

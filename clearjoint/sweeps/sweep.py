@@ -93,9 +93,6 @@ def sweep(
     **Raises:** `ValueError` for arguments that no sweep can use, and for a store that belongs to
     other settings; `ChunkError` if an executor fails.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> found = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)

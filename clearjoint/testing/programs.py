@@ -56,9 +56,6 @@ class Stepper:
 
     With a `family`, derivatives go along. All functions can be traced, and mapped over steps.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> program = testing.RunProgram.of(scene, state)
     >>> rates = program.stepper().rates(program.step)
     """
@@ -138,9 +135,6 @@ class Stepper:
 class RunProgram(eqx.Module):
     """A run before its first `step`.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> program = testing.RunProgram.of(scene, state)
     >>> later = program.stepper().attempt(program.step)
     >>> float(later.t) > 0.0
@@ -201,9 +195,6 @@ class SweepProgram:
 
     `work`: its lanes; `batch`: how they were run.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> with testing.programs_of_sweeps() as programs:
@@ -266,9 +257,6 @@ def _one_device() -> Mesh:
 def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
     """A list to which each call of `sweep` inside adds what it ran.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> with testing.programs_of_sweeps() as programs:
@@ -307,11 +295,6 @@ def compiled_sensitivities(
     What it returns has `values` (1,), `derivatives` (1, p) by output, and `attempts`, on the
     device.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> run = testing.compiled_sensitivities(
     ...     scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, cj.presets.derivatives
     ... )

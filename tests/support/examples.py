@@ -4,12 +4,7 @@ import doctest
 import re
 from pathlib import Path
 
-import jax.numpy as jnp
-import matplotlib.pyplot as plt
-import numpy as np
-
-import clearjoint as cj
-from clearjoint import extend, plot, testing
+import clearjoint
 from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
@@ -64,17 +59,11 @@ def is_slow(public: PublicName) -> bool:
 def run_example(public: PublicName) -> str:
     """What an example's session printed that it should not have, nothing if all is right.
 
-    Blocks of Python only have to run.
+    It begins with the session of the package's own docstring. Blocks of Python only have to run.
     """
-    given = {
-        "cj": cj,
-        "extend": extend,
-        "jnp": jnp,
-        "np": np,
-        "plot": plot,
-        "plt": plt,
-        "testing": testing,
-    }
+    begin = doctest.DocTestParser().get_examples(clearjoint.__doc__ or "")
+    given: dict[str, object] = {}
+    exec("".join(example.source for example in begin), given)
     for table in TABLE.findall(public.docstring):
         Path("pendulum.toml").write_text(table, encoding="utf-8")
     Path("arm.urdf").write_text(ROBOT, encoding="utf-8")

@@ -92,11 +92,6 @@ class Screened:
     - `times`: s, up to which each round could keep its points; `runs`: of all rounds.
     - `complete`: whether they came to the end of the record.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
-    >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
-    >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
     ...     scene,

@@ -201,9 +201,6 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
     **Raises:** `ValueError` if there is no sweep's store at the path.
 
-    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
     >>> _ = cj.sweep(
