@@ -260,9 +260,7 @@ from .simulation.solution import SimulationError as SimulationError
 from .simulation.solution import Solution as Solution
 from .simulation.solution import Trajectory as Trajectory
 from .simulation.wall_impact import FreeImpact as FreeImpact
-from .simulation.wall_impact import SmoothingBias as SmoothingBias
 from .simulation.wall_impact import free_impact as free_impact
-from .simulation.wall_impact import smoothing_bias as smoothing_bias
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable

@@ -1,9 +1,8 @@
-"""A free mass against a wall: what a law delivers, and what its smoothing costs."""
+"""A free mass against a wall: what a law delivers."""
 
 from dataclasses import dataclass
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +15,6 @@ from ..fields.types import Single
 from ..math.interpolation import Parabola
 from ..math.vectors import Scalar
 from ..model.contact.gap import Gap
-from ..model.contact.hunt_crossley import AbstractHertzianLaw
 from ..model.contact.laws import AbstractContactLaw, contact_normal_force
 from .run_checks import check_precision
 
@@ -124,62 +122,3 @@ def _crest(values: np.ndarray) -> float:
     """Largest value, by a parabola through the largest sample and its neighbours."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])
-
-
-@dataclass(frozen=True)
-class SmoothingBias:
-    """What a law's smoothing width changes in one free impact, relative to the exact law.
-
-    `restitution`: difference of the restitutions; `peak_force`, `largest_penetration`, `duration`:
-    relative differences; `delay`: s by which the mass leaves the surface later, which with the
-    difference of rebound speeds is the bias of the trajectory after the impact.
-
-    >>> law = cj.Hertz(1e9, smoothing=1e-6)
-    >>> bias = cj.smoothing_bias(law, mass=1.0, entry_speed=0.1)
-    >>> bias.delay < 1e-4
-    True
-    """
-
-    restitution: float
-    peak_force: float
-    largest_penetration: float
-    duration: float
-    delay: float
-
-
-def smoothing_bias(
-    law: AbstractHertzianLaw,
-    mass: float,
-    entry_speed: float,
-    bearing_radius: float | None = None,
-    clearance: float | None = None,
-) -> SmoothingBias:
-    """Compare a smoothed law with its exact form in one free impact (see `free_impact`).
-
-    **Raises:** `ValueError` for a law without smoothing.
-
-    >>> law = cj.HuntCrossley(0.8, 1e9, smoothing=1e-7)
-    >>> bias = cj.smoothing_bias(law, mass=1.0, entry_speed=0.1)
-    >>> abs(bias.peak_force) < 1e-6, abs(bias.restitution) < 1e-6
-    (True, True)
-    """
-    width = law.smoothing
-    require(
-        width is not None,
-        "law",
-        width,
-        "one with a smoothing width",
-        "pass smoothing=... in m to the law",
-    )
-    assert width is not None
-    exact_law = eqx.tree_at(lambda l: l.smoothing, law, None)
-    arguments = (mass, entry_speed, bearing_radius, clearance)
-    smooth, exact = free_impact(law, *arguments), free_impact(exact_law, *arguments)
-    approach = float(width) * (1.0 / entry_speed + 1.0 / (smooth.restitution * entry_speed))
-    return SmoothingBias(
-        smooth.restitution - exact.restitution,
-        smooth.peak_force / exact.peak_force - 1.0,
-        smooth.largest_penetration / exact.largest_penetration - 1.0,
-        smooth.duration / exact.duration - 1.0,
-        smooth.duration - approach - exact.duration,
-    )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import free_impact, smoothing_bias
+from clearjoint import free_impact
 
 MASS, SPEED, STIFFNESS = 2.0, 0.1, 6.6e10
 
@@ -40,18 +40,12 @@ def test_hertz_impact_matches_closed_forms():
     assert found.duration == pytest.approx(3.2181 * scale / SPEED, rel=2e-5)
 
 
-def test_smoothing_bias_falls_with_the_width():
-    widths = (4e-7, 1e-7)
-    biases = [
-        smoothing_bias(cj.LankaraniNikravesh(0.9, STIFFNESS, smoothing=w), MASS, SPEED)
-        for w in widths
-    ]
+def test_smoothing_changes_less_the_narrower_it_is():
+    wide, narrow, exact = (
+        free_impact(cj.LankaraniNikravesh(0.9, STIFFNESS, smoothing=width), MASS, SPEED)
+        for width in (4e-7, 1e-7, None)
+    )
     for name in ("restitution", "peak_force", "duration"):
-        wide, narrow = (abs(getattr(bias, name)) for bias in biases)
-        assert narrow < 0.5 * wide
-    assert abs(biases[1].peak_force) < 1e-2
-
-
-def test_smoothing_bias_needs_a_width():
-    with pytest.raises(ValueError, match="smoothing width"):
-        smoothing_bias(cj.LankaraniNikravesh(0.9, STIFFNESS), MASS, SPEED)
+        off = [abs(getattr(one, name) - getattr(exact, name)) for one in (narrow, wide)]
+        assert 0.0 < off[0] < 0.5 * off[1]
+    assert narrow.peak_force == pytest.approx(exact.peak_force, rel=1e-2)
