@@ -9,7 +9,7 @@ in; the axes show the units that suit them.
 | of a run | call |
 |---|---|
 | journal in its clearance circle | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
-| forces and penetrations over time | `contact_forces`, `joint_forces`, `force_and_penetration` |
+| forces over time | `contact_forces`, `joint_forces` |
 | force over penetration | `hysteresis` |
 | free flight, impact, following | `motion_timeline` |
 | directions of contact | `contact_rose` |
@@ -21,7 +21,6 @@ in; the axes show the units that suit them.
 |---|---|
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
 | sections over a parameter, or of a lane | `bifurcation`, `poincare_section_of_lane` |
-| spectra over a parameter | `waterfall` |
 | orbit and wear of a lane | `orbit`, `wear` |
 
 Curves differ by line style and areas by grey value and hatching too, for print without colours.
@@ -42,7 +41,6 @@ from .fits import correlations as correlations
 from .fits import fitted as fitted
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import contact_forces as contact_forces
-from .forces import force_and_penetration as force_and_penetration
 from .forces import joint_forces as joint_forces
 from .information import record_length as record_length
 from .journal import XY as XY
@@ -72,7 +70,6 @@ from .sections import bifurcation as bifurcation
 from .spectra import amplitude_spectrum as amplitude_spectrum
 from .spectra import spectrum as spectrum
 from .spectra import spectrum_of as spectrum_of
-from .spectra import waterfall as waterfall
 from .timelines import ContactPhase as ContactPhase
 from .timelines import contact_phases as contact_phases
 from .timelines import motion_timeline as motion_timeline

@@ -1,15 +1,14 @@
 """Forces of impacts over time, and with the penetrations below them."""
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from ..fields.drawn_text import shown
 from ..model.plays.journal_bases import BASES
-from ..simulation.observe import ContactObservation, Observation
+from ..simulation.observe import Observation
 from . import observed
 from .labels import fitting_unit, time_unit
-from .style import TimeSpan, axes_or_new, dress, hide_legend, inside, lines, show
+from .style import TimeSpan, axes_or_new, dress, inside, lines, show
 
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
 """Largest value over the median of the contacts' peaks, or over the value that is exceeded for half
@@ -131,47 +130,8 @@ def joint_forces(
     return _over_time(observation.times, forces, ("normal force", "N"), window, logarithmic, axes)
 
 
-def force_and_penetration(
-    observation: Observation,
-    joint: str,
-    *,
-    window: TimeSpan | None = None,
-    logarithmic: bool | None = None,
-    axes: np.ndarray | None = None,
-) -> np.ndarray:
-    """Normal forces of all contacts of a joint over time, and their penetrations below.
-
-    **Arguments:** `observation`, `joint`, `window`, `logarithmic`: as of `contact_forces`; `axes`:
-    two, unless new ones are to be made.
-
-    **Returns:** the axes, (2,); time in ms or s, force in N or kN, penetration in µm or so: zero in
-    flight.
-
-    >>> scene, state = cj.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
-    >>> both = plot.force_and_penetration(observed, "shoulder")
-    """
-    contacts = observed.contacts(observation, joint)
-    if axes is None:
-        looks = {"sharex": True, "figsize": (6.4, 5.2), "layout": "constrained"}
-        axes = np.asarray(plt.subplots(2, 1, **looks)[1])
-    above, below = axes
-    looks = {"window": window, "logarithmic": logarithmic}
-    contact_forces(observation, joint, **looks, axes=above).set_xlabel("")
-    depths = {_called(name): _depth(one) for name, one in contacts.items()}
-    _over_time(observation.times, depths, ("penetration", "m"), window, logarithmic, below)
-    hide_legend(below)
-    return axes
-
-
 def _called(contact: str) -> str:
     return f"base {contact}" if contact in BASES else contact
-
-
-def _depth(contact: ContactObservation) -> np.ndarray:
-    return np.maximum(np.asarray(contact.penetration), 0.0)
 
 
 def _over_time(

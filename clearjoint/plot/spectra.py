@@ -1,9 +1,8 @@
-"""Spectra of quantities: of one run, and of the lanes of a sweep."""
+"""Spectra of quantities."""
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from scipy import signal
 
 from ..fields.checks import require
@@ -11,13 +10,11 @@ from ..model.scene import Scene
 from ..quantities.base import Quantity
 from ..simulation.solution import Solution
 from .along import series
-from .labels import ScaledValues, fitting_unit, scale_axes, scaled
-from .maps import MISSING
-from .outcomes import ended_well, only_axis, require_names
+from .labels import fitting_unit, scaled
 from .style import BLUE, axes_or_new, dress
 
-DECADES, DECADES_OF_COLOUR = 8.0, 5.0
-"""Decades below the largest amplitude that are shown, as a line and in colours."""
+DECADES = 8.0
+"""Decades below the largest amplitude that are shown."""
 FEWEST = 4
 """Samples of a record that has a spectrum."""
 UNEVEN = 1e-6
@@ -137,77 +134,3 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     lines = f"window: {taper}; lines {float(found['frequency'][0]):.3g} Hz apart"
     axes.set_title(lines, fontsize="small", loc="right")
     return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
-
-
-def waterfall(
-    dataset: xr.Dataset,
-    saved: str,
-    channel: str,
-    axis: str | None = None,
-    *,
-    taper: str = "hann",
-    axes: Axes | None = None,
-) -> Axes:
-    """Amplitude spectra of what a sweep saved, over frequency and swept parameter, in colours.
-
-    Lanes that failed or are pending are grey and hatched.
-
-    **Arguments:**
-
-    - `dataset`: of `sweep` or `open_sweep`, with other axes selected away.
-    - `saved`, `channel`: names of the `Saved`, at equal intervals of time in each lane, and of the
-      quantity in it.
-    - `axis`: the parameter's name; unless given, the sweep's only one.
-    - `taper`: the window; see `plot.amplitude_spectrum`.
-
-    **Returns:** the axes; frequency in Hz or kHz to the right, the parameter upwards, logarithmic
-    where it spreads over a decade. A bar tells the amplitudes, logarithmic.
-
-    **Raises:** `ValueError` for names that the sweep has not, and unequal intervals.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> x = cj.quantities.Position("ball", "x")
-    >>> outputs = {"probe": cj.Saved(np.linspace(0.0, 2.0, 201), {"x": (x, "m")})}
-    >>> axes = {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, progress=False)
-    >>> drawn = plot.waterfall(found, "probe", "x")
-    """
-    axis = only_axis(dataset, axis)
-    names = f"{saved}_{channel}", f"{saved}_time"
-    require_names(dataset, (*names, axis))
-    well, dim = ended_well(dataset).values, f"{saved}_number"
-    remedy = "sweep to the end first, or resume it"
-    require(bool(well.any()), "dataset", "no lane that ran to its end", "one with such", remedy)
-    values, times = (dataset[name].transpose(*dataset[axis].dims, dim).values for name in names)
-    found = [_spectrum(values[k], times[k], taper) for k in np.flatnonzero(well)]
-    frequency, amplitude = np.full((2, len(well), len(found[0][0])), np.nan)
-    for k, (frequencies, amplitudes) in zip(np.flatnonzero(well), found, strict=True):
-        frequency[k], amplitude[k] = frequencies, amplitudes
-    frequency[~well] = found[0][0]
-    data = xr.DataArray(amplitude, name=channel, attrs=dataset[names[0]].attrs)
-    return _map(frequency, scaled(dataset[axis]), scaled(data), axes_or_new(axes))
-
-
-def _map(frequency: np.ndarray, up: ScaledValues, colour: ScaledValues, axes: Axes) -> Axes:
-    """Colours over frequencies (K, F), Hz, for each of K values of the parameter."""
-    faster, unit = fitting_unit(frequency, "Hz")
-    order = np.argsort(up.values, kind="stable")
-    largest = np.nanmax(colour.values)
-    faintest = max(np.nanmin(colour.values), largest * 10.0**-DECADES_OF_COLOUR)
-    shades = np.where(np.isnan(colour.values), np.nan, np.maximum(colour.values, faintest))
-    places = np.broadcast_to(up.values[:, None], frequency.shape)
-    mesh = axes.pcolormesh(
-        faster * frequency[order],
-        places[order],
-        shades[order],
-        norm=LogNorm(faintest, largest),
-        cmap="cividis",
-        shading="nearest",
-        rasterized=True,
-    )
-    scale_axes(axes, np.zeros(1), up.values, swept="y")
-    axes.figure.colorbar(mesh, ax=axes, label=f"amplitude of {colour.label}", extend="min")
-    axes.patch.set(**MISSING)
-    dress(axes, f"frequency, {unit}", up.label)
-    axes.grid(False)
-    return axes

@@ -89,12 +89,10 @@ def test_the_timeline_has_bars_and_shares_of_the_time():
     assert len(set(heights)) == 3
 
 
-def test_forces_stand_above_penetrations():
-    above, below = plot.force_and_penetration(rough(), "pin")
-    assert labels(above) == ("", "normal force, kN")
-    assert labels(below) == ("time, ms", "penetration, µm")
+def test_forces_are_drawn_over_time():
+    above = plot.contact_forces(rough(), "pin")
+    assert labels(above) == ("time, ms", "normal force, kN")
     np.testing.assert_allclose(above.get_lines()[0].get_ydata(), 10.0 * np.maximum(ROUGH, 0))
-    np.testing.assert_allclose(below.get_lines()[0].get_ydata(), np.maximum(ROUGH, 0))
     (line,) = plot.joint_forces(rough()).get_lines()
     np.testing.assert_allclose(line.get_ydata(), 10.0 * np.maximum(ROUGH, 0))
     styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
@@ -104,11 +102,10 @@ def test_forces_stand_above_penetrations():
 def test_a_window_late_in_a_long_run_is_in_the_unit_that_suits_it():
     long = rough()
     long = eqx.tree_at(lambda seen: seen.times, long, 1e3 * long.times)
-    for draw in (plot.contact_forces, plot.force_and_penetration):
-        whole, part = draw(long, "pin"), draw(long, "pin", window=(0.1, 1.2))
-        assert np.ravel(whole)[-1].get_xlabel() == "time, s"
-        assert np.ravel(part)[-1].get_xlabel() == "time, ms"
-        assert np.ravel(part)[-1].get_xlim() == (100.0, 1200.0)
+    whole, part = (plot.contact_forces(long, "pin", window=span) for span in (None, (0.1, 1.2)))
+    assert whole.get_xlabel() == "time, s"
+    assert part.get_xlabel() == "time, ms"
+    assert part.get_xlim() == (100.0, 1200.0)
     for axes in (
         plot.motion_timeline(long, window=(0.1, 1.2)),
         plot.energy_ledger(long, window=(0.1, 1.2))[1],
@@ -162,7 +159,7 @@ def test_directions_of_contact_add_up_to_the_impulse():
         (lambda s: plot.contact_rose(s, "pin", sectors=0), "`sectors` must be a whole number"),
         (lambda s: plot.contact_rose(s, "pin", axes=plt.subplots()[1]), "`axes` must be polar"),
         (lambda s: plot.contact_phases(s, "pinn"), "`joint` must be one of those"),
-        (lambda s: plot.force_and_penetration(s, "pinn"), "`joint` must be one of those"),
+        (lambda s: plot.contact_forces(s, "pinn"), "`joint` must be one of those"),
     ],
 )
 def test_wrong_arguments_are_told(call, message):
@@ -271,21 +268,6 @@ def swept() -> xr.Dataset:
         },
         {"clearance": ("clearance", 1e-4 * np.arange(1.0, 6.0), {"units": "m"})},
     )
-
-
-def test_a_waterfall_has_a_row_of_amplitudes_for_each_lane():
-    axes = plot.waterfall(swept(), "probe", "x", taper="boxcar")
-    assert labels(axes) == ("frequency, kHz", "clearance, µm")
-    (mesh,) = axes.collections
-    shades = mesh.get_array().reshape(5, 200)
-    for lane in (0, 1, 3, 4):
-        cycles = 10 * (lane + 1)
-        assert np.argmax(shades[lane]) == cycles - 1
-        assert shades[lane, cycles - 1] == pytest.approx(lane + 1.0)
-    assert np.ma.getmaskarray(np.ma.masked_invalid(shades))[2].all()
-    assert axes.figure.axes[-1].get_ylabel() == "amplitude of x, µm"
-    with pytest.raises(ValueError, match="`dataset` must be names out of"):
-        plot.waterfall(swept(), "probe", "z")
 
 
 def test_wear_stands_in_its_sectors():
