@@ -48,6 +48,9 @@ RADIUS = 0.05
 ROTOR_MASS = 0.5
 """kg."""
 
+Run = Callable[[float], tuple[np.ndarray, Sample]]
+"""Angles of the links at the end, rad, and the time of a run at some tolerance or step."""
+
 
 def chain(joints: int) -> tuple[cj.Scene, cj.State]:
     """The scene and its state at the start; links lie along X and turn about Z."""
@@ -148,31 +151,30 @@ class There:
 
 def rows(plan: Plan) -> list[Row]:
     """A run of each chain here and in MuJoCo, with the errors of both."""
-    if find_spec("mujoco") is None:
+    beside = find_spec("mujoco") is not None
+    if not beside:
         print("MuJoCo is not installed (pip install mujoco): rows of backlash have no ratio.")
     found = []
     for joints in QUICK_JOINTS if plan.quick else JOINTS:
-        here = Here(joints)
-        error = _error(here.run, RTOL, FINE_RTOL)
-        calls = {"here": lambda k, here=here: here.run(RTOL)[1]}
-        what = f"{joints} joint{'s' if joints > 1 else ''} with backlash, {SPAN:g} s"
-        if find_spec("mujoco") is None:
-            with on_cores(1):
-                times = interleaved(calls, plan.rounds)["here"]
-            found.append(row(f"{what}; error {error:.0e} rad", seconds(times)))
-            continue
-        there = There(joints)
-        off = _error(there.run, STEP, FINE_STEP)
-        calls["there"] = lambda k, there=there: there.run(STEP)[1]
+        runs: dict[str, tuple[Run, float, float]] = {"here": (Here(joints).run, RTOL, FINE_RTOL)}
+        if beside:
+            runs["there"] = There(joints).run, STEP, FINE_STEP
+        calls = {
+            name: lambda k, run=run, setting=setting: run(setting)[1]
+            for name, (run, setting, _) in runs.items()
+        }
         with on_cores(1):
-            times = [seconds(times) for times in interleaved(calls, plan.rounds).values()]
-        what = f"{what}; errors {error:.0e} and {off:.0e} rad"
-        found.append(row(what, *times, f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"))
+            times = {
+                name: seconds(found) for name, found in interleaved(calls, plan.rounds).items()
+            }
+            errors = [f"{_error(*case):.0e}" for case in runs.values()]
+        plural = "s" if joints > 1 else ""
+        what = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
+        name = f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"
+        found.append(row(what, times["here"], times.get("there"), name if beside else ""))
     return found
 
 
-def _error(
-    run: Callable[[float], tuple[np.ndarray, Sample]], setting: float, finer: float
-) -> float:
+def _error(run: Run, setting: float, finer: float) -> float:
     """Largest difference of the angles at the end from those at a finer setting, rad."""
     return float(np.abs(run(setting)[0] - run(finer)[0]).max())

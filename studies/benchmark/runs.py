@@ -54,9 +54,10 @@ def rows(plan: Plan) -> list[Row]:
         found = interleaved(calls, plan.rounds)
     whole, step = seconds(found["run"]), step_times(found["run"], found["call"])
     there = found.get("C++")
+    theirs = (seconds(there), step_times(there)) if there else (None, None)
     return [
-        row(f"run of {span:g} s", whole, there and seconds(there), SCALAR, 1.5),
-        row("an attempted step of it", step, there and step_times(there), SCALAR, 1.5),
+        row(f"run of {span:g} s", whole, theirs[0], SCALAR, 1.5),
+        row("an attempted step of it", step, theirs[1], SCALAR, 1.5),
         row("call of `simulate` over 1 µs", seconds(found["call"]), aim=1e-3),
     ]
 
@@ -82,7 +83,8 @@ def others(plan: Plan) -> list[Row]:
             samples = interleaved(calls, min(plan.rounds, FEW))
             off = np.linalg.norm(program.run(checked, CLEARANCE)[0] - reference)
         what = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
-        found.append(row(what, *map(seconds, samples.values()), program.name))
+        here, there = (seconds(times) for times in samples.values())
+        found.append(row(what, here, there, program.name))
     return found
 
 

