@@ -7,6 +7,7 @@ Everything is measured in turn, or what is named; results are one table, a JSON 
 """
 
 import argparse
+import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -39,7 +40,12 @@ def measure(names: Sequence[str], quick: bool, rounds: int, output: Path) -> lis
         for kind in WIDTHS:
             yardstick.agreement(kind).check()
     plan = Plan(quick, rounds, yardstick)
-    return [row for name, rows in GROUPS.items() if name in names for row in rows(plan)]
+    found = []
+    for name in GROUPS:
+        if name in names:
+            print(f"{name} …", file=sys.stderr, flush=True)
+            found += GROUPS[name](plan)
+    return found
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
