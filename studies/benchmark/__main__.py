@@ -32,20 +32,15 @@ GROUPS: dict[str, Callable[[Plan], list[Row]]] = {
 ROUNDS = 5
 
 
-def measure(names: Sequence[str], quick: bool, rounds: int, output: Path) -> list[Row]:
-    """The rows of some groups, in `GROUPS`' order; the program in C++ is built in `output`."""
+def prepare(quick: bool, rounds: int, output: Path) -> Plan:
+    """How to measure; the program in C++ is built in `output`, and compared with clearjoint."""
     warnings.filterwarnings("ignore", category=cj.LeftBearingWarning)
+    output.mkdir(parents=True, exist_ok=True)
     yardstick = build(output)
     if yardstick is not None:
         for kind in WIDTHS:
             yardstick.agreement(kind).check()
-    plan = Plan(quick, rounds, yardstick)
-    found = []
-    for name in GROUPS:
-        if name in names:
-            print(f"{name} …", file=sys.stderr, flush=True)
-            found += GROUPS[name](plan)
-    return found
+    return Plan(quick, 1 if quick else rounds, yardstick)
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -72,13 +67,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure what the command line asks for; print and write it."""
     options = parse(arguments)
     cj.configure()
-    options.output.mkdir(parents=True, exist_ok=True)
-    names, rounds = options.names or list(GROUPS), 1 if options.quick else options.rounds
-    rows = measure(names, options.quick, rounds, options.output)
-    cells = [HEAD, *(row.cells() for row in rows)]
-    report(options.output / "benchmark.json", cells, [asdict(row) for row in rows])
-    (options.output / "benchmark.md").write_text(markdown(cells) + "\n", encoding="utf-8")
-    for folder in (options.output, *[HERE] * options.write):
+    output, rows, cells = options.output, [], [HEAD]
+    plan = prepare(options.quick, options.rounds, output)
+    for name in GROUPS:
+        if name in options.names or not options.names:
+            print(f"{name} …", file=sys.stderr, flush=True)
+            rows += GROUPS[name](plan)
+            cells = [HEAD, *(row.cells() for row in rows)]
+            # After each group, so that a run that is stopped leaves what it has.
+            (output / "benchmark.md").write_text(markdown(cells) + "\n", encoding="utf-8")
+    report(output / "benchmark.json", cells, [asdict(row) for row in rows])
+    for folder in (output, *[HERE] * options.write):
         figure(rows).savefig(folder / "benchmark.png", dpi=110)
     if options.write:
         replace_table(HERE / "README.md", markdown(cells))

@@ -22,6 +22,7 @@ from studies.benchmark.table import (
 )
 from studies.benchmark.yardstick import CHECKED_SPAN, CLEARANCE, RESTITUTION, SCALAR
 from studies.common.baselines import scipy_pendulum
+from studies.common.baselines.result import BaselineRun
 
 SPAN, QUICK_SPAN = 4.0, 0.2
 """Simulated time, s."""
@@ -77,11 +78,13 @@ def others(plan: Plan) -> list[Row]:
     for program in programs:
         calls = {
             "here": lambda k: _run(span, k),
-            "there": lambda k, program=program: Sample(program.run(span, _clearance(k))[1]),
+            "there": lambda k, program=program: processor_time(
+                lambda: program.run(span, _clearance(k)).steps
+            ),
         }
         with on_cores(1):
             samples = interleaved(calls, min(plan.rounds, FEW))
-            off = np.linalg.norm(program.run(checked, CLEARANCE)[0] - reference)
+            off = np.linalg.norm(program.run(checked, CLEARANCE).r2 - reference)
         what = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
         here, there = (seconds(times) for times in samples.values())
         found.append(row(what, here, there, program.name))
@@ -90,10 +93,10 @@ def others(plan: Plan) -> list[Row]:
 
 @dataclass(frozen=True)
 class _Program:
-    """Runs a span, s, with a clearance, m: arm 2's centre (3,), m, and the time, s."""
+    """Runs a span, s, with a clearance, m."""
 
     name: str
-    run: Callable[[float, float], tuple[np.ndarray, float]]
+    run: Callable[[float, float], BaselineRun]
 
 
 def _clearance(k: int) -> float:
@@ -119,13 +122,11 @@ def _end(span: float, k: int, settings: cj.Settings) -> np.ndarray:
     return np.asarray(final.bodies["arm 2"].position)
 
 
-def _scipy(span: float, clearance: float) -> tuple[np.ndarray, float]:
-    run = scipy_pendulum.run(span, RTOL, 1e-3 * RTOL, clearance, RESTITUTION)
-    return run.r2, run.seconds
+def _scipy(span: float, clearance: float) -> BaselineRun:
+    return scipy_pendulum.run(span, RTOL, 1e-3 * RTOL, clearance, RESTITUTION)
 
 
-def _exudyn(span: float, clearance: float) -> tuple[np.ndarray, float]:
+def _exudyn(span: float, clearance: float) -> BaselineRun:
     from studies.common.baselines import exudyn_pendulum
 
-    run = exudyn_pendulum.run(span, EXUDYN_STEP, clearance, RESTITUTION)
-    return run.r2, run.seconds
+    return exudyn_pendulum.run(span, EXUDYN_STEP, clearance, RESTITUTION)
