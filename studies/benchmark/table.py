@@ -94,8 +94,8 @@ def seconds(samples: Sequence[Sample]) -> np.ndarray:
 
 
 def step_times(samples: Sequence[Sample], less: Sequence[Sample] | None = None) -> np.ndarray:
-    """Times of an attempted step, s, (rounds,), without the median of what is to be left out."""
-    outside = np.median(seconds(less)) if less else 0.0
+    """Times of an attempted step, s, (rounds,), without the least of what is to be left out."""
+    outside = np.min(seconds(less)) if less else 0.0
     return np.array([(sample.seconds - outside) / sample.steps for sample in samples])
 
 
