@@ -58,7 +58,8 @@ def simulate(
     that is NaN, ends a traced run before its first step with the result `domain`.
 
     These derivatives are those of the computed steps, not of the motion: their error is far above
-    that of the states (measured by `studies.benchmark`). Take `clearjoint.presets.derivatives`.
+    that of the states, and falls slowly with the tolerance; see `clearjoint.sensitivities`. Take
+    `clearjoint.presets.derivatives`.
 
     **Arguments:**
 

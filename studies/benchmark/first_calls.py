@@ -1,8 +1,7 @@
-"""What a user waits for: import, first runs, sweeps and derivatives of a fresh Python.
+"""What a user waits for: imports, first runs, sweeps and derivatives of a fresh Python.
 
-Run by ``python -m studies.benchmark first-calls``: the paper's double pendulum, a four-bar with two
-plays and friction, and eight bodies with clearance; each call alone in a process, first with an
-empty cache folder and then with that filled. And the paper's study, as from a fresh clone.
+Each call is alone in a process on one core, first with an empty cache folder ("nothing kept") and
+then with what the first process has kept. Times are processor times of the call, import apart.
 """
 
 import json
@@ -11,129 +10,143 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 import clearjoint as cj
 from studies.benchmark.chain import chain
-from studies.benchmark.four_bar import four_bar
+from studies.benchmark.table import Plan, Row, on_cores, processor_time, row
 from studies.common.fresh_process import ROOT, in_process
-from studies.common.report import Record
 
 SPAN = 0.02
 """Simulated time, s: hardly any, so that what is measured is what comes before."""
-LANES = 8
-RODS = 8
-IMPORT_AIM, STUDY_AIM = 1.4, 20.0
-"""s: of processor time for the import, of wall time for the paper's study."""
+LANES, RODS = 8, 8
+PLAY = {"crank pin": 0.2e-3, "rocker pin": 0.2e-3}
+"""Radial clearances of the four-bar, m."""
+IMPORT_AIM, STUDY_AIM = 1.4, 15.0
+"""s: of the import, and of the paper's study with nothing kept."""
 FRESH = """
 import sys, time
-wall, processor = time.perf_counter(), time.process_time()
+begun = time.process_time()
 import clearjoint as cj
-wall, processor = time.perf_counter() - wall, time.process_time() - processor
+imported = time.process_time() - begun
 cj.configure(cache=sys.argv[1])
 from studies.benchmark.first_calls import print_first_call
-print_first_call(sys.argv[2], sys.argv[3], wall, processor)
+print_first_call(sys.argv[2], sys.argv[3], imported)
 """
-MECHANISMS: dict[str, tuple[Callable[[], tuple[cj.Scene, cj.State]], str, str]] = {
-    "double pendulum": (lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
-    "four-bar": (four_bar, "crank pin", "coupler"),
-    "eight bodies": (lambda: chain(RODS), "joint 1", f"rod {RODS}"),
+
+
+class OwnLaw(cj.LankaraniNikravesh):
+    """A law that is no class of the package's: a call with it is traced in every process."""
+
+
+def four_bar() -> tuple[cj.Scene, cj.State]:
+    """A four-bar with play of 0.2 mm at both ends of its coupler, restitution 0.8 and friction, at
+    rest."""
+    return cj.four_bar(PLAY, 0.8, friction=cj.RegularisedCoulomb(0.1))
+
+
+def own_law() -> tuple[cj.Scene, cj.State]:
+    """The pendulum with a user's own law."""
+    law = OwnLaw(restitution=0.9, stiffness=cj.STEEL)
+    return cj.double_pendulum(0.5e-3, law=law)
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """What makes it, and a joint and a body of it."""
+
+    make: Callable[[], tuple[cj.Scene, cj.State]]
+    joint: str
+    body: str
+
+
+MECHANISMS = {
+    "pendulum": Mechanism(lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
+    "pendulum with a law of one's own": Mechanism(own_law, "shoulder", "arm 2"),
+    "four-bar": Mechanism(four_bar, "crank pin", "coupler"),
+    "eight bodies": Mechanism(lambda: chain(RODS), "joint 1", f"rod {RODS}"),
 }
-"""By name what makes it, and a joint and a body of it."""
 
 
 @dataclass(frozen=True)
 class FirstCall:
-    """A call of a mechanism, and how much processor time it should take, s: with an empty cache
-    folder, and, unless there is no aim for that, with a filled one."""
+    """A call of a mechanism, and how long it should take, s: with nothing kept, and kept, which is
+    not measured if it is ``None``."""
 
     mechanism: str
     call: str
-    cold: float
-    warm: float | None = None
+    nothing_kept: float
+    kept: float | None
 
 
-QUICK = (FirstCall("double pendulum", "simulate", 4.0, 1.0),)
+QUICK = (FirstCall("pendulum", "simulate", 2.0, 0.5),)
 CALLS = (
     *QUICK,
-    FirstCall("double pendulum", "sweep", 10.0, 1.5),
-    FirstCall("double pendulum", "sensitivities", 12.0, 2.0),
-    FirstCall("four-bar", "simulate", 6.0, 1.0),
-    FirstCall("four-bar", "sweep", 15.0, 2.0),
-    FirstCall("four-bar", "sensitivities", 15.0, 2.0),
-    FirstCall("eight bodies", "sweep", 25.0),
+    FirstCall("pendulum", "sweep", 3.0, 0.5),
+    FirstCall("pendulum", "sensitivities", 5.0, 0.5),
+    FirstCall("pendulum with a law of one's own", "simulate", 2.0, 2.0),
+    FirstCall("four-bar", "simulate", 4.0, 0.5),
+    FirstCall("four-bar", "sweep", 6.0, 0.5),
+    FirstCall("four-bar", "sensitivities", 10.0, 0.5),
+    FirstCall("eight bodies", "sweep", 10.0, None),
 )
 
 
-def first_calls(repeats: int, quick: bool = False) -> list[Record]:
-    """Times of the import, of each first call and of the paper's study, beside what they should be.
-
-    Those with an empty folder are measured once, the others `repeats` times, of which the least is
-    taken. `quick`: the import and the pendulum's first run alone.
-    """
-    imports: list[Record] = []
-    calls = [
-        record
-        for first in (QUICK if quick else CALLS)
-        for record in _with_a_cache(first, repeats, imports)
-    ]
-    studies = [] if quick else [_record("paper's study", "empty", _study(), STUDY_AIM, "s")]
-    return [_record("import", "", _least(imports), IMPORT_AIM), *calls, *studies]
-
-
-def _record(what: str, cache: str, times: Record, aim: float, of: str = "processor s") -> Record:
-    ratio = {"aim": aim, "times the aim": times[of] / aim}
-    return {"what": what, "cache": cache, **times, **ratio}
-
-
-def _with_a_cache(first: FirstCall, repeats: int, imports: list[Record]) -> Iterator[Record]:
-    """The call's records; times of the imports are added to `imports`."""
-    what = f"{first.mechanism}, {first.call}"
-    runs = repeats + 1 if first.warm is not None else 1
-    with tempfile.TemporaryDirectory() as folder:
-        found = [in_process(FRESH, folder, first.mechanism, first.call)[1] for _ in range(runs)]
-    imports += [times["import"] for times in found]
-    cold, *warm = (times["call"] for times in found)
-    yield _record(what, "empty", cold, first.cold)
-    if first.warm is not None:
-        yield _record(what, "filled", _least(warm), first.warm)
+def rows(plan: Plan) -> list[Row]:
+    """The import, each first call, and the paper's study; what is kept `rounds` times, others
+    once."""
+    imports: list[float] = []
+    found = []
+    with on_cores(1):
+        for first in QUICK if plan.quick else CALLS:
+            what = f"first `{first.call}`, {first.mechanism}"
+            with tempfile.TemporaryDirectory() as folder:
+                again = plan.rounds if first.kept is not None else 0
+                runs = [_measured(folder, first) for _ in range(1 + again)]
+            imports += [imported for imported, _ in runs]
+            times = np.array([call for _, call in runs])
+            found.append(row(f"{what}, nothing kept", times[:1], aim=first.nothing_kept))
+            if again:
+                found.append(row(f"{what}, kept", times[1:], aim=first.kept))
+        if not plan.quick:
+            found.append(row("the paper's study, nothing kept", _study(), aim=STUDY_AIM))
+    return [row("import", np.array(imports), aim=IMPORT_AIM), *found]
 
 
-def _least(times: list[Record]) -> Record:
-    return {name: min(one[name] for one in times) for name in times[0]}
+def _measured(folder: str, first: FirstCall) -> tuple[float, float]:
+    """Processor times of the import and of the call, s."""
+    imported, call = in_process(FRESH, folder, first.mechanism, first.call)[1]
+    return imported, call
 
 
-def _study() -> Record:
-    """Times of the paper's study with an empty cache folder, all of its process."""
+def _study() -> np.ndarray:
+    """Processor time of all of its process, s, (1,)."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "studies.double_pendulum", "--output", folder]
         variables = os.environ | {"CLEARJOINT_CACHE": f"{folder}/cache"}
-        begun, worked = time.perf_counter(), _processor_time_of_children()
+        before = _time_of_children()
         subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, check=True)
-        wall, processor = time.perf_counter() - begun, _processor_time_of_children() - worked
-    return {"s": wall, "processor s": processor}
+        return np.array([_time_of_children() - before])
 
 
-def _processor_time_of_children() -> float:
+def _time_of_children() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
-def print_first_call(mechanism: str, call: str, wall: float, processor: float) -> None:
-    """Call for the first time, and print how long that takes, beside times of the import."""
-    make, joint, body = MECHANISMS[mechanism]
-    scene, state = make()
-    begun, worked = time.perf_counter(), time.process_time()
-    _call(call, scene, state, joint, body)
-    took = {"s": time.perf_counter() - begun, "processor s": time.process_time() - worked}
-    print(json.dumps({"import": {"s": wall, "processor s": processor}, "call": took}))
+def print_first_call(mechanism: str, call: str, imported: float) -> None:
+    """Call for the first time in this process, and print its time after that of the import."""
+    chosen = MECHANISMS[mechanism]
+    scene, state = chosen.make()
+    sample = processor_time(lambda: _call(call, chosen, scene, state))
+    print(json.dumps([imported, sample.seconds]))
 
 
-def _call(call: str, scene: cj.Scene, state: cj.State, joint: str, body: str) -> None:
+def _call(call: str, mechanism: Mechanism, scene: cj.Scene, state: cj.State) -> int:
+    joint, body = mechanism.joint, mechanism.body
     height = cj.quantities.Position(body, "y")
     if call == "simulate":
         cj.simulate(scene, state, SPAN, progress=False)
@@ -147,4 +160,6 @@ def _call(call: str, scene: cj.Scene, state: cj.State, joint: str, body: str) ->
             "restitution": cj.Parameter(lambda s: s.joints[joint].law.restitution),
             "mass": cj.Parameter(lambda s: s.bodies[body].mass, cj.Log()),
         }
-        cj.sensitivities(scene, state, SPAN, parameters, {"y": height}, [0.5 * SPAN, SPAN])
+        times = [0.5 * SPAN, SPAN]
+        cj.sensitivities(scene, state, SPAN, parameters, {"y": height}, times, progress=False)
+    return 1

@@ -44,11 +44,6 @@ def solver_steps(stepper: Stepper, step: Any, turns: Any) -> Any:
     return _summed(stepper.solver_step, step, turns)
 
 
-def controlled_steps(stepper: Stepper, step: Any, turns: Any) -> Any:
-    """The solver's steps, and the controller's judgement."""
-    return _summed(stepper.controlled_step, step, turns)
-
-
 def tried_steps(stepper: Stepper, step: Any, turns: Any) -> Any:
     """Attempted steps, as a run makes them."""
     return repeated(lambda step: (stepper.attempt(step),), turns, step)

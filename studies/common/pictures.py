@@ -69,14 +69,6 @@ def coordinates() -> Figure:
     return bars(names, series, "time of an attempted step, µs", True)
 
 
-def benchmark() -> Figure:
-    """Time of four seconds by program."""
-    rows = table("benchmark", "right-hand sides")
-    names = [f"{row['program']}, {row['setting']}" for row in rows]
-    series = {"s": [float(row["s"]) for row in rows]}
-    return bars(names, series, "time of 4 s of the double pendulum, s", True)
-
-
 def recovery() -> Figure:
     """Scatter of the estimates over the bound."""
     kept = [row for row in table("recovery", "scatter / bound") if row["scatter / bound"]]
@@ -102,7 +94,7 @@ def _share(cell: str) -> float:
 def main() -> None:
     """Draw them all, each beside its study."""
     plt.switch_backend("Agg")
-    for draw in (coordinates, benchmark, recovery, identification):
+    for draw in (coordinates, recovery, identification):
         draw().savefig(STUDIES / draw.__name__ / f"{draw.__name__}.png", dpi=110)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 Record = dict[str, Any]
@@ -34,16 +33,3 @@ def report(file: Path | None, rows: Sequence[Sequence[str]], records: Sequence[R
         "rows": records,
     }
     file.write_text(json.dumps(about, indent=1), encoding="utf-8")
-
-
-def medians(records: Sequence[Record]) -> list[tuple[str, ...]]:
-    """Rows for repeated measurements: one for each value of the first entry, and of the others
-    medians and least values."""
-    key, *names = records[0]
-    rows = [(key, *(f"{name} (least)" for name in names))]
-    for value in dict.fromkeys(record[key] for record in records):
-        chosen = [record for record in records if record[key] == value]
-        columns = ([record[name] for record in chosen] for name in names)
-        cells = (f"{median(cells):.3g} ({min(cells):.3g})" for cells in columns)
-        rows.append((str(value), *cells))
-    return rows

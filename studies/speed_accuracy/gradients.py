@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 
 import clearjoint as cj
-from studies.benchmark.gradients import ESTIMANDS, TABLE
+from studies.benchmark.derivatives import PARAMETERS, REFERENCE
 from studies.common.output import Output
 from studies.common.report import markdown
 from studies.speed_accuracy.runs import Spans
 
 REPEATS = 5
-THREE = {name: ESTIMANDS[name] for name in ("log c", "log K", "e")}
+THREE = {name: PARAMETERS[name] for name in ("log c", "log K", "e")}
 
 
 def gradients(output: Output, spans: Spans) -> list[str]:
     """Errors of the derivatives of arm 2's height and their cost, in Markdown."""
     del output
-    expected = np.array(TABLE[spans.short])
+    expected = np.array(REFERENCE[spans.short])
     rows: list[tuple[str, ...]] = [
         ("setting", *(f"by {name}" for name in THREE), "attempts", "ms", "a run alone, ms")
     ]

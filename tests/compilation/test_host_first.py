@@ -10,7 +10,7 @@ from clearjoint.compilation import HostFirst
 from clearjoint.dynamics import assembly, constraint_report, journals
 from clearjoint.math.functions import cosine, polar_angle, sine, where
 from clearjoint.simulation.run_checks import check_structure
-from studies.benchmark.four_bar import four_bar
+from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
     constraint_report._constraints_first_on_host,

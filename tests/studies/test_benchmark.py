@@ -1,75 +1,219 @@
-"""The benchmark measures all candidates, and they simulate the same motion."""
+"""The benchmark's rows in the quick setting, and that its C++ moves as clearjoint does."""
 
 import json
-from contextlib import redirect_stdout
 from importlib.util import find_spec
-from io import StringIO
+from math import isfinite
 
 import numpy as np
 import pytest
 
+import clearjoint as cj
 from studies.benchmark import __main__ as benchmark
-from studies.benchmark import pendulum
-
-PROGRAMS = ["clearjoint, Tsit5"] * 2 + ["clearjoint, Dopri8"] * 2 + ["SciPy, DOP853"] * 2
-if find_spec("exudyn"):
-    PROGRAMS += ["Exudyn"] * 2
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return tmp_path_factory.mktemp("benchmark") / "quick.json"
-
-
-@pytest.fixture(scope="module")
-def printed(file):
-    with redirect_stdout(StringIO()) as output:
-        benchmark.main(["pendulum", "--quick", "--json", str(file)])
-    return output.getvalue().split("\n")
+from studies.benchmark import backlash_chain, derivatives, first_calls, runs, sweeps, yardstick
+from studies.benchmark.chain import chain
+from studies.benchmark.table import (
+    BEGIN,
+    END,
+    Plan,
+    Row,
+    Sample,
+    cores,
+    figure,
+    interleaved,
+    replace_table,
+    row,
+    shown,
+)
 
 
 @pytest.fixture(scope="module")
-def rows(printed, file):
-    del printed
-    return json.loads(file.read_text())["rows"]
+def plan(tmp_path_factory):
+    program = yardstick.build(tmp_path_factory.mktemp("yardstick"))
+    if program is None:
+        pytest.skip("the system has no C++ compiler")
+    return Plan(True, 1, program)
 
 
-def test_table_has_a_row_for_every_candidate(printed):
-    table = [line.strip("|").split("|") for line in printed if line.startswith("|")]
-    assert [cells[0].strip() for cells in table[2:]] == PROGRAMS
-    assert {len(cells) for cells in table} == {len(pendulum.COLUMNS)}
+def ratios(rows):
+    assert all(one.seconds > 0.0 and one.ratio is not None and isfinite(one.ratio) for one in rows)
+    return [one.ratio or 0.0 for one in rows]
 
 
-def test_missing_exudyn_is_said(monkeypatch, capsys):
-    monkeypatch.setattr(pendulum, "find_spec", lambda name: None)
-    names = [candidate.name for candidate in pendulum.baseline_candidates()]
-    assert names == ["SciPy, DOP853"] * 2
-    assert "Exudyn is not installed (pip install" in capsys.readouterr().out
+@pytest.mark.parametrize("kind", yardstick.WIDTHS)
+def test_yardstick_moves_as_clearjoint(plan, kind):
+    plan.yardstick.agreement(kind).check()
 
 
-def test_candidates_agree(rows):
-    ends = np.array([row["r2_m"] for row in rows])
-    assert [row["simulated_s"] for row in rows] == [pendulum.QUICK] * len(PROGRAMS)
-    np.testing.assert_allclose(ends, ends[:1].repeat(len(ends), axis=0), rtol=0.0, atol=1e-5)
-    assert all(row["error_m"] < 1e-5 for row in rows)
+def test_another_motion_is_no_agreement():
+    with pytest.raises(RuntimeError, match="does not move"):
+        yardstick.Agreement(1e-12, 1e-12, 1e-6).check()
 
 
-def test_tighter_settings_cost_more_and_err_less(rows):
-    for looser, tighter in zip(rows[::2], rows[1::2], strict=True):
-        assert looser["program"] == tighter["program"]
-        assert looser["right_hand_sides"][0] < tighter["right_hand_sides"][0]
-        assert looser["error_m"] > tighter["error_m"]
+def test_eight_lanes_take_the_steps_of_one(plan):
+    clearances = (sweeps.LEAST, sweeps.MOST, 11)
+    one, eight = (plan.yardstick.run(kind, 0.03, 1e-6, clearances) for kind in yardstick.WIDTHS)
+    assert one.attempts.tolist() == eight.attempts.tolist()
+    np.testing.assert_allclose(eight.positions, one.positions, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(eight.onsets, one.onsets, rtol=1e-11)
 
 
-def test_steps_are_counted(rows):
-    for row, stages in zip(rows[:4], (6, 6, 13, 13), strict=True):
-        (accepted,), (tried,) = row["steps_accepted"], row["steps_tried"]
-        assert 0 < accepted < tried
-        assert row["right_hand_sides"] == [stages * tried]
-    assert all(row["steps_accepted"][0] > 0 and row["seconds"][0] > 0.0 for row in rows)
+def test_run_has_its_impact_where_free_fall_ends(plan):
+    found = plan.yardstick.run(yardstick.SCALAR, 0.02, 1e-8)
+    fall = np.sqrt(2.0 * yardstick.CLEARANCE / 9.81)
+    assert found.onsets[0] == pytest.approx(fall, rel=1e-9)
+    assert found.speeds[0] == pytest.approx(9.81 * fall, rel=1e-9)
 
 
-def test_repeats_must_be_positive(capsys):
+def test_rows_of_runs(plan):
+    whole, step, call = runs.rows(plan)
+    assert ratios([whole, step])[0] > 1.0
+    assert whole.seconds > call.seconds > 0.0 and call.ratio is None and call.aim == 1e-3
+
+
+def test_rows_without_a_compiler_have_no_ratio():
+    whole, step, _ = runs.rows(Plan(True, 1, None))
+    assert whole.seconds > 0.0 and whole.ratio is None and step.ratio is None
+
+
+def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setattr(yardstick.shutil, "which", lambda name: None)
+    assert yardstick.build(tmp_path) is None
+    monkeypatch.setenv("CXX", "false")
+    assert yardstick.build(tmp_path) is None
+    printed = capsys.readouterr().out
+    assert "No C++ compiler" in printed and "failed: rows beside C++ have no ratio" in printed
+
+
+def test_rows_of_sweeps(plan):
+    rows = sweeps.rows(plan)
+    ratios(rows)
+    beside = [one.yardstick for one in rows[:2]]
+    assert beside == list(yardstick.WIDTHS)
+    on_two = [one for one in rows if "two threads" in one.what]
+    assert len(on_two) == (0 if len(cores()) == 1 else 3)
+
+
+def test_rows_of_derivatives(plan):
+    rows = derivatives.rows(plan)
+    assert [one.aim for one in rows] == [3.2, 4.0, 3.5, None]
+    assert rows[-1].seconds > 0.0
+
+
+def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
+    assert len(derivatives.PARAMETERS) == derivatives.COUNTS[-1]
+    found = derivatives.derivatives(3, derivatives.TOLERANCES[0], derivatives.SPAN)
+    known = derivatives.REFERENCE[derivatives.SPAN]
+    np.testing.assert_allclose(found.derivatives["height"][0], known, rtol=1e-5)
+
+
+def test_rows_of_others(plan):
+    rows = runs.others(plan)
+    assert len(rows) == 1 + bool(find_spec("exudyn"))
+    ratios(rows)
+
+
+def test_rows_of_backlash(plan):
+    (one,) = backlash_chain.rows(plan)
+    assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
+
+
+def test_chains_of_both_programs_are_alike():
+    here = backlash_chain.Here(1)
+    angles, _ = here.run(1e-9)
+    alone = backlash_chain.SPEED * backlash_chain.SPAN  # of a rotor that meets nothing
+    assert 0.0 < angles[0] < alone
+    if find_spec("mujoco"):
+        there, _ = backlash_chain.There(1).run(1e-6)
+        # One joint has no loads from elsewhere, so that both contacts are the same.
+        np.testing.assert_allclose(there, angles, atol=1e-5)
+
+
+def test_rows_of_first_calls(plan):
+    imported, nothing, kept = first_calls.rows(plan)
+    assert 0.0 < kept.seconds < nothing.seconds and imported.seconds > 0.0
+    assert (nothing.aim, kept.aim) == (2.0, 0.5)
+
+
+@pytest.mark.parametrize("mechanism", first_calls.MECHANISMS.values(), ids=first_calls.MECHANISMS)
+def test_joint_and_body_of_first_calls_are_the_mechanisms(mechanism):
+    scene, state = mechanism.make()
+    assert mechanism.joint in scene.joints and mechanism.body in scene.bodies
+    assert set(state.bodies) == set(scene.bodies)
+
+
+def test_chain_falls_freely_until_it_touches():
+    scene, state = chain(1)
+    end = cj.simulate(scene, state, 5e-3, progress=False).final
+    fallen = [float(end.bodies[name].position[1]) for name in scene.bodies]
+    np.testing.assert_allclose(fallen, -0.5 * 9.81 * 5e-3**2, rtol=1e-9)
+
+
+def test_calls_take_turns_after_a_first_one_each():
+    order = []
+
+    def call(name):
+        return lambda k: order.append((name, k)) or Sample(1.0 + k)
+
+    found = interleaved({"a": call("a"), "b": call("b")}, 2)
+    assert order == [("a", 0), ("b", 0), ("a", 0), ("b", 0), ("a", 1), ("b", 1)]
+    assert [sample.seconds for sample in found["b"]] == [1.0, 2.0]
+
+
+def test_row_has_median_and_range_of_the_ratios_of_its_rounds():
+    found = row("run", np.array([2.0, 3.0, 8.0]), np.array([1.0, 2.0, 2.0]), "C++", 2.5)
+    assert (found.ratio, found.spread, found.aim) == (2.0, (1.5, 4.0), 2.5)
+    assert found.cells() == ("run", "3 s", "2 s, C++", "2 (1.5 … 4)", "2.5")
+    alone = row("call", np.array([2e-3]), aim=1e-3)
+    assert alone.cells() == ("call", "2 ms", "", "", "1 ms")
+    assert [shown(t) for t in (0.9999, 1.25e-5, 3e-10)] == ["1 s", "12.5 µs", "0.3 ns"]
+
+
+def test_table_stands_between_the_markers_of_a_file(tmp_path):
+    file = tmp_path / "README.md"
+    file.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    for _ in range(2):
+        replace_table(file, "| new |")
+    assert file.read_text() == f"before\n{BEGIN}\n\n| new |\n\n{END}\nafter\n"
+    file.write_text("no markers")
+    with pytest.raises(ValueError, match="must have the lines"):
+        replace_table(file, "| new |")
+
+
+def test_readme_has_the_markers():
+    text = (benchmark.HERE / "README.md").read_text(encoding="utf-8")
+    assert text.index(BEGIN) < text.index(END)
+
+
+def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
+    rows = [
+        Row("a", 1.0, "b", 2.0, 0.5, (0.4, 0.6), 0.45),
+        Row("c", 1.0, aim=2.0),
+        Row("neither", 1.0),
+    ]
+    labels = [label.get_text() for label in figure(rows).axes[0].get_yticklabels()]
+    assert labels == ["a / b", "c / aim"]
+
+
+def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):
+    rows = [Row("run", 2.0, "C++", 1.0, 2.0, (1.9, 2.1), 1.5)]
+    monkeypatch.setitem(benchmark.GROUPS, "runs", lambda plan: rows)
+    benchmark.main(["runs", "--quick", "--output", str(tmp_path)])
+    assert "| run | 2 s | 1 s, C++ | 2 (1.9 … 2.1) | 1.5 |" in capsys.readouterr().out
+    assert "| run |" in (tmp_path / "benchmark.md").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "benchmark.json").read_text())["rows"][0]["ratio"] == 2.0
+    assert (tmp_path / "benchmark.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nothing"], "NAME must be of runs, sweeps"),
+        (["--rounds", "0"], "--rounds must be at least 1"),
+        (["--write", "--quick"], "--write needs a full run"),
+    ],
+)
+def test_wrong_command_lines_say_what_is_wrong(words, message, capsys):
     with pytest.raises(SystemExit):
-        benchmark.parse(["first-result", "--repeats", "0"])
-    assert "--repeats must be at least 1" in capsys.readouterr().err
+        benchmark.parse(words)
+    assert message in capsys.readouterr().err

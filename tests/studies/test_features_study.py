@@ -9,6 +9,7 @@ import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import pack, structured, unpack
+from studies.common.operations import jaxpr_operations
 from studies.features.__main__ import main
 from studies.features.planar import planar_pendulum, slider_crank_rates, without_motor
 from studies.features.rungs import LADDER
@@ -104,3 +105,10 @@ def test_study_runs(capsys, tmp_path):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 4
     assert (tmp_path / "features.png").stat().st_size > 3000
+
+
+def test_operations_are_counted_in_a_jaxpr_and_inside_it():
+    def polynomial(x, y):
+        return jnp.where(x > y, jnp.sin(x) * y + 1.0, jax.jit(jnp.sqrt)(x) - y)
+
+    assert jaxpr_operations(jax.make_jaxpr(polynomial)(1.0, 2.0).jaxpr) == 5

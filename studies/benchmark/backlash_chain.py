@@ -1,0 +1,180 @@
+"""A chain of links whose joints have motors and backlash, here and by MuJoCo's documented recipe.
+
+Link k hangs by an ideal hinge on link k - 1 and moves in the plane; on the same axis turns a rotor,
+and between rotor and link is the play. Rotors begin to turn, alternately one way and the other,
+links rest, nothing else drives them. MuJoCo's documentation makes play of a second hinge with a
+small range (https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash"), so that a joint is
+a hinge of the rotor on the link before and one of the link on the rotor.
+
+The contacts have the same frequency and damping in both, but not the same law: clearjoint's flanks
+are springs with a damper, MuJoCo's limit sets the acceleration whatever loads act from elsewhere.
+Each program's error is therefore taken against itself at a setting far finer.
+"""
+
+import math
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import numpy as np
+
+import clearjoint as cj
+from studies.benchmark.table import (
+    SHORT,
+    Plan,
+    Row,
+    Sample,
+    interleaved,
+    on_cores,
+    processor_time,
+    row,
+    seconds,
+)
+
+JOINTS, QUICK_JOINTS = (1, 3, 10, 30), (1,)
+SPAN = 0.05
+"""Simulated time, s."""
+RTOL, FINE_RTOL = 1e-5, 1e-9
+STEP, FINE_STEP = 1e-5, 1e-6
+"""Of MuJoCo, s."""
+
+LENGTH, MASS, ROTOR, LINK = 0.2, 1.0, 5e-3, 4e-3
+"""m, kg, and kg m^2: of a rotor, and of a link about its centre of mass."""
+PLAY, SPEED = 0.01, 2.0
+"""rad from flank to flank, and rad/s of the rotors at the start."""
+FREQUENCY, DAMPING = 2000.0, 0.2
+"""Of a contact: rad/s undamped, and over critical damping."""
+RADIUS = 0.05
+"""Of the flanks, m: it is free, as the contact is given by its frequency and damping."""
+ROTOR_MASS = 0.5
+"""kg."""
+
+Run = Callable[[float], tuple[np.ndarray, Sample]]
+"""Angles of the links at the end, rad, and the time of a run at some tolerance or step."""
+
+
+def chain(joints: int) -> tuple[cj.Scene, cj.State]:
+    """The scene and its state at the start; links lie along X and turn about Z."""
+    axis, centre = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    near, far = (-0.5 * LENGTH, 0.0, 0.0), (0.5 * LENGTH, 0.0, 0.0)
+    about_hinge = LINK + MASS * (0.5 * LENGTH) ** 2
+    mass = ROTOR * about_hinge / (ROTOR + about_hinge) / RADIUS**2
+    requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
+    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    bodies, elements, states = {}, {}, {}
+    before, end = "ground", centre
+    for k in range(joints):
+        link, rotor = f"link {k + 1}", f"rotor {k + 1}"
+        bodies[link] = cj.Body(MASS, (LINK, LINK, LINK))
+        bodies[rotor] = cj.Body(ROTOR_MASS, (ROTOR, ROTOR, ROTOR))
+        elements[f"bearing {k + 1}"] = cj.RevoluteJoint(before, rotor, end, centre, axis, axis)
+        elements[f"hinge {k + 1}"] = cj.RevoluteJoint(rotor, link, centre, near, axis, axis)
+        elements[f"play {k + 1}"] = cj.Backlash(rotor, link, play=PLAY, radius=RADIUS, law=law)
+        states[link] = cj.body_state(((k + 0.5) * LENGTH, 0.0, 0.0))
+        spin = SPEED if k % 2 == 0 else -SPEED
+        states[rotor] = cj.body_state((k * LENGTH, 0.0, 0.0), spin=(0.0, 0.0, spin))
+        before, end = link, far
+    return cj.Scene(bodies, elements), cj.State(states)
+
+
+def model(joints: int) -> str:
+    """The chain in MuJoCo's XML; the limit has the contact's stiffness and damping for a unit of
+    inertia, and an impedance of almost one, so that they act in full."""
+    limit = (
+        f'range="{-0.5 * PLAY} {0.5 * PLAY}" solimplimit="0.9999 0.9999 0.001 0.5 1" '
+        f'solreflimit="{-(FREQUENCY**2)} {-2.0 * DAMPING * FREQUENCY}"'
+    )
+    opened, closed = [], []
+    for k in range(joints):
+        opened.append(
+            f'<body pos="{LENGTH if k else 0.0} 0 0"><joint axis="0 0 1"/>'
+            f'<inertial pos="0 0 0" mass="{ROTOR_MASS}" diaginertia="{ROTOR} {ROTOR} {ROTOR}"/>'
+            f'<body><joint axis="0 0 1" limited="true" {limit}/>'
+            f'<inertial pos="{0.5 * LENGTH} 0 0" mass="{MASS}" diaginertia="{LINK} {LINK} {LINK}"/>'
+        )
+        closed.append("</body></body>")
+    return (
+        '<mujoco><compiler angle="radian"/><option gravity="0 0 0" integrator="RK4"/><worldbody>'
+        + "".join(opened + closed)
+        + "</worldbody></mujoco>"
+    )
+
+
+class Here:
+    """The chain in clearjoint, ready to run at a relative tolerance."""
+
+    def __init__(self, joints: int):
+        self._joints, (self._scene, self._state) = joints, chain(joints)
+
+    def run(self, rtol: float) -> tuple[np.ndarray, Sample]:
+        """Angles of the links at the end, rad, (joints,), and the time of the call."""
+        found: list[cj.Solution] = []
+
+        def call() -> int:
+            settings = cj.Settings(rtol=rtol)
+            found.append(cj.simulate(self._scene, self._state, SPAN, settings, progress=False))
+            return int(found[0].attempts)
+
+        sample = processor_time(call, SHORT)
+        bodies = found[0].final.bodies
+        turned = [bodies[f"link {k + 1}"].orientation for k in range(self._joints)]
+        return np.array([2.0 * math.atan2(p[3], p[0]) for p in turned]), sample
+
+
+class There:
+    """The chain in MuJoCo, ready to run with a fixed step."""
+
+    def __init__(self, joints: int):
+        from mujoco import MjData, MjModel  # pyright: ignore
+
+        self._model = MjModel.from_xml_string(model(joints))
+        self._data = MjData(self._model)
+        speeds = SPEED * (-1.0) ** np.arange(joints)
+        self._start = np.stack([speeds, -speeds], axis=1).ravel()
+        # A rotor's speed is relative to the link before, which rests.
+
+    def run(self, step: float) -> tuple[np.ndarray, Sample]:
+        """Angles of the links at the end, rad, (joints,), and the time of the steps."""
+        from mujoco import mj_resetData, mj_step  # pyright: ignore
+
+        count = round(SPAN / step)
+        self._model.opt.timestep = SPAN / count
+        mj_resetData(self._model, self._data)
+        self._data.qvel[:] = self._start
+
+        def call() -> int:
+            mj_step(self._model, self._data, nstep=count)
+            return count
+
+        sample = processor_time(call)
+        return np.cumsum(self._data.qpos.reshape(-1, 2).sum(axis=1)), sample
+
+
+def rows(plan: Plan) -> list[Row]:
+    """A run of each chain here and in MuJoCo, with the errors of both."""
+    beside = find_spec("mujoco") is not None
+    if not beside:
+        print("MuJoCo is not installed (pip install mujoco): rows of backlash have no ratio.")
+    found = []
+    for joints in QUICK_JOINTS if plan.quick else JOINTS:
+        runs: dict[str, tuple[Run, float, float]] = {"here": (Here(joints).run, RTOL, FINE_RTOL)}
+        if beside:
+            runs["there"] = There(joints).run, STEP, FINE_STEP
+        calls = {
+            name: lambda k, run=run, setting=setting: run(setting)[1]
+            for name, (run, setting, _) in runs.items()
+        }
+        with on_cores(1):
+            times = {
+                name: seconds(found) for name, found in interleaved(calls, plan.rounds).items()
+            }
+            errors = [f"{_error(*case):.0e}" for case in runs.values()]
+        plural = "s" if joints > 1 else ""
+        what = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
+        name = f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"
+        found.append(row(what, times["here"], times.get("there"), name if beside else ""))
+    return found
+
+
+def _error(run: Run, setting: float, finer: float) -> float:
+    """Largest difference of the angles at the end from those at a finer setting, rad."""
+    return float(np.abs(run(setting)[0] - run(finer)[0]).max())

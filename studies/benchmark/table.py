@@ -1,0 +1,187 @@
+"""Rows of the benchmark: how they are timed, and how they are written and drawn."""
+
+import os
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from clearjoint.plot import style
+from studies.benchmark.yardstick import Yardstick
+
+HEAD = ("what", "clearjoint", "yardstick", "ratio", "aim")
+SHORT = 5
+"""Calls of which the least time is taken, where a call takes milliseconds."""
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+BEGIN, END = "<!-- begin of the table -->", "<!-- end of the table -->"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured, and how long it takes, s, here and by the yardstick.
+
+    `ratio`: of the two times, the median over the rounds, and `spread` its least and greatest.
+    `aim`: what the ratio should be at most; without a yardstick, what the time should be, s.
+    """
+
+    what: str
+    seconds: float
+    yardstick: str = ""
+    other: float | None = None
+    ratio: float | None = None
+    spread: tuple[float, float] | None = None
+    aim: float | None = None
+
+    def cells(self) -> tuple[str, ...]:
+        """The row as text."""
+        here, other, ratio, aim = shown(self.seconds), self.yardstick, "", ""
+        if self.other is not None:
+            other = f"{shown(self.other)}, {self.yardstick}"
+        if self.ratio is not None and self.spread is not None:
+            ratio = "{:.3g} ({:.3g} … {:.3g})".format(self.ratio, *self.spread)
+        if self.aim is not None:
+            aim = shown(self.aim) if self.ratio is None else f"{self.aim:g}"
+        return self.what, here, other, ratio, aim
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One measurement: its time, s, and the steps that were attempted in it."""
+
+    seconds: float
+    steps: int = 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to measure: `rounds` of each row, in seconds altogether if `quick`; without `yardstick`
+    rows that need it have no ratio."""
+
+    quick: bool
+    rounds: int
+    yardstick: Yardstick | None
+
+
+def shown(seconds: float) -> str:
+    """A time with three digits and a unit."""
+    unit, name = next((pair for pair in UNITS if seconds >= 0.9995 * pair[0]), UNITS[-1])
+    return f"{seconds / unit:.3g} {name}"
+
+
+def interleaved(
+    calls: Mapping[str, Callable[[int], Sample]], rounds: int
+) -> dict[str, list[Sample]]:
+    """Samples of calls, A B C A B C, after one call each that is not counted.
+
+    Each is called with the number of the round. So what disturbs a machine for a while disturbs
+    both sides of a ratio.
+    """
+    for call in calls.values():
+        call(0)
+    samples = [{name: call(k) for name, call in calls.items()} for k in range(rounds)]
+    return {name: [sample[name] for sample in samples] for name in calls}
+
+
+def seconds(samples: Sequence[Sample]) -> np.ndarray:
+    """Times, (rounds,)."""
+    return np.array([sample.seconds for sample in samples])
+
+
+def step_times(samples: Sequence[Sample], less: Sequence[Sample] | None = None) -> np.ndarray:
+    """Times of an attempted step, s, (rounds,), without the least of what is to be left out."""
+    outside = np.min(seconds(less)) if less else 0.0
+    return np.array([(sample.seconds - outside) / sample.steps for sample in samples])
+
+
+def row(
+    what: str,
+    here: np.ndarray,
+    other: np.ndarray | None = None,
+    yardstick: str = "",
+    aim: float | None = None,
+) -> Row:
+    """The row of times (rounds,) beside others of the same rounds."""
+    if other is None:
+        return Row(what, float(np.median(here)), yardstick, aim=None if yardstick else aim)
+    ratios = (here / other).tolist()
+    times = float(np.median(here)), yardstick, float(np.median(other))
+    return Row(what, *times, median(ratios), (min(ratios), max(ratios)), aim)
+
+
+def processor_time(call: Callable[[], int], times: int = 1) -> Sample:
+    """Of a call that returns its number of steps: the processor time of all threads, the least of
+    so many calls."""
+    found, steps = [], 1
+    for _ in range(times):
+        begun = time.process_time()
+        steps = call()
+        found.append(time.process_time() - begun)
+    return Sample(min(found), steps)
+
+
+def wall_time(call: Callable[[], int]) -> Sample:
+    """Of a call that returns its number of steps: the time by the clock."""
+    begun = time.perf_counter()
+    steps = call()
+    return Sample(time.perf_counter() - begun, steps)
+
+
+def cores() -> list[int]:
+    """The cores that this process may use; empty where the system does not say (not Linux)."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+@contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Keep this thread, and threads and processes that begin inside, on so many cores (Linux)."""
+    present = cores()
+    if present:
+        os.sched_setaffinity(0, present[:count])
+    try:
+        yield
+    finally:
+        if present:
+            os.sched_setaffinity(0, present)
+
+
+def replace_table(file: Path, table: str) -> None:
+    """Put a table between the two markers of a file.
+
+    **Raises:** `ValueError` if the file does not have both.
+    """
+    text = file.read_text(encoding="utf-8")
+    pattern = re.compile(f"(?<={re.escape(BEGIN)}\n).*(?={re.escape(END)})", re.DOTALL)
+    if not pattern.search(text):
+        raise ValueError(f"{file} must have the lines {BEGIN!r} and {END!r}, but has not.")
+    file.write_text(pattern.sub(lambda _: f"\n{table}\n\n", text), encoding="utf-8")
+
+
+def figure(rows: Sequence[Row]) -> Figure:
+    """Ratios with their spread, and the aims; rows without a ratio but with an aim by their time
+    over it."""
+    drawn = [one for one in rows if one.ratio is not None or one.aim is not None]
+    canvas = Figure(figsize=(9.0, 1.2 + 0.24 * len(drawn)), layout="constrained")
+    axes = canvas.subplots()
+    for place, one in enumerate(drawn):
+        if one.ratio is not None and one.spread is not None:
+            value, (least, most), aim = one.ratio, one.spread, one.aim
+        else:
+            value, aim = one.seconds / (one.aim or 1.0), 1.0
+            least = most = value
+        colour = style.BLUE if aim is None or value <= aim else style.VERMILLION
+        axes.plot([least, most], [place, place], color=colour, linewidth=1.5)
+        axes.plot(value, place, "o", color=colour, markersize=5)
+        if aim is not None:
+            axes.plot(aim, place, "|", color="black", markersize=11)
+    labels = [f"{one.what} / {one.yardstick or 'aim'}" for one in drawn]
+    axes.set_yticks(range(len(drawn)), labels, fontsize=7)
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    style.dress(axes, "time over the yardstick's (dots) and aims (bars)", "")
+    return canvas

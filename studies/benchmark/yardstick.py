@@ -1,0 +1,118 @@
+"""The pendulum in C++, built by the system's compiler, and a check that it is the same motion."""
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import clearjoint as cj
+
+SOURCE = Path(__file__).with_name("yardstick.cpp")
+FLAGS = ("-std=gnu++17", "-O3", "-march=native", "-ffast-math")
+SCALAR, EIGHT = "scalar C++", "C++ of eight lanes"
+WIDTHS = {SCALAR: 1, EIGHT: 8}
+CLEARANCE, RESTITUTION = 0.5e-3, 0.9
+"""m and 1, of single runs; the restitution is also that of the C++."""
+CHECKED_RTOL, CHECKED_SPAN = 1e-9, 0.1
+"""Of the comparison with clearjoint; s, five impacts on and before chaos."""
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Processor time, s, and of each run: attempted steps, onset (s) and entry speed (m/s) of the
+    first impact, NaN if there is none, and arm 2's centre at the end, (runs, 3) m."""
+
+    seconds: float
+    attempts: np.ndarray
+    onsets: np.ndarray
+    speeds: np.ndarray
+    positions: np.ndarray
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Differences of a run in C++ from clearjoint's: of the first impact's onset, relative, and
+    entry speed, relative, and of arm 2's centre before chaos, m."""
+
+    onset: float
+    speed: float
+    position: float
+
+    def check(self) -> None:
+        """**Raises:** `RuntimeError` if the motions are not the same."""
+        if not (self.onset < 1e-9 and self.speed < 1e-8 and self.position < 1e-8):
+            raise RuntimeError(f"The yardstick does not move as clearjoint's pendulum: {self}.")
+
+
+class Yardstick:
+    """The built program."""
+
+    def __init__(self, program: Path):
+        self._program = program
+
+    def run(
+        self,
+        kind: str,
+        span: float,
+        rtol: float,
+        clearances: tuple[float, float, int] = (CLEARANCE, CLEARANCE, 1),
+    ) -> Timed:
+        """Runs of `kind` over `span` s, in radial clearances from the least to the most, m, as many
+        as given, log-spaced."""
+        least, most, count = clearances
+        numbers = (WIDTHS[kind], span, rtol, count, least, most, 1)
+        words = [str(self._program), *(repr(float(n)) if n != int(n) else str(n) for n in numbers)]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        found = json.loads(done.stdout)
+        runs = found["runs"]
+        return Timed(
+            found["seconds"],
+            np.array([run["accepted"] + run["rejected"] for run in runs]),
+            np.array([run["first_onset"] for run in runs], float),
+            np.array([run["first_speed"] for run in runs], float),
+            np.array([run["arm_2"] for run in runs]),
+        )
+
+    def agreement(self, kind: str) -> Agreement:
+        """How far it is from clearjoint, at the tolerance and the span of the comparison."""
+        there = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
+        here = cj.simulate(
+            *cj.double_pendulum(CLEARANCE, RESTITUTION),
+            CHECKED_SPAN,
+            cj.Settings(rtol=CHECKED_RTOL),
+            save=cj.Saving(impacts=True),
+            progress=False,
+        )
+        impacts = here.impacts
+        assert impacts is not None
+        first = int(np.argmin(impacts.onset))
+        position = np.asarray(here.final.bodies["arm 2"].position)
+        return Agreement(
+            float(abs(there.onsets[0] / impacts.onset[first] - 1.0)),
+            float(abs(there.speeds[0] / impacts.entry_speed[first] - 1.0)),
+            float(np.linalg.norm(there.positions[0] - position)),
+        )
+
+
+def build(folder: Path) -> Yardstick | None:
+    """Compile the program into a folder; say why not, and return ``None``, if that fails."""
+    compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
+    if compiler is None:
+        print("No C++ compiler (g++ or c++) was found: rows beside C++ have no ratio.")
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    program = folder / "yardstick"
+    command = [compiler, *FLAGS, "-o", str(program), str(SOURCE)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        print(f"{compiler} can't be run ({error}): rows beside C++ have no ratio.")
+        return None
+    if done.returncode:
+        print(f"{' '.join(command)} failed: rows beside C++ have no ratio.\n{done.stderr[:2000]}")
+        return None
+    return Yardstick(program.resolve())
