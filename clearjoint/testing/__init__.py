@@ -9,8 +9,6 @@ the equations of motion are another's, and the runtime's settings.
 """
 
 from ..fields.readable import without_modules as _without_modules
-from ..runtime import settings as runtime_settings
-from ..runtime import xla_flags as xla_flags
 from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
@@ -44,9 +42,7 @@ __all__ = [
     "equations_of_motion",
     "moving",
     "programs_of_sweeps",
-    "runtime_settings",
     "without",
-    "xla_flags",
 ]
 
 __dir__ = _without_modules(globals())
