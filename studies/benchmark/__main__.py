@@ -60,7 +60,7 @@ def compiler_options(options: argparse.Namespace) -> None:
 
 def profile(options: argparse.Namespace) -> None:
     """What the time of an attempt is made of, in single runs and in a batch."""
-    cj.configure(devices=1)
+    cj.configure(threads=1)
     solvers = (diffrax.Tsit5(), diffrax.Dopri8())
     runs = [record for one in solvers for record in step_profile.of_run(one, options.repeats)]
     batches = step_profile.of_batch(options.repeats)

@@ -46,7 +46,7 @@ def chain(rods: int) -> tuple[cj.Scene, cj.State]:
 def chain_cost(rods: int) -> dict[str, Any]:
     """Costs of a chain in this process, nothing compiled before."""
     with tempfile.TemporaryDirectory() as cache:
-        cj.configure(devices=1, cache=cache)
+        cj.configure(threads=1, cache=cache)
         scene, state = chain(rods)
         compiling, _ = _timed(scene, state, 1e-4)
         base, first = min(_timed(scene, state, 1e-4) for _ in range(REPEATS))

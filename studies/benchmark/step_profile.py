@@ -79,7 +79,7 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
     scene, state = cj.double_pendulum()
     with programs_of_sweeps() as programs:
         axes = {"clearance": clearance_axis(np.geomspace(5e-5, 1e-3, 256))}
-        cj.sweep(scene, state, 0.5, axes, progress=False, devices=jax.devices()[:1])
+        cj.sweep(scene, state, 0.5, axes, progress=False, threads=1)
     (program,) = programs
 
     @eqx.filter_jit

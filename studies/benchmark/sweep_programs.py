@@ -40,7 +40,7 @@ def swept(
     Returns wall time, s, lanes, steps tried, right-hand sides, turns given to lanes and places, and
     the largest memory the process has ever had, MB.
     """
-    cj.configure(devices=devices)
+    cj.configure(threads=devices)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
     axes = {"clearance": clearance_axis(clearances)}
     with programs_of_sweeps() as programs:
@@ -63,7 +63,7 @@ def swept(
 
 def looped(clearances: Sequence[float], duration: float) -> Record:
     """A loop over single runs, on one core."""
-    cj.configure(devices=1)
+    cj.configure(threads=1)
     attempts = []
     start = time.perf_counter()
     for clearance in clearances:
@@ -75,7 +75,7 @@ def looped(clearances: Sequence[float], duration: float) -> Record:
 
 def counted(clearances: Sequence[float], coordinates: str) -> Record:
     """Operations in the program of the sweep; see `counts`."""
-    cj.configure(devices=1)
+    cj.configure(threads=1)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
     axes = {"clearance": clearance_axis(clearances)}
     with programs_of_sweeps() as programs:

@@ -127,7 +127,7 @@ def _swept(
             settings,
             start_time=start_time,
             progress=False,
-            devices=jax.local_devices()[:1],
+            threads=1,
         )
 
 

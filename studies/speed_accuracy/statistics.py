@@ -49,7 +49,7 @@ def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
             "dissipated": cj.DissipatedEnergy(),
         },
         replace(settings, ledger=True),
-        devices=jax.devices()[:1],
+        threads=1,
         progress=False,
     )
 

@@ -136,7 +136,8 @@ class _Programs:
       asked of it, which are kept at `orders`.
     - `begin`, `outcome`, `columns[log]`: what makes such a function for a thread; `outcome_cells`
       and `column_cells[log]`: how its results lie in cells.
-    - `rings`: by log, the cells of a ring's rows in a column, (rows, numbers), and of their count.
+    - `rings`: by log, the cells of a ring's rows in a column, (rows, numbers), and of their count;
+      `blocks`: rows that are read at once, and the numbers of each.
     """
 
     def __init__(self, batch: Batch, native: bool):
@@ -177,9 +178,10 @@ class _Programs:
         self.begin = bound(_begun, common, task)
         self.outcome = bound(_outcome, common, task, lane)
         self.columns: dict[str, Callable[[], OnCells]] = {}
+        self.blocks: dict[str, tuple[int, int]] = {}
         for name, length in batch.lengths.items():
-            row, block = common.logs(lane)[name].example(), min(length, BLOCK_ROWS)
-            rows = np.zeros((block, self.rings[name][0].shape[1]))
+            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.rings[name][0].shape[1]
+            row, rows = common.logs(lane)[name].example(), np.zeros(self.blocks[name])
             self.columns[name] = bound(_columns, (common, name, row), task, rows)
         self.outcome_cells = self.outcome().results
         self.column_cells = {name: make().results for name, make in self.columns.items()}
@@ -353,12 +355,12 @@ class _Group:
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
         """The cells of what is reported of the rows of a log, block by block, and their number."""
-        length, count = min(self._shared.batch.lengths[name], BLOCK_ROWS), sum(map(len, rows))
-        blocks = np.zeros((-(-count // length), length, self._programs.rings[name][0].shape[1]))
+        rows_a_block, numbers = self._programs.blocks[name]
+        count = sum(map(len, rows))
+        blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
         if rows:
-            np.concatenate(rows, out=blocks.reshape(-1, blocks.shape[2])[:count])
-        flat = blocks.reshape(len(blocks), -1)
-        given = np.concatenate([np.tile(task, (len(blocks), 1)), flat], axis=1)
+            np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
+        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
         return self._read[name](given), count
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...compilation import Compiled
+from ...compilation.one_function import in_one_function
 from ...native.cells import Cells
 from ...native.lanes import AbstractLaneLoop, Columns
 from ...native.lowering import Region
@@ -108,6 +109,7 @@ def zeros_like(shapes: PyTree) -> PyTree:
 
 
 @Compiled
+@in_one_function
 def _turns(
     functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
     shared: PyTree,
