@@ -5,7 +5,6 @@ know from other programs. Commands import what they compute with when they run, 
 without.
 """
 
-import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path

@@ -24,7 +24,9 @@ class Cells:
     def places(self) -> PyTree:
         """The example with the numbers of their cells in its arrays."""
         numbers = zip(self._forms, self._ends, strict=False)
-        return self._tree([a + np.arange(np.prod(s, dtype=int)).reshape(s) for (s, _), a in numbers])
+        return self._tree(
+            [a + np.arange(np.prod(s, dtype=int)).reshape(s) for (s, _), a in numbers]
+        )
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
         """The cells of n PyTrees, whose arrays have n in front."""

@@ -9,8 +9,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
+
 import clearjoint as cj
-from clearjoint.testing import xla_flags
 from studies.common.fresh_process import in_process
 
 FIRST_RESULT = """
@@ -40,7 +42,7 @@ OPTIONS = {
     "neither": "",
     "loop option": _EXTRA + "small_while_loop_byte_threshold=10000000",
     "fusion option": _EXTRA + "use_multi_output_fusion=true",
-    "both, by `python -m clearjoint`": xla_flags(),
+    "`clearjoint.XLA_FLAGS`": cj.XLA_FLAGS,
 }
 """Values of ``XLA_FLAGS`` by name."""
 
@@ -81,13 +83,18 @@ def native_loops(dumped: Path) -> int:
 
 
 def under_these_flags() -> None:
-    """Print what a first call and an attempt cost here, over runs of 1 s, the best of three."""
+    """Print what a first call and an attempt cost under `jax.jit`, over 1 s, the best of three."""
     scene, state = cj.double_pendulum(0.5e-3, 0.9)
+
+    @jax.jit
+    def attempts(end_time: jax.Array) -> jax.Array:
+        settings = cj.Settings(rtol=1e-6)
+        return cj.simulate(scene, state, end_time, settings, progress=False).attempts
 
     def run(end_time: float) -> tuple[float, int]:
         start = time.perf_counter()
-        solution = cj.simulate(scene, state, end_time, cj.Settings(rtol=1e-6), progress=False)
-        return time.perf_counter() - start, int(solution.attempts)
+        count = int(attempts(jnp.asarray(end_time)))
+        return time.perf_counter() - start, count
 
     compiling, _ = run(1e-4)
     cost = min(seconds / attempts for seconds, attempts in (run(1.0) for _ in range(3)))

@@ -83,21 +83,22 @@ def of_batch(repeats: int, places: Sequence[int] = PLACES) -> list[Record]:
     (program,) = programs
 
     @eqx.filter_jit
-    def repeat(loop: Callable[..., Any], seats: Any, turns: Any) -> Any:
-        return jax.vmap(lambda seat: loop(seat, turns))(seats)
+    def repeat(loop: Callable[..., Any], lanes: Any, turns: Any) -> Any:
+        return jax.vmap(lambda lane: loop(lane, turns))(lanes)
 
-    def of_step(part: Callable[..., Any], seat: Any, turns: Any) -> Any:
-        return part(program.stepper(seat), seat.lane.step, turns)
+    def of_step(part: Callable[..., Any], lane: Any, turns: Any) -> Any:
+        return part(program.stepper(), lane.step, turns)
 
-    def of_turn(seat: Any, turns: Any) -> Any:
-        turn = program.turn(seat)
-        return repeated(lambda lane: (turn(lane),), turns, seat.lane)
+    def of_turn(lane: Any, turns: Any) -> Any:
+        return repeated(lambda lane: (program.turn(lane),), turns, lane)
 
     parts = [right_hand_sides, solver_steps, controlled_steps, tried_steps]
     loops = [*(partial(of_step, part) for part in parts), of_turn]
 
     def on(count: int) -> list[Callable[..., Any]]:
-        first = jax.tree.map(lambda leaf: leaf[:count], program.seats)
+        first = jax.tree.map(
+            lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), program.lane
+        )
         return [partial(repeat, loop, first) for loop in loops]
 
     calls = {count: on(count) for count in places}

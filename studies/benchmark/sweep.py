@@ -142,7 +142,7 @@ def sweep(options: argparse.Namespace) -> None:
             a["seconds"] / b["seconds"] for a, b in zip(one.found, others[0].found, strict=True)
         )
         print(f"\n{one.name}: {ratio:.2f} times as fast on {others[0].cores} cores as on one.")
-    print("\nArithmetic of a turn, which tries one step, traced and compiled:\n")
+    print("\nArithmetic of a turn, which tries one step, as traced:\n")
     cells = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in c.values()] for c in counts]
     print(markdown([list(counts[0]), *cells]))
 

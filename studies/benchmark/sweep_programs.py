@@ -3,19 +3,17 @@
 Times are those of whole calls after a first one, which compiles.
 """
 
-import re
 import resource
 import time
 from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
-import jax
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.testing import SweepProgram, programs_of_sweeps
-from studies.common.operations import compiled_operations, jaxpr_operations
+from clearjoint.testing import programs_of_sweeps
+from studies.common.operations import jaxpr_operations
 
 RESTITUTION = 0.9
 STAGES = 6
@@ -37,8 +35,8 @@ def swept(
 ) -> Record:
     """One call of `sweep` over clearances (m) for `duration` s.
 
-    Returns wall time, s, lanes, steps tried, right-hand sides, turns given to lanes and places, and
-    the largest memory the process has ever had, MB.
+    Returns wall time, s, lanes, steps tried, right-hand sides, turns given to lanes and empty
+    columns, and the largest memory the process has ever had, MB.
     """
     cj.configure(threads=devices)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
@@ -74,7 +72,7 @@ def looped(clearances: Sequence[float], duration: float) -> Record:
 
 
 def counted(clearances: Sequence[float], coordinates: str) -> Record:
-    """Operations in the program of the sweep; see `counts`."""
+    """Operations of a turn, which tries one step, as JAX traces them."""
     cj.configure(threads=1)
     scene, state = cj.double_pendulum(restitution=RESTITUTION)
     axes = {"clearance": clearance_axis(clearances)}
@@ -87,27 +85,8 @@ def counted(clearances: Sequence[float], coordinates: str) -> Record:
             settings=cj.Settings(coordinates=COORDINATES[coordinates]()),
             progress=False,
         )
-    return counts(programs[0])
-
-
-def counts(program: SweepProgram) -> Record:
-    """Counts of a turn's arithmetic as traced and as compiled, their ratio, and loop and fusions.
-
-    XLA computes a value anew in each fusion that wants it; the ratio tells how often. The compiled
-    program's operations on one number a place are those of the turn: slices and their choice of
-    lanes work on the whole pool.
-    """
-    seat = jax.tree.map(lambda leaf: leaf[0], program.seats)
-    turn = eqx.filter_make_jaxpr(lambda seat: program.turn(seat)(seat.lane))(seat)[0]
-    text, traced = program.compiled(), jaxpr_operations(turn.jaxpr)
-    made = compiled_operations(text, program.places)
-    return {
-        "operations traced": traced,
-        "operations compiled": made,
-        "duplication": made / traced,
-        "fusions": len(re.findall(r" fusion\(", text)),
-        "native loops": text.count("xla_cpu_small_call"),
-    }
+    turn = eqx.filter_make_jaxpr(programs[0].turn)(programs[0].lane)[0]
+    return {"operations traced": jaxpr_operations(turn.jaxpr)}
 
 
 def _record(seconds: float, attempts: np.ndarray) -> Record:

@@ -5,7 +5,6 @@ import time
 from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 
 import clearjoint as cj

@@ -15,7 +15,7 @@ from studies.benchmark import __main__ as benchmark
 from studies.benchmark import scaling, sweep
 from studies.benchmark.chain import chain
 from studies.benchmark.workers import Worker
-from studies.common.operations import compiled_operations, jaxpr_operations
+from studies.common.operations import jaxpr_operations
 
 
 def records_of(folder, *arguments):
@@ -49,22 +49,11 @@ def test_sweep_counts_what_single_runs_count(swept):
     assert one["turns"] >= one["steps"]
 
 
-@pytest.mark.slow
-def test_program_of_the_sweep_is_one_native_loop_that_repeats_little(swept):
-    counts = swept[1][-1]
-    assert counts["native loops"] == 1
-    assert 0 < counts["operations compiled"] <= 2 * counts["operations traced"]
-
-
-def test_operations_are_counted_in_jaxpr_and_hlo():
+def test_operations_are_counted():
     def polynomial(x, y):
         return jnp.where(x > y, jnp.sin(x) * y + 1.0, jax.jit(jnp.sqrt)(x) - y)
 
     assert jaxpr_operations(jax.make_jaxpr(polynomial)(1.0, 2.0).jaxpr) == 5
-    compiled = jax.jit(jax.vmap(polynomial)).lower(jnp.ones(8), jnp.ones(8)).compile()
-    text = compiled.as_text() or ""
-    assert compiled_operations(text, 8) == 5
-    assert compiled_operations(text, 4) == 0
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ turns NaN when it is stiffer than it says it may be.
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 

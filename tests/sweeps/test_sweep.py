@@ -8,7 +8,6 @@ motion's chaos allows.
 
 from dataclasses import fields
 
-import jax
 import numpy as np
 import pytest
 

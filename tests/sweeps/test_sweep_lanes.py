@@ -135,9 +135,7 @@ def by_xla(monkeypatch):
 def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
     found = swept(STIFFNESS)
     for name in lanes.data_vars:
-        np.testing.assert_allclose(
-            found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name
-        )
+        np.testing.assert_allclose(found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name)
     same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
     same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
     same(found, swept(STIFFNESS, threads=2))

@@ -93,9 +93,7 @@ class Lane(eqx.Module):
 
     def rings(self) -> dict[str, Ring]:
         """The rings of crossings and of impacts, by the log that each fills."""
-        rings: dict[str, Ring] = {
-            name: record.rows for name, record in self.crossings.items()
-        }
+        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
                 for contact, one in family.items():

@@ -4,7 +4,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from ...native.cells import Cells
 from ...native.compiled import report_fallback
 from ...native.functions import BoundFunction
 from ...native.kept import kept
-from ...native.lanes import AbstractLaneLoop, LaneLoop
+from ...native.lanes import LaneLoop
 from ...runtime import threads_of_sweeps
 from ..aliases import Numbers
 from ..dense_output import Snapshot
@@ -104,7 +104,7 @@ class Batch:
         programs = self._programs()
         shared = _Shared(self, programs, deque(lanes))
         count = min(self._threads, -(-len(lanes) // programs.loop.width))
-        groups = [_Group(shared, device) for device in _devices(count)]
+        groups = [_Group(shared, number) for number in range(count)]
         threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
         with interruptions_deferred() as stopped:
             try:
@@ -150,7 +150,11 @@ class _Programs:
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
         orders = self._first_orders(batch)
         own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), orders)
-        self.loop = _LOOPS.loop(common, own, lane) if native else XlaLaneLoop(_turned, _looked_at, common, own, lane)
+        self.loop = (
+            _LOOPS.loop(common, own, lane)
+            if native
+            else XlaLaneLoop(_turned, _looked_at, common, own, lane)
+        )
         cells = Cells(own)
         self.own = cells.rows((bare, orders))
         self.task_cells = Cells(task).size
@@ -162,9 +166,9 @@ class _Programs:
         )
         self.rings = {
             name: (
-                np.concatenate(
-                    [t.reshape(len(t), -1) for t in jax.tree.leaves(ring.rows)], axis=1
-                )[:-1],
+                np.concatenate([t.reshape(len(t), -1) for t in jax.tree.leaves(ring.rows)], axis=1)[
+                    :-1
+                ],
                 int(ring.count),
             )
             for name, ring in common.logs(places).items()
@@ -266,8 +270,8 @@ class _Shared:
 class _Group:
     """Lanes side by side, and the thread that runs them."""
 
-    def __init__(self, shared: _Shared, device: jax.Device | None):
-        self._shared, self._device = shared, device
+    def __init__(self, shared: _Shared, number: int):
+        self._shared, self._number = shared, number
         self._programs, self._loop = shared.programs, shared.programs.loop
         self._seated: list[_Seated | None] = [None] * self._loop.width
         self.turns, self.error, self.ended = 0, None, False
@@ -275,7 +279,7 @@ class _Group:
     def run(self) -> None:
         """Run lanes until none is left or the groups are to stop."""
         try:
-            with nullcontext() if self._device is None else jax.default_device(self._device):
+            with _on_device(self._number):
                 programs = self._programs
                 self._columns = self._loop.columns(self._shared.batch.common)
                 self._begin, self._outcome = programs.begin(), programs.outcome()
@@ -329,7 +333,7 @@ class _Group:
             orders, common = self._programs.orders, self._shared.batch.common
             floats[orders.window, place] = self._next_saves(seated)
             for name, cell in orders.wanted.items():
-                whole[cell, place] = common.capacity[name] - seated.recorded(name)
+                whole[int(cell), place] = common.capacity[name] - seated.recorded(name)
 
     def _next_saves(self, seated: _Seated) -> np.ndarray:
         """The next times to save at, s, and infinity behind the last."""
@@ -405,12 +409,11 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     return Ended(np.array([record.lane for record in records]), outcomes, logs)
 
 
-def _devices(count: int) -> Sequence[jax.Device | None]:
-    """The device of each thread; ``None`` for the one that JAX takes by itself."""
+def _on_device(number: int) -> AbstractContextManager[object]:
+    """A context in which a thread computes on its accelerator, if there are any."""
     if jax.default_backend() == "cpu":
-        return [None] * count
-    devices = jax.local_devices()
-    return [devices[k % len(devices)] for k in range(count)]
+        return nullcontext()
+    return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
 
 
 @Native

@@ -134,4 +134,3 @@ def _turns(
 @Compiled
 def _for_all(function: Callable[..., PyTree], shared: PyTree, *trees: PyTree) -> PyTree:
     return jax.vmap(partial(function, shared))(*trees)
-
