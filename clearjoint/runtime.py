@@ -133,7 +133,7 @@ def in_force() -> dict[str, Setting]:
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Set what is in force in another process, for which this one computes, on CPUs in one thread."""
+    """Set what is in force in another process, for which this one computes; on CPUs in a thread."""
     global _threads
     for name in _SHARED:
         jax.config.update(name, values[name])

@@ -51,7 +51,7 @@ class XlaLaneLoop(AbstractLaneLoop):
         own: PyTree,
         state: PyTree,
     ):
-        self.width, self._functions = width(), (turn, status)
+        self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
         self._own, self._state = Cells(own), Cells(state)
         self.own_cells = slice(0, self._own.size)
         self.state_cells = slice(self._own.size, self._own.size + self._state.size)
@@ -72,7 +72,15 @@ class XlaLaneLoop(AbstractLaneLoop):
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.whole[self.occupied] > 0
-        count, state, status = _turns(self._functions, columns.shared, own, state, occupied)
+        arguments = self._functions, columns.shared, own, state, occupied
+        try:
+            count, state, status = self._turns(*arguments)
+        except jax.errors.JaxRuntimeError:
+            if self._turns is _TURNS:
+                raise
+            # Some operations, calls of LAPACK for one, can't be part of one function.
+            self._turns = _TURNS
+            count, state, status = self._turns(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
         for name, shown in self.status_of(columns).items():
             shown[:] = status[name]
@@ -108,8 +116,6 @@ def zeros_like(shapes: PyTree) -> PyTree:
     )
 
 
-@Compiled
-@in_one_function
 def _turns(
     functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
     shared: PyTree,
@@ -129,6 +135,9 @@ def _turns(
 
     count, state = jax.lax.while_loop(calm, go, (jnp.zeros((), int), state))
     return count, state, status(own, state)
+
+
+_TURNS_IN_ONE_FUNCTION, _TURNS = Compiled(in_one_function(_turns)), Compiled(_turns)
 
 
 @Compiled
