@@ -32,14 +32,6 @@ def width() -> int:
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 
-class XlaColumns(Columns):
-    """Memory of a group of lanes on the host, and on the device what all lanes share."""
-
-    def __init__(self, cells: int, width: int, shared: PyTree):
-        super().__init__(cells, width)
-        self.shared = jax.tree.map(lambda x: jnp.asarray(x) if eqx.is_array(x) else x, shared)
-
-
 class XlaLaneLoop(AbstractLaneLoop):
     """A loop compiled by XLA; arguments as of `clearjoint.native.lanes.LaneLoop`."""
 
@@ -52,7 +44,7 @@ class XlaLaneLoop(AbstractLaneLoop):
         state: PyTree,
     ):
         self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
-        self._own, self._state = Cells(own), Cells(state)
+        self._shared, self._own, self._state = shared, Cells(own), Cells(state)
         self.own_cells = slice(0, self._own.size)
         self.state_cells = slice(self._own.size, self._own.size + self._state.size)
         self.occupied = self.state_cells.stop
@@ -64,15 +56,15 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     def columns(self, shared: PyTree) -> Columns:
         """Memory of a group of lanes, none of which is occupied."""
-        return XlaColumns(self.occupied + 1 + len(self.status), self.width, shared)
+        del shared  # which is the same in all calls
+        return Columns(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Columns) -> int:
         """Turns until some of the lanes need their host, at most `TURNS`; their number."""
-        assert isinstance(columns, XlaColumns)
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.whole[self.occupied] > 0
-        arguments = self._functions, columns.shared, own, state, occupied
+        arguments = self._functions, self._shared, own, state, occupied
         try:
             count, state, status = self._turns(*arguments)
         except jax.errors.JaxRuntimeError:
