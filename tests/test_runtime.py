@@ -86,7 +86,7 @@ print(jax.config.jax_compilation_cache_dir, keeps_programs())
 clearjoint.configure(cache="FOLDER")
 print(clearjoint.runtime.threads_of_sweeps())
 scene, state = clearjoint.double_pendulum()
-print(clearjoint.simulate(scene, state, 1e-4).final.bodies["upper"].position.dtype)
+print(clearjoint.simulate(scene, state, 1e-4).final.bodies["arm 2"].position.dtype)
 """
 
 
