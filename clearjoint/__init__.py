@@ -222,6 +222,7 @@ from .parametrisation.scales import Log as Log
 from .quantities.accelerometer import Accelerometer as Accelerometer
 from .quantities.accelerometer import accelerometer as accelerometer
 from .results import RESULTS as RESULTS
+from .runtime import XLA_FLAGS as XLA_FLAGS
 from .runtime import configure as configure
 from .scene_files.files import load as load
 from .scene_files.files import save as save

@@ -1,7 +1,6 @@
-"""``python -m clearjoint`` is the program `clearjoint`; alone it prints the runtime settings as
-shell variables (see `runtime`)."""
+"""``python -m clearjoint`` is the program `clearjoint`."""
 
-from .command_line.program import module_main
+from .command_line.program import main
 
 if __name__ == "__main__":
-    module_main()
+    main()

@@ -5,7 +5,6 @@ know from other programs. Commands import what they compute with when they run, 
 without.
 """
 
-import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -268,24 +267,9 @@ def new(mechanism: str, out: Path) -> None:
     click.echo(f"wrote {scene} and {study}; next: clearjoint check {study}")
 
 
-@command("settings", 'eval "$(clearjoint settings)"')
-def settings() -> None:
-    """Print the settings for speed as shell variables.
-
-    For processes that compute with JAX without calling clearjoint.configure().
-    """
-    for variable, setting in runtime.settings().items():
-        click.echo(f'export {variable}="{setting}"')
-
-
 def main() -> None:
     """Run the program with the arguments of the command line."""
     clearjoint(prog_name="clearjoint")
-
-
-def module_main() -> None:
-    """Run the program as ``python -m clearjoint``, which prints the settings if told nothing."""
-    clearjoint(sys.argv[1:] or ["settings"], prog_name="python -m clearjoint")
 
 
 def _prepare() -> None:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ..compilation.clock import begins_a_program, program_is_made_inside
 from ..compilation.program import PLACE
 from ..compilation.tracing import collector_at_rest
+from .cells import Cells
 from .kept import kept
 from .llvm_text import llvm_text
 from .lowering import Lowering, Region, aval_of, tangents_of
@@ -108,29 +109,37 @@ class NativeProgram:
         return [image.read(region) for region in self.outputs]
 
 
-class BoundProgram:
-    """A program whose first arguments stay the same, as a function of the others' cells.
+class BoundFunction:
+    """A function of PyTrees in native code whose first arguments stay the same.
 
-    It has memory of its own: for one thread.
+    It has memory of its own: for one thread. `results`: the cells of a result.
     """
 
-    def __init__(self, program: NativeProgram, leaves: Sequence[ArrayLike], sizes: Sequence[int]):
-        """`leaves`: the first arguments; `sizes`: the numbers of cells of the others."""
-        self._program, self._image = program, program.image()
-        for leaf, region in zip(leaves, program.inputs, strict=False):
+    def __init__(self, function: "NativeFunction", shared: PyTree, *examples: PyTree):
+        """`shared`: the first argument; `examples`: the others are like these."""
+        self._program, result = function.program((shared, *examples))
+        arrays = [np.zeros(region.shape, region.dtype) for region in self._program.outputs]
+        self.results = Cells(result(arrays))
+        self._image = self._program.image()
+        leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
+        for leaf, region in zip(leaves, self._program.inputs, strict=False):
             if region is not None:
                 self._image.write(region, np.asarray(leaf))
+        sizes = [np.size(leaf) for leaf in jax.tree.leaves(eqx.filter(examples, eqx.is_array))]
         starts = np.cumsum([0, *sizes])
-        others = list(zip(starts, program.inputs[len(leaves) :], strict=False))
+        others = list(zip(starts, self._program.inputs[len(leaves) :], strict=False))
         self._from = _joined([np.arange(a, a + r.size) for a, r in others if r is not None])
         self._to = _joined([np.arange(r.start, r.end) for _, r in others if r is not None])
-        self._out = _joined([np.arange(r.start, r.end) for r in program.outputs])
+        self._out = _joined([np.arange(r.start, r.end) for r in self._program.outputs])
 
-    def __call__(self, cells: np.ndarray) -> np.ndarray:
-        """The cells of the results for the cells of the arguments."""
-        self._image.floats[self._to] = cells[self._from]
-        self._program.run(self._image)
-        return self._image.floats[self._out]
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """The cells of results (n, results.size), for those of the arguments, (n, cells)."""
+        found = np.empty((len(rows), self.results.size))
+        for row, result in zip(rows[:, self._from], found, strict=True):
+            self._image.floats[self._to] = row
+            self._program.run(self._image)
+            result[:] = self._image.floats[self._out]
+        return found
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
@@ -146,17 +155,6 @@ def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
         for array in arrays
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
-
-
-def arrays_of(cells: np.ndarray, regions: Sequence[Region]) -> list[np.ndarray]:
-    """Arrays from cells in which they lie one behind the other."""
-    whole, found, start = cells.view(np.int64), [], 0
-    for region in regions:
-        source = cells if region.dtype.kind == "f" else whole
-        part = source[start : start + region.size]
-        found.append(part.reshape(region.shape).astype(region.dtype))
-        start += region.size
-    return found
 
 
 def _region(do: Operations, aval: ShapedArray) -> Region:

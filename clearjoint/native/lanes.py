@@ -5,6 +5,7 @@ does with the columns concerns no other lane, and the arithmetic of a lane is th
 others.
 """
 
+import abc
 import time
 from collections.abc import Callable
 
@@ -25,28 +26,70 @@ from .primitives import RULES
 
 WIDTH = 8
 """Lanes side by side: as many as a vector of 512 bits holds, or two of 256."""
+TURNS = 4096
+"""Turns after which a loop returns at the latest."""
 
 
 class Columns:
-    """Memory of a group of lanes: (cells, lanes), as floats and as integers."""
+    """Memory of lanes side by side: (cells, lanes), as floats and as integers."""
 
-    def __init__(self, cells: int):
-        image = Image(cells * WIDTH)
-        self.floats = image.floats.reshape(cells, WIDTH)
-        self.whole = image.whole.reshape(cells, WIDTH)
+    def __init__(self, cells: int, width: int):
+        image = Image(cells * width)
+        self.floats = image.floats.reshape(cells, width)
+        self.whole = image.whole.reshape(cells, width)
         self.address = image.address
 
 
-class LaneLoop:
-    """Native code that applies `turn` to lanes side by side.
+class AbstractLaneLoop(abc.ABC):
+    """A loop that takes lanes side by side from one state to the next.
+
+    - `width`: lanes side by side.
+    - `own_cells`, `state_cells`: cells of what a lane has for itself, and of its state, in each of
+      which the arrays lie one behind the other; `occupied`: the cell that says whether a column has
+      a lane; `status`: the arrays that tell how a lane is, by name.
+    """
+
+    width: int
+    own_cells: slice
+    state_cells: slice
+    occupied: int
+    status: dict[str, Region]
+
+    @abc.abstractmethod
+    def columns(self, shared: PyTree) -> Columns:
+        """Memory of a group of lanes, none of which is occupied."""
+
+    @abc.abstractmethod
+    def run(self, columns: Columns) -> int:
+        """Take turns until lanes need their host, or for some time; the number of turns."""
+
+    def put(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+        """Occupy a column with the cells of what its lane has for itself, and of its state."""
+        columns.floats[self.own_cells, lane] = own
+        columns.floats[self.state_cells, lane] = state
+        columns.whole[self.occupied, lane] = 1
+
+    def leave(self, columns: Columns, lane: int) -> None:
+        """Say that a column has no lane any more."""
+        columns.whole[self.occupied, lane] = 0
+
+    def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
+        """The status of all lanes, by name."""
+        return {
+            name: (columns.floats if region.dtype.kind == "f" else columns.whole)[region.start]
+            for name, region in self.status.items()
+        }
+
+
+class LaneLoop(AbstractLaneLoop):
+    """A loop in native code that applies `turn` to lanes side by side.
 
     **Arguments:** `turn(shared, own, state)` gives the state after a step; `status(shared, own,
     state)` a dictionary of scalars, of which `goes` says whether the lane can go on without its
     host. All are PyTrees of arrays; of a lane, and for `shared` of all lanes.
-
-    `own_cells` and `state_cells`: the cells of what a lane has for itself, and of its state, in
-    each of which the arrays lie one behind the other.
     """
+
+    width = WIDTH
 
     def __init__(
         self,
@@ -83,8 +126,8 @@ class LaneLoop:
         counts = [len(jax.tree.leaves(tree)) for tree in arrays]
         fixed = [borrowed(array) for array in given[: counts[0] + counts[1]]]
         state_regions = regions[len(fixed) :]
-        self._occupied, self._limit = do.allocate(1), do.allocate(1)
-        occupied, limit = do.load("b", self._occupied), do.load("i", self._limit)
+        self.occupied, self._limit = do.allocate(1), do.allocate(1)
+        occupied, limit = do.load("b", self.occupied), do.load("i", self._limit)
         do.mark_uniform(limit)
 
         def looked(state: list[Array]) -> list[Array]:
@@ -129,37 +172,16 @@ class LaneLoop:
 
     def columns(self, shared: PyTree) -> Columns:
         """Memory of a group of lanes, none of which is occupied."""
-        columns = Columns(self._cells)
+        columns = Columns(self._cells, WIDTH)
         for start, array in self._constants.items():
             columns.floats[start : start + array.size] = cells_of([array])[:, None]
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
         columns.floats[self._shared] = cells_of(leaves)[:, None]
         return columns
 
-    def put(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Occupy a lane with the cells of what it has for itself, and of its state."""
-        columns.floats[self.own_cells, lane] = own
-        columns.floats[self.state_cells, lane] = state
-        columns.whole[self._occupied, lane] = 1
-
-    def leave(self, columns: Columns, lane: int) -> None:
-        """Say that a lane is not occupied any more."""
-        columns.whole[self._occupied, lane] = 0
-
-    def state_of(self, columns: Columns, lane: int) -> np.ndarray:
-        """The cells of the state of a lane."""
-        return columns.floats[self.state_cells, lane].copy()
-
-    def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
-        """The status of all lanes, by name."""
-        return {
-            name: (columns.floats if region.dtype.kind == "f" else columns.whole)[region.start]
-            for name, region in self.status.items()
-        }
-
-    def run(self, columns: Columns, limit: int) -> int:
-        """Turns until an occupied lane needs its host, at most so many; their number."""
-        columns.whole[self._limit] = limit
+    def run(self, columns: Columns) -> int:
+        """Turns until an occupied lane needs its host, at most `TURNS`; their number."""
+        columns.whole[self._limit] = TURNS
         return self._code(columns.address)
 
 

@@ -12,7 +12,6 @@ from ..math.vectors import Scalar, Structured, pack
 from ..model.bodies import State
 from ..native import Native
 from ..results import RESULTS
-from ..runtime import SlowRunNotice
 from .adjoint import AbstractLoops
 from .dense_output import Snapshot
 from .impact_table import ImpactCollector, Impacts
@@ -118,7 +117,7 @@ class HostLoop(AbstractRun):
         """Run to the end, a failure, the step limit or an interruption."""
         waiting = _Waiting(save_at, float(self._end))
         rows: list[TimedState] = []
-        notice, start = SlowRunNotice(), float(now.step.t)
+        start = float(now.step.t)
         bar = ProgressBar(
             total=float(self._end) - start,
             desc="simulated",
@@ -142,7 +141,6 @@ class HostLoop(AbstractRun):
                         rows.append(recorded)
                     now = rewound(now)
                 bar.update(float(now.step.t) - start - bar.n)
-                notice.check()
                 ended = self._ended(now, waiting, max_steps)
                 self.interrupted = not ended and stopped()
                 if ended or self.interrupted:

@@ -21,17 +21,14 @@ from ..fields.checks import concrete, conditions_of, recheck
 from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..runtime import check_arctangents
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed, and its arctangents
-    right."""
-    check_arctangents()
+    """Check that JAX computes in 64 bits, unless single precision is allowed."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
-            "clearjoint.configure() before JAX starts, or pass Settings(allow_float32=True)."
+            "clearjoint.configure() first, or pass Settings(allow_float32=True)."
         )
 
 

@@ -181,7 +181,7 @@ class Settings:
             "allow_float32",
             True,
             "False for sweeps and runs with derivatives",
-            "leave it out, and call clearjoint.configure() before JAX starts",
+            "leave it out, and call clearjoint.configure() first",
         )
 
 

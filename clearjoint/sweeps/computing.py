@@ -5,15 +5,15 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from tqdm import tqdm
 
-from ..runtime import Device
 from ..simulation.batch.scheduler import Running
 from .executors import AbstractSubmitter, run_chunks
 from .layout import PENDING, RESULT, LaneArrays
 from .progress import STORED, lane_progress, show_running
 from .store.store import SweepMemory, SweepStore
-from .work import Chunks, Work, joined
+from .work import Chunks, Work, concatenated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +36,7 @@ def computed(
     store: SweepMemory | SweepStore,
     trace: Tracer | None,
     executor: AbstractSubmitter | None,
-    devices: Sequence[Device] | None,
+    threads: int | None,
     progress: bool,
 ) -> "xr.Dataset":
     """Run the lanes that the store lacks, and write their results to it; its results then.
@@ -54,7 +54,7 @@ def computed(
                 if executor is not None:
                     _by_executor(Chunks(work, missing, trace), store, executor, bar)
                 elif missing:
-                    _by_devices(work, missing, store, devices, bar)
+                    _by_threads(work, missing, store, threads, bar)
             results = store.dataset()
             if not (results[RESULT] == PENDING).any():
                 break
@@ -86,14 +86,14 @@ def _by_executor(
     run_chunks(chunks, missing, executor, on_done, on_start)
 
 
-def _by_devices(
+def _by_threads(
     work: Work,
     missing: Mapping[int, Sequence[int]],
     store: SweepMemory | SweepStore,
-    devices: Sequence[Device] | None,
+    threads: int | None,
     bar: tqdm,
 ) -> None:
-    """Run lanes on this process's devices, and write them to the store while others run."""
+    """Run lanes in threads of this process, and write them to the store while others run."""
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -102,7 +102,7 @@ def _by_devices(
 
     try:
         lanes = [lane for lanes in missing.values() for lane in lanes]
-        work.run(lanes, writer.add, devices=devices, on_progress=on_progress)
+        work.run(lanes, writer.add, threads=threads, on_progress=on_progress)
     finally:
         writer.write_all()
 
@@ -117,23 +117,28 @@ class _Writer:
         self._store, self._bar = store, bar
         self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
         self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
-        self._waiting: dict[int, dict[int, LaneArrays]] = {}
+        self._waiting: dict[int, list[tuple[np.ndarray, LaneArrays]]] = {}
         self._written = time.monotonic()
         self._seconds = 0.0
 
-    def add(self, lane: int, results: LaneArrays) -> None:
-        """Take a lane that has ended."""
-        chunk = self._chunk_of[lane]
-        self._waiting.setdefault(chunk, {})[lane] = results
-        if len(self._waiting[chunk]) == self._unwritten[chunk]:
-            self._write(chunk)
-        else:
-            self.write_if_due()
+    def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
+        """Take lanes that have ended."""
+        chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
+        for chunk in np.unique(chunks).tolist():
+            own = chunks == chunk
+            part = lanes[own], {name: values[own] for name, values in results.items()}
+            self._waiting.setdefault(chunk, []).append(part)
+            if self._lanes_waiting(chunk) == self._unwritten[chunk]:
+                self._write(chunk)
+        self.write_if_due()
+
+    def _lanes_waiting(self, chunk: int) -> int:
+        return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
         """Write the lanes of chunks that are not complete, if they are many or have waited long."""
         since = time.monotonic() - self._written
-        many = sum(map(len, self._waiting.values())) >= self._store.layout.chunk
+        many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         if since > self._seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
             self.write_all()
 
@@ -146,8 +151,7 @@ class _Writer:
         self._seconds = self._written - begun
 
     def _write(self, chunk: int) -> None:
-        rows = self._waiting.pop(chunk)
-        lanes = list(rows)
-        self._store.write(chunk, lanes, joined([rows[lane] for lane in lanes]))
+        lanes, results = concatenated(self._waiting.pop(chunk))
+        self._store.write(chunk, lanes.tolist(), results)
         self._unwritten[chunk] -= len(lanes)
         self._bar.update(len(lanes))

@@ -1,21 +1,19 @@
 """What a sweep is, in texts: those by which a store tells it from others, and those for readers."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import jax
 
 from ..datasets.provenance import described, versions
 from ..model.scene import Scene
-from ..runtime import Device, busy_devices, program_kind
+from ..native import is_native
 from ..simulation.settings import Settings
 from .axes import Axis, Lanes
 from .outputs import Output
 from .store.notes import number_notes, structure_note
 
 
-def decisive(
-    settings: Settings, start_time: float, devices: Sequence[Device] | None
-) -> dict[str, str]:
+def decisive(settings: Settings, start_time: float) -> dict[str, str]:
     """Numbers and choices that tell the sweep from others, as a store has them."""
     numbers = {
         "start_time": start_time,
@@ -24,7 +22,7 @@ def decisive(
         "landing_tolerance": settings.landing_tolerance,
         "ledger": settings.ledger,
         "max_steps": settings.max_steps,
-        "program": program_kind(busy_devices() if devices is None else devices),
+        "program": "native" if is_native() else f"XLA, {jax.default_backend()}",
     }
     return described(numbers) | versions()
 

@@ -14,7 +14,7 @@ and on a cluster::
 
 What is computed travels by cloudpickle, so that closures and functions from notebooks will do, and
 takes along this process's runtime settings (`clearjoint.configure`), which a worker process takes
-over before JAX starts in it.
+over.
 """
 
 import inspect

@@ -9,9 +9,9 @@ import numpy as np
 from ..fields.checks import require
 from ..math.vectors import structured
 from ..model.scene import Scene
-from ..simulation.batch.device_pool import Common, Task
 from ..simulation.batch.lane import Plan, impact_log
 from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.batch.tasks import Common, Task
 from ..simulation.dense_output import require_dense
 from ..simulation.impact_recorder import ImpactRecorder
 from ..simulation.method import Scheme

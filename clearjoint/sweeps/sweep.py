@@ -1,14 +1,13 @@
 """Sweeps: one scene with many values of its parameters."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from ..fields.checks import require, require_array_names
+from ..fields.checks import require, require_array_names, require_count
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..runtime import Device
 from ..simulation import presets
 from ..simulation.method import Scheme
 from ..simulation.run_checks import check_numbers, check_precision
@@ -46,7 +45,7 @@ def sweep(
     zipped: bool = False,
     path: str | PathLike | None = None,
     executor: AbstractSubmitter | None = None,
-    devices: Sequence[Device] | None = None,
+    threads: int | None = None,
     chunk: int = CHUNK,
     start_time: float = 0.0,
     progress: bool = True,
@@ -83,8 +82,10 @@ def sweep(
     - `executor`: a `concurrent.futures.Executor` (of processes that are spawned, not forked; a
       script that makes one stands behind ``if __name__ == "__main__":``) or a
       `dask.distributed.Client` (of clusters: ``pip install 'clearjoint[cluster]'``), to which
-      chunks are handed; unless given, all `devices` of this process share the lanes. With Dask,
-      chunks of a worker that dies are computed elsewhere.
+      chunks are handed; unless given, threads of this process share the lanes. With Dask, chunks
+      of a worker that dies are computed elsewhere.
+    - `threads`: how many share the lanes in this process: as many as `configure` says, unless
+      given. No result depends on it.
     - `chunk`: lanes in a chunk of the store, and of what an executor gets.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
@@ -105,8 +106,10 @@ def sweep(
     outputs = outputs_beside({} if outputs is None else outputs, saving_or_nothing(save), scene)
     _check_axes(axes)
     check_outputs(outputs, scene, settings.ledger)
+    if threads is not None:
+        require_count("threads", threads, "give a number of threads, or None")
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
-    decides = decisive(settings, start_time, devices)
+    decides = decisive(settings, start_time)
     layout = Layout(labels, chunk, *variables_of(scene, outputs), decides, zipped)
     lanes = lanes_of(scene, state, axes, layout.values())
     layout = replace(layout, notes=informative(settings, end_time, outputs, axes, lanes))
@@ -123,7 +126,7 @@ def sweep(
         common = replace(common, programs=tuple(digests.items()))
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
-    results = computed(work, store, trace, executor, devices, progress)
+    results = computed(work, store, trace, executor, threads, progress)
     report_failures(results, lanes)
     report_journals_outside(results, lanes)
     return results

@@ -6,15 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..results import RESULTS, result_number
-from ..runtime import Device, busy_devices
-from ..simulation.batch.device_pool import Common, Extent, Task
-from ..simulation.batch.native_batch import AnyBatch, batch_of
-from ..simulation.batch.scheduler import Ended, Running
+from ..simulation.batch.scheduler import Batch, Ended, Running
+from ..simulation.batch.tasks import Common, Task
 from ..simulation.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
-ON_CPU = Extent(pool=256, places=64)
-ON_ACCELERATOR = Extent(pool=8192, places=8192)
 CONTACT = "contact"
 """Of a table of impacts: what its dimension of contacts is called behind its name."""
 
@@ -42,32 +38,33 @@ class Work:
     def run(
         self,
         lanes: Sequence[int],
-        on_ended: Callable[[int, LaneArrays], None],
+        on_ended: Callable[[np.ndarray, LaneArrays], None],
         *,
-        devices: Sequence[Device] | None = None,
+        threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
-    ) -> AnyBatch:
-        """Run lanes; `on_ended` gets the number and the results of each."""
-        for lane in lanes:
-            if lane in self.bad:
-                on_ended(lane, self._refused(lane))
-        devices = busy_devices() if devices is None else devices
-        batch = batch_of(self.common, self.tasks, devices, extent(devices))
+    ) -> Batch:
+        """Run lanes; `on_ended` gets the numbers (n,) and the results of some at a time."""
+        refused = np.array([lane for lane in lanes if lane in self.bad], int)
+        if refused.size:
+            on_ended(refused, self._refused(len(refused)))
+        batch = Batch(self.common, self.tasks, threads)
         batch.run(
             [lane for lane in lanes if lane not in self.bad],
-            lambda ended: on_ended(ended.lane, self._results(ended)),
+            lambda ended: on_ended(ended.lanes, self._results(ended)),
             on_progress,
         )
         return batch
 
-    def _refused(self, lane: int) -> LaneArrays:
-        results = {name: np.full(v.shape, v.fill, v.dtype) for name, v in self.variables.items()}
-        results[RESULT] = np.asarray(result_number(RESULTS.bad_parameters), np.int8)
-        results["time_reached"] = np.asarray(float(self.common.start_time))
+    def _refused(self, count: int) -> LaneArrays:
+        results = {
+            name: np.full((count, *v.shape), v.fill, v.dtype) for name, v in self.variables.items()
+        }
+        results[RESULT] = np.full(count, result_number(RESULTS.bad_parameters), np.int8)
+        results["time_reached"] = np.full(count, float(self.common.start_time))
         return results
 
     def _results(self, ended: Ended) -> LaneArrays:
-        """The results of a lane by variable; what was not recorded is NaN."""
+        """The results of lanes by variable; what was not recorded is NaN."""
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
@@ -77,7 +74,7 @@ class Work:
         }
         bodies = [outcome.final.bodies[name] for name in self.bodies]
         for part in STATE_PARTS:
-            results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies])
+            results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies], axis=1)
         for name, values in outcome.results.items():
             for key, value in values.items():
                 results[variable_name(name, key)] = np.asarray(value)
@@ -90,21 +87,19 @@ class Work:
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
         """What was recorded for each output, and "count": of how many rows."""
-        tabled = {log for logs in self.common.tables.values() for log in logs}
-        alone = {name: _filled(*log) for name, log in ended.logs.items() if name not in tabled}
+        logs = {
+            name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
+        }
+        tabled = {log for contacts in self.common.tables.values() for log in contacts}
+        alone = {name: log for name, log in logs.items() if name not in tabled}
         tables = {
-            name: joined([_filled(*ended.logs[log]) for log in logs])
-            for name, logs in self.common.tables.items()
+            name: {
+                key: np.stack([logs[contact][key] for contact in contacts], axis=1)
+                for key in logs[contacts[0]]
+            }
+            for name, contacts in self.common.tables.items()
         }
         return alone | tables
-
-
-def _filled(columns: LaneArrays, count: int) -> LaneArrays:
-    """The columns of a log, what is not filled NaN, and their count."""
-    filled = {key: np.array(values, dtype=float) for key, values in columns.items()}
-    for values in filled.values():
-        values[count:] = np.nan
-    return {**filled, "count": np.asarray(count)}
 
 
 @dataclass(frozen=True)
@@ -121,14 +116,16 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """The results of a chunk's lanes, computed on this process's devices.
+        """The results of a chunk's lanes, computed in this process.
 
         **Raises:** `RuntimeError` in a process that runs other code.
         """
         self._require_same_code()
-        by_lane: dict[int, LaneArrays] = {}
-        self.work.run(self.lanes[chunk], lambda lane, results: by_lane.update({lane: results}))
-        return joined([by_lane[lane] for lane in self.lanes[chunk]])
+        parts: list[tuple[np.ndarray, LaneArrays]] = []
+        self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
+        lanes, results = concatenated(parts)
+        order = np.argsort(lanes)[np.searchsorted(np.sort(lanes), self.lanes[chunk])]
+        return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
         expected = self.work.common.programs
@@ -146,16 +143,16 @@ _own_programs: set[tuple[tuple[str, str], ...]] = set()
 """Digests of programs that this process has traced and found to be its own."""
 
 
-def extent(devices: Sequence[Device] | None = None) -> Extent:
-    """Lanes on a device: some dozens in flight on a processor core, thousands on a GPU."""
-    return ON_CPU if (devices or busy_devices())[0].platform == "cpu" else ON_ACCELERATOR
-
-
 def variable_name(output: str, key: str) -> str:
     """Name in the data set of one result of an output."""
     return f"{output}_{key}" if key else output
 
 
-def joined(results: Sequence[LaneArrays]) -> LaneArrays:
-    """LaneArrays of several lanes, lanes in front."""
-    return {name: np.stack([lane[name] for lane in results]) for name in results[0]}
+def concatenated(
+    parts: Sequence[tuple[np.ndarray, LaneArrays]],
+) -> tuple[np.ndarray, LaneArrays]:
+    """The lanes of several parts, and their results."""
+    results = {
+        name: np.concatenate([results[name] for _, results in parts]) for name in parts[0][1]
+    }
+    return np.concatenate([lanes for lanes, _ in parts]), results

@@ -7,8 +7,6 @@ count its operations: what a run does at a step (`RunProgram`, `Stepper`), what 
 """
 
 from ..fields.readable import without_modules as _without_modules
-from ..runtime import settings as runtime_settings
-from ..runtime import xla_flags as xla_flags
 from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
@@ -37,8 +35,6 @@ __all__ = [
     "compiled_sensitivities",
     "moving",
     "programs_of_sweeps",
-    "runtime_settings",
-    "xla_flags",
 ]
 
 __dir__ = _without_modules(globals())

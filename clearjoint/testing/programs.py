@@ -1,8 +1,7 @@
 """What runs, sweeps and sensitivities compile, as functions to trace, to count and to time.
 
-Steps, lanes and seats are PyTrees of arrays, of which nothing but the documented functions should
-be used: a step is what a run carries from one to the next, a lane the same in a sweep, and a seat a
-lane with its task.
+Steps and lanes are PyTrees of arrays, of which nothing but the documented functions should be used:
+a step is what a run carries from one to the next, a lane the same in a sweep.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,7 +16,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh
 from jaxtyping import ArrayLike, PyTree
 
 from ..dynamics.contact_forces import Memory
@@ -29,9 +27,9 @@ from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
 from ..quantities.base import Quantity
 from ..simulation import presets
-from ..simulation.batch.device_pool import Common, Seat, advance, begin
-from ..simulation.batch.lane import WINDOW, Lane, Orders, turn
-from ..simulation.batch.native_batch import AnyBatch
+from ..simulation.batch.lane import WINDOW, Lane, Orders, begin_lane, turn
+from ..simulation.batch.scheduler import Batch
+from ..simulation.batch.tasks import Common, Task
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.rates import rates_of
@@ -43,7 +41,7 @@ from ..simulation.step_state import Method, Step, Variables
 from ..simulation.stepping import attempt
 from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
-from ..sweeps.work import Work, extent
+from ..sweeps.work import Work
 
 P = ParamSpec("P")
 FIRST_STEP, END = 1e-6, 1e9
@@ -204,42 +202,45 @@ class SweepProgram:
     """
 
     work: Work
-    batch: AnyBatch
+    batch: Batch
 
     @property
     def turns(self) -> int:
-        """Turns that were given to lanes and places."""
+        """Turns that were given to lanes and to empty columns."""
         return self.batch.turns
 
-    @property
-    def places(self) -> int:
-        """Lanes that take their turns side by side."""
-        return extent().places
+    @cached_property
+    def lane(self) -> Lane:
+        """The first lane before its first step."""
+        return begin_lane(
+            self._common.plan,
+            self._scene,
+            self._task.state,
+            self._common.start_time,
+            self._orders,
+        )
+
+    def stepper(self) -> Stepper:
+        """What happens at a step of the lane, which is ``lane.step``."""
+        scheme = self._common.plan.scheme
+        return Stepper(scheme.method, scheme.system(self._scene))
+
+    def turn(self, lane: Lane) -> Lane:
+        """What a turn makes of a lane: a step, reductions, what is recorded. Traceable."""
+        return turn(self._common.plan, self._scene, lane, self._orders)
 
     @cached_property
-    def seats(self) -> Seat:
-        """A pool of lanes before their first steps, with their tasks, lanes in front."""
-        lanes = np.arange(extent().pool) % len(self.work)
-        tasks = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), self.work.tasks)
-        return begin(self._common, _one_device(), jnp.asarray(lanes, float), tasks)
+    def _task(self) -> Task:
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), self.work.tasks)
 
-    def stepper(self, seat: Seat) -> Stepper:
-        """What happens at a step of a seat's lane, which is ``seat.lane.step``. Traceable."""
-        scheme = self._common.plan.scheme
-        return Stepper(scheme.method, scheme.system(self._common.scene(seat.task)))
+    @cached_property
+    def _scene(self) -> Scene:
+        return self._common.scene(self._task)
 
-    def turn(self, seat: Seat) -> Callable[[Lane], Lane]:
-        """What a turn makes of a seat's lane, which is ``seat.lane``: a step, reductions, what is
-        recorded. Traceable."""
-        common, task = self._common, seat.task
-        scene = common.scene(task)
-        orders = Orders(task.end_time, task.first_step, (jnp.inf,) * WINDOW, common.capacity)
-        return lambda lane: turn(common.plan, scene, lane, orders)
-
-    def compiled(self) -> str:
-        """The program of a slice of turns, as XLA has optimised it."""
-        constants = self._common, extent(), _one_device()
-        return advance.program(constants, self.seats)
+    @property
+    def _orders(self) -> Orders:
+        task, never = self._task, jnp.full(WINDOW, jnp.inf)
+        return Orders(task.end_time, task.first_step, never, self._common.capacity)
 
     @cached_property
     def _common(self) -> Common:
@@ -247,10 +248,6 @@ class SweepProgram:
             lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf,
             self.work.common,
         )
-
-
-def _one_device() -> Mesh:
-    return Mesh(np.array(jax.devices()[:1]), ("lanes",))
 
 
 @contextmanager
@@ -270,11 +267,11 @@ def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
 
 
 def _recording(
-    run: Callable[Concatenate[Work, P], AnyBatch], programs: list[SweepProgram]
-) -> Callable[Concatenate[Work, P], AnyBatch]:
+    run: Callable[Concatenate[Work, P], Batch], programs: list[SweepProgram]
+) -> Callable[Concatenate[Work, P], Batch]:
     """The method that runs the work of a sweep, which also adds what it ran to the programs."""
 
-    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> AnyBatch:
+    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> Batch:
         batch = run(work, *arguments, **settings)
         programs.append(SweepProgram(work, batch))
         return batch

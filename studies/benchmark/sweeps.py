@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from functools import partial
 
-import jax
 import numpy as np
 
 import clearjoint as cj
@@ -87,7 +86,7 @@ def swept(lanes: int, span: float, peak: bool, threads: int) -> int:
         {"clearance": axis},
         outputs,
         cj.Settings(rtol=RTOL),
-        devices=jax.devices()[:threads],
+        threads=threads,
         progress=False,
     )
     return int(results.attempts.sum())

@@ -8,10 +8,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from clearjoint.testing import runtime_settings
-
 ROOT = Path(__file__).resolve().parents[2]
 """Where `studies` can be imported from."""
+SETTINGS = {"JAX_ENABLE_X64", "XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "CLEARJOINT_CACHE"}
+"""Environment variables that a measurement sets by itself."""
 
 
 def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
@@ -19,8 +19,7 @@ def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any
 
     Returns wall time of the process, s, and what it printed last, as JSON.
     """
-    known = {*runtime_settings(), "CLEARJOINT_CACHE"}
-    kept = {name: value for name, value in os.environ.items() if name not in known}
+    kept = {name: value for name, value in os.environ.items() if name not in SETTINGS}
     command = [sys.executable, "-c", code, *arguments]
     start = time.perf_counter()
     done = subprocess.run(

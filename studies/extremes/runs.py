@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 import numpy as np
 import xarray as xr
 
@@ -127,7 +126,7 @@ def _swept(
             settings,
             start_time=start_time,
             progress=False,
-            devices=jax.local_devices()[:1],
+            threads=1,
         )
 
 

@@ -41,6 +41,6 @@ def look(rtol: float) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    cj.configure(devices=1)
+    cj.configure(threads=1)
     jax.config.update("jax_enable_x64", False)
     print(json.dumps([look(rtol) for rtol in TOLERANCES]))

@@ -5,7 +5,6 @@ import time
 from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 
 import clearjoint as cj
@@ -49,7 +48,7 @@ def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
             "dissipated": cj.DissipatedEnergy(),
         },
         replace(settings, ledger=True),
-        devices=jax.devices()[:1],
+        threads=1,
         progress=False,
     )
 

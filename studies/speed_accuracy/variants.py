@@ -14,7 +14,6 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint.extend import AbstractStiffness, Gap, result_number, result_numbers
-from clearjoint.testing import xla_flags
 from studies.common.fresh_process import in_process
 from studies.speed_accuracy.runs import (
     CLEARANCE,
@@ -183,7 +182,7 @@ def precisions(spans: Spans) -> dict[str, list[Rounded]]:
     """By tolerance in 32 and in 64 bits, each in a process of its own."""
     goal, found = truth(spans.short), {}
     for name, switch in (("float64", "1"), ("float32", "0")):
-        variables = {"JAX_ENABLE_X64": switch, "XLA_FLAGS": xla_flags()}
+        variables = {"JAX_ENABLE_X64": switch, "XLA_FLAGS": cj.XLA_FLAGS}
         lengths = (str(spans.short), str(spans.long))
         _, rows = in_process(IN_PRECISION, *lengths, **variables)
         found[name] = [

@@ -101,10 +101,6 @@ def test_help_has_examples_for_each_command():
         assert outcome.exit_code == 0 and re.search(rf"clearjoint {name}", outcome.output), name
 
 
-def test_settings_are_those_of_the_module():
-    assert "export JAX_ENABLE_X64=" in told("settings").output
-
-
 def test_a_scene_is_told(folder):
     outcome = told("check", "rod.toml")
     assert outcome.exit_code == 0, outcome.output

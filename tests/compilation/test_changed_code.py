@@ -25,7 +25,7 @@ import clearjoint as cj
 from clearjoint import extend
 from clearjoint.compilation import Compiled, kept_programs
 
-cj.configure(devices=2, cache="cache")
+cj.configure(threads=2, cache="cache")
 warnings.simplefilter("ignore")
 traced = []
 original = kept_programs.compiled_program

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import clearjoint as cj
 from clearjoint.compilation import (
@@ -40,12 +39,6 @@ def shifted(constants, row):
 
 def ranked(row):
     return jnp.sin(jnp.sort(row)[::-1].cumsum())[jnp.argsort(row)]
-
-
-def across(mesh, row):
-    return jax.shard_map(
-        lambda x: jnp.cos(x), mesh=mesh, in_specs=PartitionSpec("x"), out_specs=PartitionSpec("x")
-    )(row)
 
 
 def reports(x):
@@ -238,18 +231,6 @@ def test_memory_that_is_given_away_is(compiled):
         np.testing.assert_array_equal(found["row"], np.arange(8.0) + 1.0)
         assert row.is_deleted()
     assert compiled == ["shifted"]
-
-
-def test_lanes_on_several_devices(compiled):
-    mesh = Mesh(np.asarray(jax.devices()[:2]), ("x",))
-    row = jax.device_put(np.arange(8.0), NamedSharding(mesh, PartitionSpec("x")))
-    first, again = (Compiled(across)(mesh, row) for _ in range(2))
-    assert compiled == ["across"]
-    np.testing.assert_array_equal(first, again)
-    assert again.sharding == first.sharding
-    alone = Mesh(np.asarray(jax.devices()[1:2]), ("x",))
-    np.testing.assert_array_equal(Compiled(across)(alone, np.arange(8.0)), first)
-    assert compiled == ["across", "across"]
 
 
 def test_what_is_compiled_with_less_effort_is_another_program_of_the_same_result(compiled):

@@ -271,7 +271,7 @@ def runs():
                 axes={"gravity": cj.Axis(lambda s: s.gravity[1], [-9.81, -9.0])},
                 outputs=OUTPUTS,
                 progress=False,
-                devices=jax.devices()[:1],
+                threads=1,
             )
 
     return run(2), run(10), swept()

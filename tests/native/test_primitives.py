@@ -10,9 +10,10 @@ import pytest
 from jax import lax
 
 from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
-from clearjoint.native.functions import NativeProgram, arrays_of, cells_of
+from clearjoint.native.cells import Cells
+from clearjoint.native.functions import NativeProgram
 from clearjoint.native.lanes import WIDTH, LaneLoop
-from clearjoint.native.lowering import LARGEST_TAKEN_APART, Region
+from clearjoint.native.lowering import LARGEST_TAKEN_APART
 
 # No subnormal numbers, which XLA takes for zero.
 SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]
@@ -176,15 +177,15 @@ def test_lanes_have_the_bits_of_a_lane_alone():
         return {"goes": state["n"] < 1}
 
     loop = LaneLoop(turn, status, None, None, state)
-    columns = loop.columns(None)
+    columns, cells = loop.columns(None), Cells(state)
     for k in range(WIDTH):
         own = {**state, "a": np.asarray(a[k]), "b": np.asarray(b[k])}
-        loop.put(columns, k, np.zeros(0), cells_of(jax.tree.leaves(own)))
-    assert loop.run(columns, 10) == 1
-    leaves, structure = jax.tree.flatten(state)
-    regions = [Region.of(leaf, 0) for leaf in leaves]
+        (row,) = cells.rows(jax.tree.map(lambda leaf: leaf[None], own))
+        loop.put(columns, k, np.zeros(0), row)
+    assert loop.run(columns) == 1
+    all_found = cells.trees(columns.floats[loop.state_cells].T)
     for k in range(WIDTH):
-        found = jax.tree.unflatten(structure, arrays_of(loop.state_of(columns, k), regions))
+        found = jax.tree.map(lambda leaf, k=k: leaf[k], all_found)
         alone = NativeFunction(every)(np.asarray(a[k]), np.asarray(b[k]))
         for name, value in found["out"].items():
             assert np.array_equal(value, alone[name], equal_nan=True), name

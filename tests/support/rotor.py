@@ -7,7 +7,6 @@ turns NaN when it is stiffer than it says it may be.
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -102,12 +101,11 @@ def stiffness_axis(values) -> cj.Axis:
     return cj.Axis(lambda scene: scene.forces["spring"].stiffness, values)
 
 
-def swept(stiffness, *, devices=None, offset=None, **options):
-    """Lanes of the given stiffness: all with the same program on one device, or the `devices`."""
+def swept(stiffness, *, threads=1, offset=None, **options):
+    """Lanes of the given stiffness."""
     axes = {"stiffness": stiffness_axis(stiffness)}
     if offset is not None:
         axes["offset"] = cj.Axis.initial(lambda state: state.bodies["rotor"].position[0], offset)
-    devices = jax.devices()[:1] if devices is None else devices
     options = {"outputs": OUTPUTS, "zipped": True, "progress": False, **options}
     end = options.pop("end_time", END)
-    return cj.sweep(*rotor(), end, axes, devices=devices, **options)
+    return cj.sweep(*rotor(), end, axes, threads=threads, **options)

@@ -8,7 +8,6 @@ motion's chaos allows.
 
 from dataclasses import fields
 
-import jax
 import numpy as np
 import pytest
 
@@ -54,18 +53,17 @@ def grid():
         AXES,
         OUTPUTS,
         settings=cj.Settings(ledger=True),
-        devices=jax.devices()[:1],
+        threads=1,
     )
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_neither_devices_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_path):
-    """Of fifteen lanes on one device, four alone, on one and on two; nor does a store."""
+def test_neither_threads_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_path):
+    """Of fifteen lanes in one thread, four alone, in one and in two; nor does a store."""
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
     axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
-    devices = jax.devices()[:count]
     path, settings = tmp_path / "sweep", cj.Settings(ledger=True)
-    cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, settings, devices=devices, path=path)
+    cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, settings, threads=count, path=path)
     found, expected = cj.open_sweep(path), grid.sel(kept)
     assert list(found.hits_contact.values) == ["shoulder V", "shoulder W"]
     for name in found.data_vars:

@@ -1,17 +1,11 @@
-"""Lanes of a sweep do not see each other: order, company, devices, refills; their closed form."""
+"""Lanes of a sweep do not see each other: order, company, threads, refills; their closed form."""
 
-from collections import deque
-
-import equinox as eqx
-import jax
 import numpy as np
 import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.simulation.batch import device_pool as pool
-from clearjoint.simulation.batch import scheduler as batch
-from clearjoint.sweeps import sweep as sweeping
+from clearjoint.simulation.batch import xla_lanes
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
 pytestmark = pytest.mark.optimised
@@ -35,7 +29,7 @@ def same(one: xr.Dataset, other: xr.Dataset) -> None:
 
 
 def test_saved_rows_are_at_the_times_and_on_the_motion(lanes):
-    """More than a ring has slots lie within one step of the softest spring."""
+    """Many lie within one step of the softest spring."""
     w = FREQUENCY[:, None]
     np.testing.assert_array_equal(lanes.swing_time, np.tile(TIMES, (9, 1)))
     exact = SPEED / w * np.sin(w * TIMES)
@@ -90,13 +84,13 @@ def test_order_and_company_do_not_matter(lanes):
     same(lanes.isel(lane=[4]), swept(STIFFNESS[[4]]))
 
 
-@pytest.mark.skipif(len(jax.devices()) < 2, reason="this machine has one core")
-def test_devices_do_not_matter(lanes):
-    same(lanes, swept(STIFFNESS, devices=jax.devices()[:2]))
+@pytest.mark.parametrize("threads", [2, 5])
+def test_threads_do_not_matter(lanes, threads):
+    same(lanes, swept(STIFFNESS, threads=threads))
 
 
-def test_more_lanes_than_the_pool_holds(lanes):
-    """Six hundred on a pool of 256: lanes come in while others are in mid-run."""
+def test_more_lanes_than_columns(lanes):
+    """Lanes come in while others are in mid-run."""
     many = np.concatenate([STIFFNESS, np.linspace(2.0, 500.0, 591)])
     found = swept(many)
     assert (found.result == 0).all()
@@ -128,49 +122,20 @@ def test_end_and_saved_times_follow_the_scene():
     np.testing.assert_allclose(found.swing_angle[:, -1], SPEED / FREQUENCY, rtol=1e-6)
 
 
-def pool_of(count: int):
-    """What the device holds of a sweep, and the compiled loop, without running it."""
-    held = {}
-
-    def caught(work, *args):
-        held["work"] = work
-        raise InterruptedError
-
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(InterruptedError):
-        patch.setattr(sweeping, "computed", caught)
-        swept(np.linspace(1.0, 2.0, count))
-    work = held["work"]
-    runs = batch.Batch(work.common, work.tasks, jax.devices()[:1], pool.Extent(256, 32))
-    sitting = runs.empty_pool()
-    fresh = runs._filled(sitting, deque(range(count)))
-    return runs, runs._seated(sitting, fresh, None)
+SMALL_WIDTH = 4
 
 
-@pytest.fixture(scope="module")
-def advancing():
-    runs, seats = pool_of(3)
-    return runs._common, pool.Extent(256, 32), runs._mesh, seats
+@pytest.fixture
+def by_xla(monkeypatch):
+    """Lanes in programs of XLA of four columns, some of which are refilled."""
+    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
+    monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
 
 
-def test_the_loop_is_native_with_everything_recorded(advancing):
-    """With saves, sections and reductions, turns are calls of native code and nothing else is."""
-    *constants, seats = advancing
-    text = pool.advance.program(tuple(constants), seats)
-    assert text.count("xla_cpu_small_call") >= 1
-    assert "custom-call(" not in text.replace("xla_cpu_small_call", "")
-
-
-def test_memory_on_the_device_does_not_grow_with_steps_or_lanes(advancing):
-    """Two pools of 256 seats, one of them empty: each seat holds its task with the times to save
-    at, and tallies and rings that no longer run or sweep makes larger."""
-    *constants, seats = advancing
-    after, _, pages = eqx.filter_eval_shape(pool.advance.__wrapped__, tuple(constants), seats)
-
-    def size(tree):
-        return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(tree))
-
-    held = size((seats.lane, seats.recorded))
-    assert size((after.lane, after.recorded)) == held < seats.lane.step.t.size * 5_000
-    assert size(pages) < 2 * 8 * 32 * 2_000
-    _, more = pool_of(300)
-    assert size(more) == size(seats)
+def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
+    found = swept(STIFFNESS)
+    for name in lanes.data_vars:
+        np.testing.assert_allclose(found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name)
+    same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
+    same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
+    same(found, swept(STIFFNESS, threads=2))

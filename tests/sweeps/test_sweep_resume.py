@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -120,7 +119,7 @@ def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
         path=path,
         chunk=CHUNK,
         zipped=True,
-        devices=jax.devices()[:1],
+        threads=1,
         progress=False,
     )
     assert computed == [list(range(17)), [0, 1, 19]]

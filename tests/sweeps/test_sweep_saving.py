@@ -15,8 +15,8 @@ PARTS = ("position", "orientation", "velocity", "spin")
 
 
 def swept(**options):
-    devices, axes = jax.devices()[:1], {"stiffness": stiffness_axis(STIFFNESS)}
-    return cj.sweep(*rotor(), 1.0, axes, devices=devices, progress=False, **options)
+    axes = {"stiffness": stiffness_axis(STIFFNESS)}
+    return cj.sweep(*rotor(), 1.0, axes, threads=1, progress=False, **options)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """Runs at many parameters without derivatives, side by side: chi squared over the record.
 
-Such a run costs a small part of one with derivatives, since lanes share the device
+Such a run costs a small part of one with derivatives, since lanes run side by side
 (`clearjoint.simulation.batch.scheduler`). Of each only the chi squared over time is kept.
 """
 
@@ -16,12 +16,9 @@ from jaxtyping import Float, PyTree
 from ...compilation import Compiled
 from ...math.vectors import structured
 from ...model.bodies import State
-from ...runtime import busy_devices
-from ...simulation.batch.device_pool import Common, Task
 from ...simulation.batch.lane import Plan
-from ...simulation.batch.native_batch import batch_of
-from ...simulation.batch.scheduler import Ended
-from ...sweeps.work import extent
+from ...simulation.batch.scheduler import Batch, Ended
+from ...simulation.batch.tasks import Common, Task
 from ..residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"
@@ -72,18 +69,17 @@ class SideBySide:
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
-            rows, reached = ended.logs[LOG]
-            predicted = np.full((len(where), len(self.times)), np.nan)
-            for row, name, places in zip(predicted, self.runs.names, where, strict=True):
-                at = places[ended.lane if len(places) > 1 else 0]
-                row[: len(at)] = np.where(at < reached, rows[name][at], np.nan)
-            waiting[ended.lane] = predicted
-            if len(waiting) == TOGETHER:
-                take()
+            rows, counts = ended.logs[LOG]
+            for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
+                predicted = np.full((len(where), len(self.times)), np.nan)
+                for row, name, places in zip(predicted, self.runs.names, where, strict=True):
+                    at = places[lane if len(places) > 1 else 0]
+                    row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
+                waiting[lane] = predicted
+                if len(waiting) == TOGETHER:
+                    take()
 
-        devices = busy_devices()
-        tasks = self._tasks(coordinates, instants)
-        batch = batch_of(self._common, tasks, devices, extent(devices))
+        batch = Batch(self._common, self._tasks(coordinates, instants))
         batch.run(range(len(coordinates)), on_ended)
         if waiting:
             take()

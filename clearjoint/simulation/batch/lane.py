@@ -1,7 +1,7 @@
 """One lane of a batch: a run that takes one step a turn, reduces and records what is asked for.
 
-Everything here is scalar arithmetic without loops; `vmap` adds the lanes, and `.device_pool` the
-native loop round the turns.
+Everything here is scalar arithmetic without loops; `clearjoint.native.lanes` and `.xla_lanes` add
+the lanes and the loop around the turns.
 """
 
 from collections.abc import Mapping
@@ -33,10 +33,11 @@ from ..sections import Crossing
 from ..state_tables import contact_label
 from ..step_state import Attempt, Method, Step, choose
 from ..stepping import attempt, running
-from .recording import SLOTS, AbstractRing, CrossingRecord, CrossingRecorder, Times, empty_ring
+from .recording import ROWS, CrossingRecord, CrossingRecorder, Ring
 from .reductions import AbstractReduction
 
-WINDOW = SLOTS + 1
+WINDOW = ROWS + 1
+"""Times to save at that a lane knows: one more than a ring has rows."""
 LATEST = ""
 """Name of the record of the latest step; outputs have others."""
 
@@ -47,7 +48,6 @@ class Plan(eqx.Module):
     - `reductions`, `sections` and `impacts`: by name.
     - `saves`: whether states are saved at chosen times.
     - `max_steps`: largest number of steps tried in a lane.
-    - `ring_rows`: rows of the rings, as for `empty_ring`.
     """
 
     scheme: Scheme
@@ -56,7 +56,6 @@ class Plan(eqx.Module):
     saves: bool = eqx.field(static=True)
     max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
-    ring_rows: int = eqx.field(default=0, static=True)
 
     @property
     def method(self) -> Method:
@@ -65,15 +64,15 @@ class Plan(eqx.Module):
 
 
 class Orders(eqx.Module):
-    """What the host asks of a lane for a segment.
+    """What the host asks of a lane until it looks at it again.
 
-    `end_time` and `first_step`: s. `window`: the next times to save at, one more than a ring has
-    rows, infinite behind the last. `wanted`: rows still to be recorded, by log.
+    `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at, infinite behind
+    the last. `wanted`: rows still to be recorded, by log.
     """
 
     end_time: Scalar
     first_step: Scalar
-    window: Times
+    window: Numbers
     wanted: Mapping[str, Scalar | Numbers]
 
 
@@ -84,19 +83,17 @@ class Lane(eqx.Module):
     step: Step
     tallies: dict[str, PyTree]
     crossings: dict[str, CrossingRecord]
-    impacts: dict[str, ImpactRecord[AbstractRing[ImpactRow]]]
+    impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
     bracket: Bracket | None
-    saved: AbstractRing[Snapshot] | None
+    saved: Ring[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
         """Whether another step is to be tried."""
         return running(self.step, end_time, plan.max_steps)
 
-    def rings(self) -> dict[str, AbstractRing]:
+    def rings(self) -> dict[str, Ring]:
         """The rings of crossings and of impacts, by the log that each fills."""
-        rings: dict[str, AbstractRing] = {
-            name: record.rows for name, record in self.crossings.items()
-        }
+        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
                 for contact, one in family.items():
@@ -130,17 +127,17 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
     )
     row = Snapshot(step.t, step.y, step.memory)
     now = row.instant(system)
-    hits = empty_ring(ImpactRow.none(), plan.ring_rows)
+    hits = Ring.empty(ImpactRow.none())
     lane = Lane(
         step,
         {name: reduction.start(now) for name, reduction in plan.reductions.items()},
         {
-            name: CrossingRecord(section.level(now), empty_ring(row, plan.ring_rows))
+            name: CrossingRecord(section.level(now), Ring.empty(row))
             for name, section in plan.sections.items()
         },
         {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
         _empty_bracket(plan, system, step, orders) if plan.saves else None,
-        empty_ring(row, plan.ring_rows) if plan.saves else None,
+        Ring.empty(row) if plan.saves else None,
     )
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
@@ -197,7 +194,7 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 def _tabling(recorder: ImpactRecorder, name: str, orders: Orders) -> Recorder:
     """The recorder of an output's impacts."""
 
-    def after(record: ImpactRecord[AbstractRing[ImpactRow]], stride: Stride) -> PyTree:
+    def after(record: ImpactRecord[Ring[ImpactRow]], stride: Stride) -> PyTree:
         wanted = {
             joint: {contact: orders.wanted[impact_log(name, joint, contact)] for contact in family}
             for joint, family in record.items()
@@ -225,15 +222,6 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     )
 
 
-def emptied(lane: Lane) -> Lane:
-    """The lane after the host has taken the rows of all its rings."""
-    return jax.tree.map(
-        lambda node: node.emptied() if isinstance(node, AbstractRing) else node,
-        lane,
-        is_leaf=lambda node: isinstance(node, AbstractRing),
-    )
-
-
 def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
     """Whether a turn would do anything: the lane neither ended nor waits for the host."""
     goes = _goes(plan, lane, orders)
@@ -245,7 +233,7 @@ def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
 def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
     goes = lane.runs(plan, orders.end_time)
     if lane.saved is not None:
-        more = orders.window[lane.saved.capacity] < jnp.inf
+        more = orders.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, orders))
         goes = goes & jnp.logical_not(lane.saved.full() & more)
     for log, ring in lane.rings().items():

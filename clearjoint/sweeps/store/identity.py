@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Int, PyTree
 
 from ...fields.types import ArrayLike
-from ...simulation.batch.device_pool import Task
+from ...simulation.batch.tasks import Task
 from ..axes import Lanes
 
 _BLOCK = 4096

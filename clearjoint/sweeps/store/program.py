@@ -35,7 +35,7 @@ def programs(
 ) -> dict[str, str]:
     """Digests of the run's program (`RUN`), and of that of each variable of the outputs.
 
-    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.batch.device_pool.Common`;
+    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.batch.tasks.Common`;
     `form` and `state`: scene and initial state of a lane; `start_time`: s.
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
@@ -147,4 +147,4 @@ class _Traced:
 
 
 def _orders(end_time: Scalar, first_step: Scalar) -> Orders:
-    return Orders(end_time, first_step, (jnp.inf,) * WINDOW, {})
+    return Orders(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
