@@ -233,7 +233,7 @@ def _require_satisfied(
     )
 
 
-@partial(Compiled, effort="least")
+@Compiled
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

@@ -145,7 +145,7 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
 _constraints_first_on_host = HostFirst(_constraints)
 
 
-@partial(Compiled, effort="least")
+@Compiled
 def _constraints_together(
     scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
 ) -> _Rows:

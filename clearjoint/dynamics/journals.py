@@ -176,7 +176,7 @@ def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     }
 
 
-@partial(Compiled, effort="least")
+@Compiled
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""

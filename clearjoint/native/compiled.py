@@ -11,7 +11,6 @@ import jax
 from jax.core import Tracer
 
 from ..compilation import Compiled
-from ..compilation.effort import Effort
 from ..compilation.tracing import is_tracing
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
@@ -32,14 +31,13 @@ class Native(Generic[Arguments, Result]):
     """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
 
     Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
-    compiled by XLA, with one warning. `native`: the function in native code; `effort`: as for
-    `Compiled`.
+    compiled by XLA, with one warning. `native`: the function in native code.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
-        self._compiled = Compiled(function, effort=effort)
+    def __init__(self, function: Callable[Arguments, Result]):
+        self._compiled = Compiled(function)
         self.native = NativeFunction(function)
         self._refused: set[Hashable] = set()
         update_wrapper(self, function)
@@ -64,7 +62,7 @@ class Native(Generic[Arguments, Result]):
         return self._compiled.program(*arguments, **options)
 
     def programs(self) -> int:
-        """How many programs have been compiled, or loaded."""
+        """How many programs have been compiled."""
         return self._compiled.programs() + self.native.count()
 
 

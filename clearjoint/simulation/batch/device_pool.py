@@ -137,7 +137,7 @@ class Page(eqx.Module):
     seats: jax.Array
 
 
-@partial(Compiled, effort="least")
+@Compiled
 def begin(common: Common, mesh: Mesh, numbers: jax.Array, tasks: Task) -> Seat:
     """The lanes of some tasks before their first steps, in the seats of a pool; `numbers` are their
     places in the order of all lanes."""
@@ -151,7 +151,7 @@ def begin(common: Common, mesh: Mesh, numbers: jax.Array, tasks: Task) -> Seat:
     return _on_devices(mesh, jax.vmap(one, (None, 0, 0)), common, numbers, tasks)
 
 
-@partial(Compiled, effort="least")
+@Compiled
 def replaced(fresh: jax.Array, begun: Seat, seats: Seat) -> Seat:
     """The pool with lanes that have just begun in the seats that `fresh` names."""
     return _choose(fresh, begun, seats)
