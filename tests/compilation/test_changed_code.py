@@ -1,4 +1,4 @@
-"""Native programs kept on disk are not taken for changed code: each change is tried in a second process.
+"""Native programs kept on disk are not taken for changed code: each change is tried anew.
 
 `changed_code/laws.txt` has laws that take a number from as many places; the second process has
 another number there. `UPGRADED` edits a file of the package while a process has it open.
