@@ -26,7 +26,7 @@ class HostFirst(Generic[Arguments, Result]):
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result]):
-        self._compiled = Compiled(function, effort="least")
+        self._compiled = Compiled(function)
         self._need_jax: set[jax.tree_util.PyTreeDef] = set()  # pyright: ignore
         update_wrapper(self, function)
 
@@ -41,7 +41,7 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """How many programs have been compiled, or loaded."""
+        """How many programs have been compiled."""
         return self._compiled.programs()
 
     def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:

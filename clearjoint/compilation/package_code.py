@@ -12,11 +12,9 @@ import os
 import sys
 import threading
 import types
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
-from operator import attrgetter, is_
+from collections.abc import Mapping
+from operator import is_
 
-Reader = Callable[[], Iterable[object]]
 PACKAGE = __name__.split(".")[0]
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
@@ -57,8 +55,8 @@ class _State:
 
     - `lock`: guards the others.
     - `files`: what `_files` gave when the import of the package began.
-    - `held`: what reads the contents of modules, with the contents when that import ended.
-    - `remembered`: names of the package's modules among these.
+    - `names`: by module what it held when that import ended, names that were added later being
+      none of the package's own; `contents`: what `_contents` gave for these.
     - `digest`: that of the source files, once it was asked for.
     - `modules`: number of modules of the package that were loaded when `files` were last compared.
     - `changed`: whether a change was ever found. What JAX has traced since then may hold replaced
@@ -68,8 +66,8 @@ class _State:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.files = _files()
-        self.held: list[tuple[Reader, tuple[object, ...]]] = []
-        self.remembered: frozenset[str] = frozenset()
+        self.names: dict[str, list[str]] = {}
+        self.contents: list[object] = []
         self.digest: str | None = None
         self.modules = 0
         self.changed = False
@@ -78,18 +76,23 @@ class _State:
 def remember_contents() -> None:
     """Note what the modules of the package and of `LIBRARIES` hold: to be called at the end of the
     import of the package."""
-    names = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
-    own = [name for name in names if not name.startswith(_OF_THE_PROCESS)]
-    readers = [
-        read for name in (*own, *LIBRARIES) if name in sys.modules for read in _readers(name)
-    ]
-    _STATE.held = [(read, tuple(read())) for read in readers]
-    _STATE.remembered = frozenset(own)
+    own = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
+    modules = [name for name in own if not name.startswith(_OF_THE_PROCESS)]
+    modules += [name for name in LIBRARIES if name in sys.modules]
+    _STATE.names = {
+        module: [
+            name
+            for name, value in vars(sys.modules[module]).items()
+            if not (name.startswith("__") or isinstance(value, types.ModuleType))
+        ]
+        for module in modules
+    }
+    _STATE.contents = _contents(_STATE.names)
 
 
 def is_remembered(module: str) -> bool:
     """Whether a module was loaded when `remember_contents` was called, so that a change is seen."""
-    return module in _STATE.remembered
+    return module in _STATE.names
 
 
 def source_digest() -> str:
@@ -106,7 +109,7 @@ def source_digest() -> str:
 
 
 def _is_as_imported() -> bool:
-    if not _STATE.held or not _STATE.files:
+    if not _STATE.names or not _STATE.files:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)
     if loaded != _STATE.modules:
@@ -116,7 +119,8 @@ def _is_as_imported() -> bool:
         if _files() != _STATE.files:
             return False
         _STATE.modules = loaded
-    return all(_same(values, tuple(read())) for read, values in _STATE.held)
+    now = _contents(_STATE.names)
+    return len(now) == len(_STATE.contents) and all(map(is_, now, _STATE.contents))
 
 
 def _files() -> dict[str, tuple[int, ...]]:
@@ -142,53 +146,33 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
     return whole.hexdigest()
 
 
-def _readers(module: str) -> Iterator[Reader]:
-    """What reads the values that a module has under its names, and what may be replaced in them.
-
-    Names that are added later are none of the package's own.
-    """
-    held = vars(sys.modules[module])
-    names = [name for name in held if not name.startswith("__")]
-    names = [name for name in names if not isinstance(held[name], types.ModuleType)]
-    yield partial(map, held.get, names)
-    functions: list[object] = []
-    for value in map(held.get, names):
-        yield from _items(value)
-        if isinstance(value, type) and _is_listed_in(module, value):
-            inner = vars(value)
-            attributes = sorted(inner.keys() - _BOOKKEEPING)
-            yield partial(_attribute_names, inner)
-            yield partial(map, inner.get, attributes)
-            functions += map(inner.get, attributes)
-            for attribute in attributes:
-                yield from _items(inner[attribute])
-        functions.append(value)
-    functions = [value for value in functions if isinstance(value, types.FunctionType)]
-    for part in ("__code__", "__defaults__", "__kwdefaults__"):
-        yield partial(map, attrgetter(part), functions)
-
-
-def _items(value: object) -> Iterator[Reader]:
-    """What reads the items of a dictionary or a list."""
-    if isinstance(value, dict):
-        yield partial(list, value.keys())
-        yield partial(list, value.values())
-    elif isinstance(value, list):
-        yield partial(list, value)
-
-
-def _attribute_names(attributes: Mapping[str, object]) -> list[str]:
-    return sorted(attributes.keys() - _BOOKKEEPING)
+def _contents(names: Mapping[str, list[str]]) -> list[object]:
+    """What modules have under names, and what may be replaced in that: attributes of classes, items
+    of dictionaries and lists, code and defaults of functions."""
+    found: list[object] = []
+    for module, own in names.items():
+        values = list(map(vars(sys.modules[module]).get, own))
+        for value in list(values):
+            if isinstance(value, type) and _is_listed_in(module, value):
+                inner = vars(value)
+                attributes = sorted(inner.keys() - _BOOKKEEPING)
+                found += attributes
+                values += map(inner.get, attributes)
+        found += values
+        for value in values:
+            if isinstance(value, types.FunctionType):
+                found += value.__code__, value.__defaults__, value.__kwdefaults__
+            elif isinstance(value, dict):
+                found += *value.keys(), *value.values()
+            elif isinstance(value, list):
+                found += value
+    return found
 
 
 def _is_listed_in(module: str, cls: type) -> bool:
     """Whether the attributes of a class are looked at with a module: that in which it is defined,
     or the library whose public class it is."""
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
-
-
-def _same(before: tuple[object, ...], now: tuple[object, ...]) -> bool:
-    return len(before) == len(now) and all(map(is_, before, now))
 
 
 _STATE = _State()

@@ -15,7 +15,6 @@ from collections import OrderedDict
 
 import jax
 import numpy as np
-from jax.sharding import Mesh
 
 from .package_code import PACKAGE, is_remembered
 
@@ -29,13 +28,6 @@ _BASES = ("abc", "collections.abc", "enum", "typing")
 
 class NotPlainError(Exception):
     """A value that holds more than this package's classes, numbers, strings and arrays."""
-
-
-class Placeholder:
-    """Stands for a leaf of a PyTree, by its number."""
-
-    def __init__(self, number: int):
-        self.number = number
 
 
 def described(value: object) -> str:
@@ -74,14 +66,8 @@ def _form(value: object) -> object:
         return "partial", *map(_form, (value.func, value.args, value.keywords))  # pyright: ignore
     if kind is types.MethodType:
         return "method", *map(_form, (value.__func__, value.__self__))  # pyright: ignore
-    if kind is jax.tree_util.PyTreeDef:
-        leaves = map(Placeholder, range(value.num_leaves))  # pyright: ignore
-        return "structure", _form(jax.tree.unflatten(value, leaves))
-    if kind is Mesh:
-        devices = [device.id for device in value.devices.flat]  # pyright: ignore
-        return "mesh", devices, value.devices.shape, value.axis_names, str(value.axis_types)  # pyright: ignore
-    if kind is Placeholder:
-        return "leaf", value.number  # pyright: ignore
+    if kind is jax.ShapeDtypeStruct:
+        return "shape", value.shape, str(value.dtype)  # pyright: ignore
     if isinstance(getattr(value, "__qualname__", None), str):
         return _named(value)
     return _instance(value)

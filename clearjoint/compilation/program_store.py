@@ -1,7 +1,7 @@
 """Files of compiled programs, by their keys, in a folder of bounded size.
 
 They hold machine code and are read by `pickle`, so that a folder to which others may write is not
-used (see `cache_folder`).
+used (see `cache_folder`). The folder lies in that of JAX's compilation cache.
 """
 
 import hashlib
@@ -11,12 +11,35 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
+import jax
+
 from .cache_folder import is_private
 
 MOST_BYTES = 1_000_000_000
 """Of all files; beyond that those unused for longest are removed."""
 _SUFFIX = ".program"
 _DIGEST = 20
+_is_on = False
+
+
+def keep_programs(keep: bool = True) -> None:
+    """Whether native programs are kept whole, as long as JAX's compilation cache is in use; their
+    machine code alone is kept in any case."""
+    global _is_on
+    _is_on = keep
+
+
+def keeps_programs() -> bool:
+    """Whether `keep_programs` has switched that on."""
+    return _is_on
+
+
+def cache_in_use() -> Path | None:
+    """The folder of JAX's compilation cache, if that is in use."""
+    cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
+        return None
+    return None if "://" in cache else Path(cache)
 
 
 class ProgramStore:

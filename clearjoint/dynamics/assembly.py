@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..compilation import Compiled, HostFirst
+from ..compilation import HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import checkable, require, require_finite
 from ..fields.conversion import on_device
@@ -16,6 +16,7 @@ from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
 from ..model.joints.base import AbstractConstraint
 from ..model.scene import Scene
+from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
 from .coordinates import AbstractCoordinates, MotionVariables
@@ -233,7 +234,7 @@ def _require_satisfied(
     )
 
 
-@partial(Compiled, effort="least")
+@partial(Native, warns=False)
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple, TypeVar
 
 import equinox as eqx
@@ -10,12 +9,13 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ..compilation import Compiled, HostFirst
+from ..compilation import HostFirst
 from ..fields.conversion import on_device
 from ..math.vectors import Scalar, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row
 from ..model.scene import Scene
+from ..native import Native, over_rows
 from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
 from .equations_of_motion import constraint_rows
@@ -145,14 +145,14 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
 _constraints_first_on_host = HostFirst(_constraints)
 
 
-@partial(Compiled, effort="least")
+@Native
 def _constraints_together(
     scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
 ) -> _Rows:
     def one(varied: PyTree, state: State) -> _Rows:
         return _constraints(eqx.combine(varied, scene), coordinates, state, t)
 
-    return jax.vmap(one)(varied, states)
+    return over_rows(one, varied, states)
 
 
 def _each(rows: ByLabel[Row], of: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:

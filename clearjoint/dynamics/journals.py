@@ -9,7 +9,7 @@ from typing import TypeAlias
 import jax
 import numpy as np
 
-from ..compilation import Compiled, HostFirst
+from ..compilation import HostFirst
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.conversion import on_device
@@ -18,6 +18,7 @@ from ..math.vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
+from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .formulation import Formulation
 from .stabilisation import Unstabilised
@@ -176,7 +177,7 @@ def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     }
 
 
-@partial(Compiled, effort="least")
+@partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """What the second body of each ideal joint presses the first with while nothing moves yet, N,
     (3,) in the first body's axes."""

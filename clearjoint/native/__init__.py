@@ -12,7 +12,7 @@ Compiled by XLA: all of these inside of `jax.jit`, `jax.vmap` or `jax.grad`, on 
 with implicit solvers, which need linear algebra; `simulate_nonsmooth` and `observe`.
 """
 
-from .compiled import Native, NativeFallbackWarning, is_native
+from .compiled import Native, NativeFallbackWarning, is_native, over_rows
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
@@ -22,4 +22,5 @@ __all__ = [
     "NativeFunction",
     "UnsupportedPrimitiveError",
     "is_native",
+    "over_rows",
 ]

@@ -9,9 +9,9 @@ from typing import Generic, ParamSpec, TypeVar
 import equinox as eqx
 import jax
 from jax.core import Tracer
+from jaxtyping import PyTree
 
 from ..compilation import Compiled
-from ..compilation.effort import Effort
 from ..compilation.tracing import is_tracing
 from .functions import NativeFunction
 from .lowering import UnsupportedPrimitiveError
@@ -32,14 +32,13 @@ class Native(Generic[Arguments, Result]):
     """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
 
     Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
-    compiled by XLA, with one warning. `native`: the function in native code; `effort`: as for
-    `Compiled`.
+    compiled by XLA, with one warning if `warns`. `native`: the function in native code.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result], effort: Effort = "full"):
-        self._compiled = Compiled(function, effort=effort)
+    def __init__(self, function: Callable[Arguments, Result], warns: bool = True):
+        self._compiled, self._warns = Compiled(function), warns
         self.native = NativeFunction(function)
         self._refused: set[Hashable] = set()
         update_wrapper(self, function)
@@ -56,7 +55,8 @@ class Native(Generic[Arguments, Result]):
                 return result(program(arrays))
             except UnsupportedPrimitiveError as error:
                 self._refused.add(key)
-                report_fallback(error)
+                if self._warns:
+                    report_fallback(error)
         return self._compiled(*arguments, **options)
 
     def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
@@ -64,13 +64,21 @@ class Native(Generic[Arguments, Result]):
         return self._compiled.program(*arguments, **options)
 
     def programs(self) -> int:
-        """How many programs have been compiled, or loaded."""
+        """How many programs have been compiled."""
         return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:
     """Whether programs are compiled by this room: on CPUs, unless `SWITCH` is 0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
+
+
+def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
+    """A function of each row of arrays: one row after the other in native code, which else would be
+    as long as there are rows; all at once in XLA's."""
+    if is_native():
+        return jax.lax.map(lambda row: function(*row), rows)
+    return jax.vmap(function)(*rows)
 
 
 def _is_traced(arguments: object) -> bool:

@@ -1,5 +1,6 @@
 """Functions of PyTrees that are compiled to machine code."""
 
+import enum
 import threading
 import time
 from collections.abc import Callable, Hashable, Sequence
@@ -16,7 +17,6 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 from ..compilation.clock import begins_a_program, program_is_made_inside
-from ..compilation.program import PLACE
 from ..compilation.tracing import collector_at_rest
 from .cells import Cells
 from .kept import kept
@@ -25,6 +25,15 @@ from .lowering import Lowering, Region, aval_of, tangents_of
 from .machine_code import compiled
 from .operations import Operations
 from .primitives import RULES
+
+
+class Place(enum.Enum):
+    """Where an array stands in a result."""
+
+    ARRAY = "array"
+
+
+PLACE = Place.ARRAY
 
 
 class Image:

@@ -10,8 +10,7 @@ from contextlib import suppress
 import llvmlite
 import llvmlite.binding as llvm
 
-from ..compilation.kept_programs import cache_in_use
-from ..compilation.program_store import ProgramStore
+from ..compilation.program_store import ProgramStore, cache_in_use
 from .lowering import UnsupportedPrimitiveError
 
 OPTIMISATION = 2

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..fields.checks import require, require_positive, require_shape
-from ..math.vectors import Scalar
+from ..math.vectors import Scalar, library
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Log(AbstractScale):
 
     def value(self, coordinate: Scalar) -> Scalar:
         """The exponential of the coordinate."""
-        return jnp.exp(coordinate)
+        return library((coordinate,)).exp(coordinate)
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
         """The natural logarithm of the value."""

@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
-
 from ..fields.checks import require
+from ..fields.conversion import on_device
 from ..model.bodies import State
 from ..model.scene import Scene
 from .decisions import require_declared
@@ -36,5 +35,5 @@ def derivative_scheme(
     require_declared(scene)
     scheme = Scheme.of(settings, bool(redundant))
     require_dense(scheme.method.solver)
-    tolerance = jnp.asarray(settings.derivative_tolerance, float)
+    tolerance = on_device(settings.derivative_tolerance)
     return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))

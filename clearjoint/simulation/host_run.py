@@ -35,7 +35,7 @@ def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[
     return pack(final_state(scheme.unpacked(form), step)), final_result(step, end)
 
 
-_end_compiled = Native(_end_of, effort="least")
+_end_compiled = Native(_end_of)
 
 
 def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, dict[str, Scalar]]:
@@ -45,7 +45,7 @@ def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, di
     return {name: one.reduction.results(one.tally, here) for name, one in now.reductions.items()}
 
 
-_results_compiled = Native(_results_of, effort="least")
+_results_compiled = Native(_results_of)
 
 
 class AbstractRun:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import equinox as eqx
@@ -10,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ..compilation import Compiled
 from ..datasets.tabular import AbstractTabular
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.bristles import initial_bristles
@@ -24,6 +24,7 @@ from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
+from ..native import Native, over_rows
 from .aliases import Integers, Numbers, Vectors
 from .motion_modes import MotionMode
 from .nonsmooth.solution import NonsmoothSolution
@@ -209,7 +210,7 @@ def _filled(rows: np.ndarray) -> np.ndarray:
     return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
-@Compiled
+@partial(Native, warns=False)
 def observe_compiled(
     form: Structured, absolute: Formulation, unique: bool, times: Numbers, states: State
 ) -> Observation:
@@ -245,7 +246,7 @@ def observe_compiled(
         )
         return jax.tree.map(jnp.asarray, observation)
 
-    return jax.vmap(at)(times, states)
+    return over_rows(at, times, states)
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:

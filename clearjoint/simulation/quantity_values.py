@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..compilation import Compiled
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.bristles import initial_bristles
 from ..dynamics.formulation import Formulation
@@ -12,6 +11,7 @@ from ..dynamics.system import System
 from ..math.vectors import Scalar, Structured, structured, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..native import Native, over_rows
 from ..quantities.base import Quantity, check_quantity
 from ..quantities.instant import Instant
 from .aliases import Numbers
@@ -55,7 +55,7 @@ def _prepared(
     return structured(scene), absolute, (np.asarray(trajectory.times), trajectory.states)
 
 
-@Compiled
+@Native
 def values_compiled(
     form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
 ) -> Numbers:
@@ -65,10 +65,10 @@ def values_compiled(
     def at(t: Scalar, state: State) -> Numbers:
         return _Place(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
 
-    return jax.vmap(at)(times, states)
+    return over_rows(at, times, states)
 
 
-@Compiled
+@Native
 def rates_compiled(
     form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
 ) -> Numbers:
@@ -85,7 +85,7 @@ def rates_compiled(
         along = jnp.ones(()), rates
         return jax.jvp(lambda *x: place.value(quantity, *x), (t, variables), along)[1]
 
-    return jax.vmap(at)(times, states)
+    return over_rows(at, times, states)
 
 
 class _Place:

@@ -7,6 +7,7 @@ accepted steps is full. The host then takes what was recorded, shows progress an
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
 from ..dynamics.system import System
@@ -41,7 +42,7 @@ class GrowingTable(eqx.Module):
     @staticmethod
     def like(row: PyTree, length: int) -> "GrowingTable":
         """An empty table with room for `length` rows like the given one."""
-        none = jnp.zeros((), int)
+        none = np.zeros((), int)
         return GrowingTable(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
 
     def with_row(self, row: PyTree, kept: Scalar) -> "GrowingTable":
@@ -170,7 +171,7 @@ def segment(
 
 def rewound(progress: Progress) -> Progress:
     """The run with an empty record, after the host has taken the rows."""
-    none = jnp.zeros((), int)
+    none = np.zeros((), int)
     return eqx.tree_at(lambda p: (p.record.count, p.record.block_count), progress, (none, none))
 
 

@@ -143,7 +143,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Native(begin, effort="least")
+begin_compiled = Native(begin)
 
 
 def _check_numbers(

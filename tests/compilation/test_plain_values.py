@@ -33,7 +33,7 @@ def test_data_differ_by_type_and_value():
 def test_values_of_the_package_have_one():
     settings = (cj.presets.study, cj.Settings(solver=diffrax.Dopri8()))
     scene, state = cj.double_pendulum()
-    values = (*settings, scene, state, jax.tree.structure(scene), cj.double_pendulum(0.1e-3)[0])
+    values = (*settings, scene, state, cj.double_pendulum(0.1e-3)[0])
     assert len({described(value) for value in values}) == len(values)
     assert described(cj.double_pendulum()[0]) == described(scene)
 
