@@ -6,14 +6,13 @@ from collections.abc import Callable, Hashable
 from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
-import equinox as eqx
 import jax
 from jax.core import Tracer
 
 from ..compilation import Compiled
 from ..compilation.effort import Effort
 from ..compilation.tracing import is_tracing
-from .functions import NativeFunction
+from .functions import Given, NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
 Arguments = ParamSpec("Arguments")
@@ -46,16 +45,15 @@ class Native(Generic[Arguments, Result]):
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
-        if options or not is_native() or _is_traced(arguments):
+        if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
-        key = self.native.key(arguments)
-        if key not in self._refused:
+        given = Given.of(arguments)
+        traced = any(isinstance(leaf, Tracer) for leaf in given.leaves)
+        if not traced and given.key not in self._refused:
             try:
-                program, result = self.native.program(arguments)
-                arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
-                return result(program(arrays))
+                return self.native.run(given)
             except UnsupportedPrimitiveError as error:
-                self._refused.add(key)
+                self._refused.add(given.key)
                 report_fallback(error)
         return self._compiled(*arguments, **options)
 
@@ -71,12 +69,6 @@ class Native(Generic[Arguments, Result]):
 def is_native() -> bool:
     """Whether programs are compiled by this room: on CPUs, unless `SWITCH` is 0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
-
-
-def _is_traced(arguments: object) -> bool:
-    if is_tracing():
-        return True
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
