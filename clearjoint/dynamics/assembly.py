@@ -169,7 +169,7 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    variables, held = _round_trip(scene, state, Formulation(coordinates))
+    variables, held = round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
@@ -188,7 +188,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates have something left to move; nothing is compiled for it."""
     variables, _ = eqx.filter_eval_shape(
-        _round_trip.__wrapped__, scene, state, Formulation(coordinates)
+        round_trip.__wrapped__, scene, state, Formulation(coordinates)
     )
     _require_something_moves(variables, coordinates)
 
@@ -204,7 +204,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 
 
 @HostFirst
-def _round_trip(
+def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
     """The variables of a state, and the bodies as these hold them."""

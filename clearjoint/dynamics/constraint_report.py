@@ -93,7 +93,7 @@ def constraint_reports(
             yield _report(lane, len(scene.bodies), known)
 
 
-class _Rows(NamedTuple):
+class Rows(NamedTuple):
     """Constraint rows as arrays: values and rates (), Jacobian (v,).
 
     `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these leave.
@@ -105,30 +105,41 @@ class _Rows(NamedTuple):
     remaining: ByLabel[jax.Array]
 
 
-def _report(arrays: _Rows, bodies: int, known: dict[bytes, dict[str, float]]) -> ConstraintReport:
+def _report(arrays: Rows, bodies: int, known: dict[bytes, dict[str, float]]) -> ConstraintReport:
     """The rows with their rank; `known` are the distances of rows seen before, and gets theirs."""
-    rows = _by_name(arrays.jacobian)
+    rows = by_name(arrays.jacobian)
     names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
     scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
-    left = {name: np.asarray(row) / scale[name] for name, row in _by_name(arrays.remaining).items()}
-    key = b"".join(row.tobytes() for row in left.values())
-    if key not in known:
-        known[key] = _distances(left)
-    apart = known[key]
-    redundant = tuple(name for name, d in apart.items() if d < RANK_TOLERANCE)
-    uncertain = tuple(n for n, d in apart.items() if RANK_TOLERANCE <= d < UNCERTAIN_BELOW)
+    left = {name: np.asarray(row) / scale[name] for name, row in by_name(arrays.remaining).items()}
+    redundant, uncertain = dependent(left, known)
     values, rates = (
-        np.array([float(value) for value in _by_name(tree).values()])
+        np.array([float(value) for value in by_name(tree).values()])
         for tree in (arrays.values, arrays.rates)
     )
     return ConstraintReport(names, values, rates, matrix, redundant, uncertain)
 
 
-def _by_name(tree: ByLabel[T]) -> dict[str, T]:
+def dependent(
+    rows: dict[str, np.ndarray], known: dict[bytes, dict[str, float]]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of those normalised rows that depend on the ones before them, and of those that
+    nearly do; `known` are the distances of rows seen before, and gets those of these."""
+    key = b"".join(row.tobytes() for row in rows.values())
+    if key not in known:
+        known[key] = _distances(rows)
+    apart = known[key]
+    redundant = tuple(name for name, d in apart.items() if d < RANK_TOLERANCE)
+    uncertain = tuple(n for n, d in apart.items() if RANK_TOLERANCE <= d < UNCERTAIN_BELOW)
+    return redundant, uncertain
+
+
+def by_name(tree: ByLabel[T]) -> dict[str, T]:
+    """What belongs to rows, by their names."""
     return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
 
 
-def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar) -> _Rows:
+def constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar) -> Rows:
+    """The constraints of a scene and state in packed form."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
@@ -139,18 +150,18 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     rows = constraint_rows(scene, coordinates, mechanics.motions, t)
     remaining = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
-    return _Rows(values, rates, jacobian, remaining)
+    return Rows(values, rates, jacobian, remaining)
 
 
-_constraints_first_on_host = HostFirst(_constraints)
+_constraints_first_on_host = HostFirst(constraints)
 
 
 @partial(Compiled, effort="least")
 def _constraints_together(
     scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
-) -> _Rows:
-    def one(varied: PyTree, state: State) -> _Rows:
-        return _constraints(eqx.combine(varied, scene), coordinates, state, t)
+) -> Rows:
+    def one(varied: PyTree, state: State) -> Rows:
+        return constraints(eqx.combine(varied, scene), coordinates, state, t)
 
     return jax.vmap(one)(varied, states)
 
