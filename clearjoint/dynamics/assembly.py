@@ -10,7 +10,7 @@ import numpy as np
 from ..compilation import Compiled, HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import checkable, require, require_finite
-from ..fields.conversion import on_device
+from ..fields.conversion import on_device, with_arrays
 from ..fields.suggestions import nearest
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
@@ -96,6 +96,7 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
     True
     """
     check_names(scene, state)
+    scene, state = with_arrays((scene, state))
     known = sorted(centring_joints(scene, scene.contact_joints()))
     require(not isinstance(seated, str), "seated", seated, "a list of names", 'pass ["pin"]')
     for name in seated:
@@ -145,12 +146,6 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     """Check that a given initial state satisfies the constraints."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
-
-
-def is_assembled(values: np.ndarray, rates: np.ndarray) -> bool:
-    """Whether a state with these residuals may start a run; see `require_assembled`."""
-    residuals = np.abs([values, rates])
-    return bool((residuals <= ACCEPTED_VIOLATION).all())
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:

@@ -339,6 +339,24 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
             _check_here(reduce(_child, path, tree))
 
 
+def conditions_of_changes(
+    tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
+) -> list[jax.Array] | None:
+    """The conditions, (), under which `recheck_changes` raises no error for traced numbers.
+
+    ``None`` if a class from outside of this package has to check them, which may need known ones.
+    """
+    for path in _paths_to_changed(structure, changed):
+        if not _is_own(reduce(_child, path, tree)):
+            return None
+    return conditions_of(lambda: recheck_changes(tree, structure, changed))
+
+
+def _is_own(module: eqx.Module) -> bool:
+    """Whether the class of a module is one of this package's."""
+    return type(module).__module__.split(".")[0] == __name__.split(".")[0]
+
+
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
     """Where the modules are that hold changed leaves, those inside of others first."""
@@ -350,8 +368,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             found = [collect(getattr(tree, name), (*path, name)) for name in names]
             near, anywhere = (any(which) for which in zip(*found, strict=True)) if found else NONE
-            own = type(tree).__module__.split(".")[0] == __name__.split(".")[0]
-            if near or (anywhere and not own):
+            if near or (anywhere and not _is_own(tree)):
                 paths.append(path)
             return near, anywhere
         if isinstance(tree, dict | list | tuple):

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -141,6 +141,24 @@ class NativeProgram:
         self.run(image)
         return [image.read(region) for region in self.outputs]
 
+    def rows(
+        self, leaves: Sequence[ArrayLike], columns: Mapping[int, np.ndarray]
+    ) -> list[np.ndarray]:
+        """The results, n in front, for arguments of the jaxpr of which those with the numbers of
+        `columns` have n values, (n, ...) each."""
+        image, count = self.image(), len(next(iter(columns.values())))
+        image.write_all(leaves, self._input_cells)
+        regions = ((self.inputs[k], column) for k, column in columns.items())
+        used = [(region, column) for region, column in regions if region is not None]
+        found = [np.empty((count, *region.shape), region.dtype) for region in self.outputs]
+        for row in range(count):
+            for region, column in used:
+                image.write(region, column[row])
+            self.run(image)
+            for region, results in zip(self.outputs, found, strict=True):
+                results[row] = image.read(region)
+        return found
+
 
 class BoundProgram:
     """A program whose first arguments stay the same, as a function of the others' cells.
@@ -239,6 +257,17 @@ class NativeFunction:
         """The function's result."""
         program, result = self._program(given)
         return result(program([leaf for leaf in given.leaves if eqx.is_array(leaf)]))
+
+    def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
+        """The results, with n in front of each array, for arguments of which some vary.
+
+        `columns`: for each leaf of the arguments its n values, (n, ...), or ``None``.
+        """
+        given = Given.of(arguments)
+        program, result = self._program(given)
+        pairs = [pair for pair in zip(given.leaves, columns, strict=True) if eqx.is_array(pair[0])]
+        varied = {k: column for k, (_, column) in enumerate(pairs) if column is not None}
+        return result(program.rows([leaf for leaf, _ in pairs], varied))
 
     def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
         """The program for such arguments, compiled if it isn't yet, and how its results are put

@@ -22,12 +22,13 @@ from ..dynamics.assembly import (
     require_representable,
     round_trip,
 )
-from ..dynamics.constraint_report import by_name, constraint_report, constraints, dependent
+from ..dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.formulation import Formulation
 from ..dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ..fields.caching import content
 from ..fields.checks import conditions_of, recheck, recheck_changes
+from ..fields.conversion import with_arrays
 from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -130,31 +131,24 @@ _CHECKED = _CheckedScenes()
 
 def _beyond_doubt(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, list[tuple[str, jax.Array]]]:
-    """Whether a start passes every check of `check_structure` without a warning; and the normalised
-    rows of the constraints that the coordinates leave, with their names and in their order, which
-    dictionaries lose where JAX flattens them."""
+) -> tuple[Condition, StartRows]:
+    """Whether a start passes every check of `check_structure` without a warning, but for what the
+    constraints are that depend on each other; and what tells these."""
     depths = contact_depths.__wrapped__(scene, state.bodies)
     holds: list[Condition] = [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
-    rows = constraints(scene, coordinates, state, t)
-    residuals = jax.tree.leaves((rows.values, rows.rates))
-    holds += [jnp.abs(residual) <= ACCEPTED_VIOLATION for residual in residuals]
+    rows = start_rows(scene, coordinates, state, t)
+    holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
     variables, held = round_trip.__wrapped__(scene, state, Formulation(coordinates))
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
         given, same = body.orientation, held[name].orientation
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
-    jacobian = by_name(rows.jacobian)
-    left = [
-        (name, row / jnp.sqrt((jacobian[name] ** 2).sum()))
-        for name, row in by_name(rows.remaining).items()
-    ]
-    return reduce(and_, holds), left
+    return reduce(and_, holds), rows
 
 
 class _Starts:
@@ -164,7 +158,7 @@ class _Starts:
     def __init__(self) -> None:
         self._function = NativeFunction(_beyond_doubt)
         self._seen: Counter[Hashable] = Counter()
-        self._distances: dict[Hashable, dict[bytes, dict[str, float]]] = {}
+        self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
         """How many programs have been compiled."""
@@ -175,6 +169,7 @@ class _Starts:
     ) -> tuple[str, ...] | None:
         """The names of the constraints that are redundant at a start beyond doubt; ``None`` for
         another one, and where no program tells, or none yet."""
+        scene, state = with_arrays((scene, state))
         given = Given.of((scene, state, np.asarray(t, float), coordinates))
         self._seen[given.key] += 1
         if self._seen[given.key] <= BY_NUMPY or not is_native():
@@ -189,7 +184,7 @@ class _Starts:
         known = self._distances.setdefault(given.key, {})
         if len(known) > KEPT:
             known.clear()
-        redundant, uncertain = dependent(dict(rows), known)
+        redundant, uncertain = dependent(rows.names, rows.left, known)
         return None if uncertain else redundant
 
 
