@@ -62,7 +62,7 @@ def is_traced(tree: PyTree) -> bool:
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check the numbers of a scene, and that a state is one of its."""
-    _CHECKED.check(scene)
+    _checked.check(scene)
     check_names(scene, state)
 
 
@@ -90,7 +90,7 @@ def check_structure(
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
-    redundant = _STARTS.redundant(scene, state, t, coordinates)
+    redundant = starts.redundant(scene, state, t, coordinates)
     if redundant is not None:
         return redundant
     require_in_bearings(scene, state)
@@ -126,7 +126,7 @@ class _CheckedScenes:
             self._latest.popitem(last=False)
 
 
-_CHECKED = _CheckedScenes()
+_checked = _CheckedScenes()
 
 
 def _beyond_doubt(
@@ -188,4 +188,4 @@ class _Starts:
         return None if uncertain else redundant
 
 
-_STARTS = _Starts()
+starts = _Starts()
