@@ -1,6 +1,6 @@
 """Carrying out a run: segment after segment, or in one piece under a transformation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import jax
@@ -64,7 +64,7 @@ class AbstractRun:
     def _solution(
         self,
         reached: tuple[Scalar, Scalar, Scalar],
-        ending: Sequence[Any],
+        ending: tuple[State, RESULTS],
         saved: Trajectory | None,
         count: Scalar | None,
         steps: Trajectory | None = None,
@@ -103,7 +103,8 @@ class OnePiece(AbstractRun):
         limit = jnp.asarray(max_steps)
         arguments = (self._scheme, self._form, now, times, self._end, limit)
         now, saved = loops.closed(segment(*arguments, loops))
-        *ending, _ = _end_of(self._scheme, self._form, now.step, self._end)
+        final, result, _ = _end_of(self._scheme, self._form, now.step, self._end)
+        ending = final, result
         if saved is None:
             return self._solution(_reached(now.step), ending, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
@@ -166,11 +167,11 @@ class HostLoop(AbstractRun):
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
-        *ending, left = _end_compiled(self._scheme, self._form, now.step, self._end)
+        final, result, left = _end_compiled(self._scheme, self._form, now.step, self._end)
         self.left_bearing = bool(left)
         return self._solution(
             jax.device_get(_reached(now.step)),
-            ending,
+            (final, result),
             waiting.trajectory(),
             waiting.count,
             steps,

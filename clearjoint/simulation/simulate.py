@@ -1,6 +1,6 @@
 """Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
 
-from functools import partial
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -115,8 +115,8 @@ def simulate(
     form = structured(scene)
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    array = on_device if traced else partial(np.asarray, dtype=float)
-    start, end, length = map(array, (start_time, end_time, first_step))
+    span = start_time, end_time, first_step
+    start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
@@ -150,6 +150,11 @@ def simulate(
 
 
 begin_compiled = Native(begin, effort="least")
+
+
+def _array(number: Numbers, traced: bool) -> Any:
+    """The number as an array: of numpy, which costs the host less, unless JAX traces the run."""
+    return on_device(number) if traced else np.asarray(number, float)
 
 
 def _check_numbers(
