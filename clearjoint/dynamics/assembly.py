@@ -10,7 +10,7 @@ import numpy as np
 from ..compilation import HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import checkable, require, require_finite
-from ..fields.conversion import on_device
+from ..fields.conversion import on_device, with_arrays
 from ..fields.suggestions import nearest
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
@@ -97,6 +97,7 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
     True
     """
     check_names(scene, state)
+    scene, state = with_arrays((scene, state))
     known = sorted(centring_joints(scene, scene.contact_joints()))
     require(not isinstance(seated, str), "seated", seated, "a list of names", 'pass ["pin"]')
     for name in seated:
@@ -148,12 +149,6 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
 
-def is_assembled(values: np.ndarray, rates: np.ndarray) -> bool:
-    """Whether a state with these residuals may start a run; see `require_assembled`."""
-    residuals = np.abs([values, rates])
-    return bool((residuals <= ACCEPTED_VIOLATION).all())
-
-
 def require_certain(uncertain: tuple[str, ...]) -> None:
     """Check that no constraint nearly depends on the others: motion and reactions would then be
     rounding's."""
@@ -170,7 +165,7 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
     example, leave its axes parallel or antiparallel, an angle only the former."""
-    variables, held = _round_trip(scene, state, Formulation(coordinates))
+    variables, held = round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
@@ -189,7 +184,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that the coordinates have something left to move; nothing is compiled for it."""
     variables, _ = eqx.filter_eval_shape(
-        _round_trip.__wrapped__, scene, state, Formulation(coordinates)
+        round_trip.__wrapped__, scene, state, Formulation(coordinates)
     )
     _require_something_moves(variables, coordinates)
 
@@ -205,7 +200,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 
 
 @HostFirst
-def _round_trip(
+def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
     """The variables of a state, and the bodies as these hold them."""

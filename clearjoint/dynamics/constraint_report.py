@@ -1,21 +1,21 @@
 """What the constraints of a scene are like at a configuration: violations, rank, redundancy."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
 from ..compilation import HostFirst
 from ..fields.conversion import on_device
-from ..math.vectors import Scalar, unpack
+from ..math.vectors import Scalar, library, square_root, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row
 from ..model.scene import Scene
-from ..native import Native, over_rows
+from ..native import NativeFunction, UnsupportedPrimitiveError
 from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
 from .equations_of_motion import constraint_rows
@@ -28,8 +28,8 @@ RANK_TOLERANCE = 1e-8
 UNCERTAIN_BELOW = 1e-5
 """Distance below which it is neither: the multipliers' equations have the square of it, and
 rounding decides. At 1e-6 the angle of a four-bar with a skew hinge is off by 1e-3 in a second."""
-TOGETHER = 256
-"""Scenes whose constraints are evaluated at once; of fewer, the last is repeated."""
+FEW = 16
+"""Scenes whose constraints numpy evaluates; for more of them, native code is compiled."""
 
 
 @dataclass(frozen=True)
@@ -69,31 +69,76 @@ def constraint_report(
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
     values = _constraints_first_on_host(scene, coordinates, state, on_device(t))
-    return _report(values, len(scene.bodies), {})
+    return _report(values, len(scene.bodies))
 
 
-def constraint_reports(
+class StartRows(NamedTuple):
+    """What decides of m constraints whether a run can start.
+
+    - `values`, `rates`: (m,), as of `ConstraintReport`.
+    - `names`: of those that the coordinates leave, and `left`, (n, s), their normalised rows.
+    """
+
+    values: np.ndarray
+    rates: np.ndarray
+    names: tuple[str, ...]
+    left: np.ndarray
+
+
+def start_rows(
+    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
+) -> StartRows:
+    """The constraints at a start, of scene and state in packed form.
+
+    The names stand beside the rows: JAX sorts dictionaries, and which rows depend on those before
+    them is a question of their order.
+    """
+    rows = constraints(scene, coordinates, state, t)
+    jacobian, remaining = by_name(rows.jacobian), by_name(rows.remaining)
+    left = [row / square_root((jacobian[name] ** 2).sum()) for name, row in remaining.items()]
+    values, rates = (_stacked(list(by_name(tree).values())) for tree in (rows.values, rows.rates))
+    return StartRows(values, rates, tuple(remaining), _stacked(left))
+
+
+def _stacked(rows: list[jax.Array]) -> np.ndarray:
+    return library(rows).stack(rows) if rows else np.zeros(0)
+
+
+def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
-) -> Iterator[ConstraintReport]:
-    """`constraint_report` of many scenes and states that differ in numbers, one after the other.
+) -> StartRows:
+    """`start_rows` of many scenes and states that differ in numbers, these in front of each array.
 
     **Arguments:** `varied`: the scene with what varies of it, all values in front, ``None`` for the
     rest, which `scene` has; `states`: all initial states in front.
     """
-    count, known = len(jax.tree.leaves(states)[0]), {}
-    padded = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1)
-    for block in padded.reshape(-1, TOGETHER):
-        numbers, starts = jax.tree.map(lambda leaf, block=block: leaf[block], (varied, states))
-        time = on_device(t)
-        block_values = jax.device_get(
-            _constraints_together(scene, coordinates, numbers, starts, time)
+    scenes = jax.tree.structure(scene).flatten_up_to(varied)
+    starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
+    count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
+    columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
+    arguments = scene, coordinates, first, np.asarray(t, float)
+    alike = all(column is None for column in columns)
+    if count > FEW and not alike:
+        with suppress(UnsupportedPrimitiveError):
+            return _start_rows.rows(arguments, columns)
+    leaves, structure = jax.tree.flatten(arguments)
+    found = [
+        _start_rows_by_numpy(
+            *jax.tree.unflatten(
+                structure,
+                [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)],
+            )
         )
-        for k in range(min(TOGETHER, count - block[0])):
-            lane = jax.tree.map(lambda leaf, k=k: leaf[k], block_values)
-            yield _report(lane, len(scene.bodies), known)
+        for k in range(1 if alike else count)
+    ]
+    parts = zip(*((one.values, one.rates, one.left) for one in found), strict=True)
+    values, rates, left = (
+        np.broadcast_to(stacked, (count, *stacked.shape[1:])) for stacked in map(np.stack, parts)
+    )
+    return StartRows(values, rates, found[0].names, left)
 
 
-class _Rows(NamedTuple):
+class ConstraintRows(NamedTuple):
     """Constraint rows as arrays: values and rates (), Jacobian (v,).
 
     `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these leave.
@@ -105,30 +150,48 @@ class _Rows(NamedTuple):
     remaining: ByLabel[jax.Array]
 
 
-def _report(arrays: _Rows, bodies: int, known: dict[bytes, dict[str, float]]) -> ConstraintReport:
-    """The rows with their rank; `known` are the distances of rows seen before, and gets theirs."""
-    rows = _by_name(arrays.jacobian)
+def _report(arrays: ConstraintRows, bodies: int) -> ConstraintReport:
+    """The rows with their rank."""
+    rows = by_name(arrays.jacobian)
     names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
     scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
-    left = {name: np.asarray(row) / scale[name] for name, row in _by_name(arrays.remaining).items()}
-    key = b"".join(row.tobytes() for row in left.values())
-    if key not in known:
-        known[key] = _distances(left)
-    apart = known[key]
-    redundant = tuple(name for name, d in apart.items() if d < RANK_TOLERANCE)
-    uncertain = tuple(n for n, d in apart.items() if RANK_TOLERANCE <= d < UNCERTAIN_BELOW)
+    remaining = by_name(arrays.remaining)
+    left = np.array([np.asarray(row) / scale[name] for name, row in remaining.items()])
+    redundant, uncertain = dependent(tuple(remaining), left, {})
     values, rates = (
-        np.array([float(value) for value in _by_name(tree).values()])
+        np.array([float(value) for value in by_name(tree).values()])
         for tree in (arrays.values, arrays.rates)
     )
     return ConstraintReport(names, values, rates, matrix, redundant, uncertain)
 
 
-def _by_name(tree: ByLabel[T]) -> dict[str, T]:
+def dependent(
+    names: tuple[str, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of those normalised rows that depend on the ones before them, and of those that
+    nearly do; `known` are the distances of rows seen before, and gets those of these."""
+    key = rows.tobytes()
+    if key not in known:
+        known[key] = _distances(rows)
+    apart = known[key]
+    redundant = apart < RANK_TOLERANCE
+    uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
+    return _chosen(names, redundant), _chosen(names, uncertain)
+
+
+def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
+    return tuple(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
+
+
+def by_name(tree: ByLabel[T]) -> dict[str, T]:
+    """What belongs to rows, by their names."""
     return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
 
 
-def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar) -> _Rows:
+def constraints(
+    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
+) -> ConstraintRows:
+    """The constraints of a scene and state in packed form."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
@@ -139,20 +202,14 @@ def _constraints(scene: Scene, coordinates: AbstractCoordinates, state: State, t
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     rows = constraint_rows(scene, coordinates, mechanics.motions, t)
     remaining = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
-    return _Rows(values, rates, jacobian, remaining)
+    return ConstraintRows(values, rates, jacobian, remaining)
 
 
-_constraints_first_on_host = HostFirst(_constraints)
+_constraints_first_on_host = HostFirst(constraints)
 
 
-@Native
-def _constraints_together(
-    scene: Scene, coordinates: AbstractCoordinates, varied: PyTree, states: State, t: Scalar
-) -> _Rows:
-    def one(varied: PyTree, state: State) -> _Rows:
-        return _constraints(eqx.combine(varied, scene), coordinates, state, t)
-
-    return over_rows(one, varied, states)
+_start_rows = NativeFunction(start_rows)
+_start_rows_by_numpy = HostFirst(start_rows)
 
 
 def _each(rows: ByLabel[Row], of: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:
@@ -161,17 +218,17 @@ def _each(rows: ByLabel[Row], of: Callable[[Row], jax.Array]) -> ByLabel[jax.Arr
     }
 
 
-def _distances(rows: dict[str, np.ndarray]) -> dict[str, float]:
+def _distances(rows: np.ndarray) -> np.ndarray:
     """How far each row is from the span of the earlier ones, by orthogonalising one after the
     other."""
     basis: list[np.ndarray] = []
-    distances = {}
-    for name, row in rows.items():
+    distances = np.zeros(len(rows))
+    for k, row in enumerate(rows):
         rest = row
         for _ in range(2):
             for direction in basis:
                 rest = rest - (rest @ direction) * direction
-        distances[name] = float(np.linalg.norm(rest))
-        if distances[name] >= RANK_TOLERANCE:
-            basis.append(rest / distances[name])
+        distances[k] = np.linalg.norm(rest)
+        if distances[k] >= RANK_TOLERANCE:
+            basis.append(rest / distances[k])
     return distances

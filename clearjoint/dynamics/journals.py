@@ -3,10 +3,11 @@ end."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import TypeAlias
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import HostFirst
@@ -14,7 +15,7 @@ from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.conversion import on_device
 from ..math.rotations import rotation_matrix
-from ..math.vectors import ZERO, EulerParameters, Scalar, Vector, pack, unpack
+from ..math.vectors import ZERO, Condition, EulerParameters, Scalar, Vector, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
@@ -37,7 +38,7 @@ def depths(scene: Scene, state: State) -> Depths:
     """How deep each contact of a state is."""
     if not scene.contact_joints():
         return {}
-    by_joint = _depths(scene, state.bodies)
+    by_joint = contact_depths(scene, state.bodies)
     return {name: _numbers(family) for name, family in by_joint.items()}
 
 
@@ -155,6 +156,17 @@ def slid_out(
     return {name: np.asarray(excess) for name, excess in excesses.items() if excess is not None}
 
 
+def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
+    """Whether any journal has slid out of its bearing, of scene and bodies in scalar form."""
+    motions = {GROUND: GROUND_MOTION}
+    for name, body in bodies.items():
+        rotation = rotation_matrix(body.orientation)
+        motions[name] = Motion(body.position, rotation, body.velocity, body.spin)
+    excesses = [joint.slid_out(motions) for joint in scene.contact_joints().values()]
+    beyond = [jnp.asarray(excess > 0.0) for excess in excesses if excess is not None]
+    return reduce(jnp.logical_or, beyond, jnp.asarray(False))
+
+
 def _motions(body: BodyState) -> Motion:
     """A body's motion at several times at once, in numpy, so that nothing is compiled for it."""
     parts = (body.position, body.orientation, body.velocity, body.spin)
@@ -168,7 +180,8 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
 
 
 @HostFirst
-def _depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
+def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
+    """How deep each contact is, m, of a scene and bodies in packed form."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
     return {

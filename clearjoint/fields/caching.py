@@ -29,7 +29,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
         leaves, structure = jax.tree.flatten((args, kwargs))
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return function(*args, **kwargs)
-        key = structure, tuple(map(_content, leaves))
+        key = structure, tuple(map(content, leaves))
         if key not in results:
             results[key] = function(*args, **kwargs)
             if len(results) > KEPT:
@@ -40,7 +40,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
     return cached
 
 
-def _content(leaf: PyTree) -> Hashable:
+def content(leaf: PyTree) -> Hashable:
     """What makes a leaf another one: type, shape and bytes of an array, else the object itself."""
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)

@@ -329,8 +329,8 @@ def _recheck(tree: PyTree) -> None:
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
     """`recheck`, of those modules only that hold a leaf that has changed.
 
-    What holds such a module is checked too, but not across a dictionary: its entries are
-    independent.
+    What holds such a module is checked too, but of this package's classes not across a dictionary
+    or a list: its entries are independent.
 
     **Arguments:** `structure`: of the tree, as JAX flattens it; `changed`: for each leaf.
     """
@@ -339,27 +339,49 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
             _check_here(reduce(_child, path, tree))
 
 
+def conditions_of_changes(
+    tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
+) -> list[jax.Array] | None:
+    """The conditions, (), under which `recheck_changes` raises no error for traced numbers.
+
+    ``None`` if a class from outside of this package has to check them, which may need known ones.
+    """
+    for path in _paths_to_changed(structure, changed):
+        if not _is_own(reduce(_child, path, tree)):
+            return None
+    return conditions_of(lambda: recheck_changes(tree, structure, changed))
+
+
+def _is_own(module: eqx.Module) -> bool:
+    """Whether the class of a module is one of this package's."""
+    return type(module).__module__.split(".")[0] == __name__.split(".")[0]
+
+
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
     """Where the modules are that hold changed leaves, those inside of others first."""
     paths: list[Path] = []
 
-    def collect(tree: PyTree, path: Path) -> bool:
-        """Whether any leaf here has changed."""
+    def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
+        """Whether any leaf here has changed: not across a container, and at all."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
-            touched = sum(collect(getattr(tree, name), (*path, name)) for name in names) > 0
-            if touched:
+            found = [collect(getattr(tree, name), (*path, name)) for name in names]
+            near, anywhere = (any(which) for which in zip(*found, strict=True)) if found else NONE
+            if near or (anywhere and not _is_own(tree)):
                 paths.append(path)
-            return touched
+            return near, anywhere
         if isinstance(tree, dict | list | tuple):
-            for key in tree if isinstance(tree, dict) else range(len(tree)):
-                collect(tree[key], (*path, key))
-            return False
-        return tree is True
+            keys = list(tree) if isinstance(tree, dict) else range(len(tree))
+            found = [collect(tree[key], (*path, key)) for key in keys]
+            return False, any(anywhere for _, anywhere in found)
+        return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())
     return paths
+
+
+NONE = False, False
 
 
 def _child(tree: PyTree, key: str | int) -> PyTree:

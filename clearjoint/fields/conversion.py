@@ -2,7 +2,8 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import Field
+from dataclasses import Field, fields
+from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar, get_origin
 
@@ -10,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import PyTree
 
 from .checks import as_number
@@ -63,6 +65,60 @@ def as_numbers(value: PyTree) -> PyTree:
         return type(value)(parts)
     library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
     return library.stack(parts)
+
+
+def with_arrays(tree: PyTree) -> PyTree:
+    """The tree with its numbers as arrays of 64-bit floats, whatever types they were put in as.
+
+    A Python number that `equinox.tree_at` puts into a scene would be part of the program, which
+    then is compiled anew for each value. Numbers that JAX traces stay, and so do those in modules
+    of other packages which convert none: they may be there to be part of the program.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    if all(map(_is_float_array, leaves)):
+        return tree
+    numbers = _number_fields(structure)
+    return jax.tree.unflatten(
+        structure,
+        [
+            np.asarray(leaf, np.float64) if k in numbers and _is_other_number(leaf) else leaf
+            for k, leaf in enumerate(leaves)
+        ],
+    )
+
+
+def _is_float_array(leaf: PyTree) -> bool:
+    if type(leaf) is np.ndarray:
+        return leaf.dtype == np.float64
+    return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)
+
+
+def _is_other_number(leaf: PyTree) -> bool:
+    if isinstance(leaf, np.ndarray | np.generic | jax.Array):
+        return leaf.dtype.kind in "biuf" and not isinstance(leaf, Tracer)
+    return isinstance(leaf, int | float)
+
+
+@lru_cache(maxsize=256)
+def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
+    """Which leaves are in fields for numbers: all of this package's modules, and of others those
+    with a converter."""
+    numbers: set[int] = set()
+
+    def visit(node: PyTree, is_number: bool) -> None:
+        if isinstance(node, eqx.Module):
+            own = type(node).__module__.split(".")[0] == __name__.split(".")[0]
+            for field in fields(node):
+                if not field.metadata.get("static", False):
+                    visit(getattr(node, field.name), own or "converter" in field.metadata)
+        elif isinstance(node, dict | list | tuple):
+            for part in node.values() if isinstance(node, dict) else node:
+                visit(part, is_number)
+        elif is_number:
+            numbers.update(jax.tree.leaves(node))
+
+    visit(jax.tree.unflatten(structure, range(structure.num_leaves)), True)
+    return numbers
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:

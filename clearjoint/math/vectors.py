@@ -12,6 +12,7 @@ program is compiled for each pattern of zeros and ones, not for each number.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import ModuleType
 from typing import TypeAlias, overload
 
@@ -265,7 +266,8 @@ def structured(tree: PyTree, varied: PyTree = None) -> Structured:
     What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
     says that their values vary.
     """
-    leaves, tables = jax.tree.leaves(tree), _in_tables(tree)
+    leaves, structure = jax.tree.flatten(tree)
+    tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
     return Structured(
@@ -273,9 +275,11 @@ def structured(tree: PyTree, varied: PyTree = None) -> Structured:
     )
 
 
-def _in_tables(tree: PyTree) -> list[bool]:
+@lru_cache(maxsize=1024)
+def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
     """Of each leaf, whether a field that holds it is declared as a table: ``{"table": True}`` in
     the field's metadata."""
+    tree = jax.tree.unflatten(structure, [0] * structure.num_leaves)
     paths, _ = jax.tree_util.tree_flatten_with_path(tree)
     return [_is_in_table(tree, path) for path, _ in paths]
 
@@ -299,8 +303,8 @@ def _is_in_table(node: PyTree, path: jax.tree_util.KeyPath) -> bool:
 def _pattern(leaf: ArrayLike) -> Pattern:
     if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
-    numbers = np.asarray(leaf, dtype=float).ravel()
-    return tuple(float(number) if number in (0.0, 1.0) else None for number in numbers)
+    numbers = np.asarray(leaf, dtype=float).ravel().tolist()
+    return tuple(number if number in (0.0, 1.0) else None for number in numbers)
 
 
 def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
@@ -330,7 +334,7 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     packed = tree if isinstance(tree, Structured) else Structured(tree, ())
     leaves, shape = jax.tree.flatten(packed.tree)
     patterns = packed.patterns or (None,) * len(leaves)
-    rows = zip(leaves, patterns, _in_tables(packed.tree), strict=True)
+    rows = zip(leaves, patterns, _in_tables(shape), strict=True)
     scalars = [
         leaf if table else _unpack_leaf(leaf, pattern, leading) for leaf, pattern, table in rows
     ]

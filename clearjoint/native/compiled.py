@@ -6,14 +6,13 @@ from collections.abc import Callable, Hashable
 from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
-import equinox as eqx
 import jax
 from jax.core import Tracer
 from jaxtyping import PyTree
 
 from ..compilation import Compiled
 from ..compilation.tracing import is_tracing
-from .functions import NativeFunction
+from .functions import Given, NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
 Arguments = ParamSpec("Arguments")
@@ -45,16 +44,15 @@ class Native(Generic[Arguments, Result]):
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """The function's result."""
-        if options or not is_native() or _is_traced(arguments):
+        if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
-        key = self.native.key(arguments)
-        if key not in self._refused:
+        given = Given.of(arguments)
+        traced = any(isinstance(leaf, Tracer) for leaf in given.leaves)
+        if not traced and given.key not in self._refused:
             try:
-                program, result = self.native.program(arguments)
-                arrays = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
-                return result(program(arrays))
+                return self.native.run(given)
             except UnsupportedPrimitiveError as error:
-                self._refused.add(key)
+                self._refused.add(given.key)
                 if self._warns:
                     report_fallback(error)
         return self._compiled(*arguments, **options)
@@ -79,12 +77,6 @@ def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)
     return jax.vmap(function)(*rows)
-
-
-def _is_traced(arguments: object) -> bool:
-    if is_tracing():
-        return True
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from ..fields.conversion import with_arrays
 from ..fields.types import ArrayLike
 from ..math.vectors import Structured, structured, unpack
 from ..model.bodies import State
@@ -123,6 +124,7 @@ def parametrised(
 ) -> ParametrisedScene:
     """A scene and its initial state as functions of parameters, to be taken at their coordinates
     `values`, (p,)."""
+    scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
     family = ParametrisedScene(values, (scene, state), changes, scales, ())

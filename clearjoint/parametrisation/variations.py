@@ -60,7 +60,7 @@ class SceneNumber(AbstractVariation):
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
-        setter = _Setter(tuple(numbers_at(scene, self.place)), True)
+        setter = NumberSetter(tuple(numbers_at(scene, self.place)), True)
         setter(scene, state, example)
         return setter
 
@@ -86,7 +86,7 @@ class StateNumber(AbstractVariation):
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
-        setter = _Setter(tuple(numbers_at(state, self.place)), False)
+        setter = NumberSetter(tuple(numbers_at(state, self.place)), False)
         setter(scene, state, example)
         return setter
 
@@ -154,13 +154,14 @@ def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
 
 
 @dataclass(frozen=True)
-class _Setter:
-    """Puts a value at numbers of the scene, or of the state."""
+class NumberSetter:
+    """Puts a value at numbers of the scene, or of the state; a `Change`."""
 
     numbers: tuple[Number, ...]
     in_scene: bool
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        """Scene and state with the value."""
         if self.in_scene:
             return put_numbers(scene, list(self.numbers), value), state
         return scene, put_numbers(state, list(self.numbers), value)

@@ -1,17 +1,18 @@
 """Carrying out a run: segment after segment, or in one piece under a transformation."""
 
-from dataclasses import replace
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..fields.conversion import on_device
-from ..math.vectors import Scalar, Structured, pack
+from ..datasets.provenance import Notes
+from ..dynamics.journals import any_slid_out
+from ..math.vectors import Condition, Scalar, Structured, pack, unpack
 from ..model.bodies import State
 from ..native import Native
-from ..results import RESULTS
+from ..results import RESULTS, result_number
 from .adjoint import AbstractLoops
 from .dense_output import Snapshot
 from .impact_table import ImpactCollector, Impacts
@@ -19,9 +20,9 @@ from .interruptions import interruptions_deferred
 from .method import Scheme
 from .progress_bars import ProgressBar, telling_of_compiling
 from .run_ends import final_result, final_state, named
-from .sections import crossings_of
+from .sections import Section, crossings_of, with_units
 from .segments import Progress, SavedStates, TimedState, rewound, segment
-from .solution import Solution, Trajectory
+from .solution import SUCCESSFUL, Solution, Trajectory
 from .step_state import Step
 
 T = TypeVar("T")
@@ -30,9 +31,13 @@ SAVES_A_SEGMENT = 512
 segment_compiled = Native(segment)
 
 
-def _end_of(scheme: Scheme, form: Structured, step: Step, end: Scalar) -> tuple[State, RESULTS]:
-    """The packed state at the end of a run, and how it ended."""
-    return pack(final_state(scheme.unpacked(form), step)), final_result(step, end)
+def _end_of(
+    scheme: Scheme, form: Structured, step: Step, end: Scalar
+) -> tuple[State, RESULTS, Condition]:
+    """The packed state at the end of a run, how it ended, and whether a journal has slid out."""
+    final = final_state(scheme.unpacked(form), step)
+    left = any_slid_out(unpack(form), final.bodies)
+    return pack(final), final_result(step, end), left
 
 
 _end_compiled = Native(_end_of)
@@ -57,25 +62,33 @@ class AbstractRun:
 
     def _solution(
         self,
-        step: Step,
+        reached: tuple[Scalar, Scalar, Scalar],
         ending: tuple[State, RESULTS],
         saved: Trajectory | None,
         count: Scalar | None,
-        steps: Trajectory | None,
-        impacts: Impacts | None,
+        steps: Trajectory | None = None,
+        impacts: Impacts | None = None,
+        **further: Any,
     ) -> Solution:
+        """`reached`: time, s, attempts and accepted steps; `ending`: final state and result."""
+        time, attempts, accepted = reached
         return Solution(
-            step.t,
+            time,
             *ending,
-            step.attempts,
-            step.accepted,
+            attempts,
+            accepted,
             saved,
             count,
             steps,
             impacts,
             self._scheme.formulation,
             self._redundant,
+            **further,
         )
+
+
+def _reached(step: Step) -> tuple[Scalar, Scalar, Scalar]:
+    return step.t, step.attempts, step.accepted
 
 
 class OnePiece(AbstractRun):
@@ -89,21 +102,24 @@ class OnePiece(AbstractRun):
         limit = jnp.asarray(max_steps)
         arguments = (self._scheme, self._form, now, times, self._end, limit)
         now, saved = loops.closed(segment(*arguments, loops))
-        ending = _end_of(self._scheme, self._form, now.step, self._end)
+        final, result, _ = _end_of(self._scheme, self._form, now.step, self._end)
+        ending = final, result
         if saved is None:
-            return self._solution(now.step, ending, None, None, None, None)
+            return self._solution(_reached(now.step), ending, None, None)
         states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
         kept = Trajectory(save_at, pack(states))
-        return self._solution(now.step, ending, kept, saved.reached[:-1].sum(), None, None)
+        return self._solution(_reached(now.step), ending, kept, saved.reached[:-1].sum())
 
 
 class HostLoop(AbstractRun):
     """Segment after segment, with what was saved and recorded taken in between.
 
-    `interrupted`: whether a user stopped the run, which then ended behind a segment.
+    `interrupted`: whether a user stopped the run, which then ended behind a segment;
+    `left_bearing`: whether a journal had slid out of its bearing at its end.
     """
 
     interrupted = False
+    left_bearing = False
 
     def solution(
         self,
@@ -113,6 +129,8 @@ class HostLoop(AbstractRun):
         collector: ImpactCollector | None,
         record_steps: bool,
         progress: bool,
+        sections: Mapping[str, Section],
+        notes: Notes,
     ) -> Solution:
         """Run to the end, a failure, the step limit or an interruption."""
         waiting = _Waiting(save_at, float(self._end))
@@ -130,7 +148,7 @@ class HostLoop(AbstractRun):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
-                    self._scheme, self._form, now, waiting.chunk(), self._end, on_device(limit, int)
+                    self._scheme, self._form, now, waiting.chunk(), self._end, np.asarray(limit)
                 )
                 waiting.take(saved)
                 if now.record is not None:
@@ -147,11 +165,19 @@ class HostLoop(AbstractRun):
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
-        ending = _end_compiled(self._scheme, self._form, now.step, self._end)
-        solution = self._solution(
-            jax.device_get(now.step), ending, waiting.trajectory(), waiting.count, steps, impacts
+        final, result, left = _end_compiled(self._scheme, self._form, now.step, self._end)
+        self.left_bearing = bool(left)
+        return self._solution(
+            jax.device_get(_reached(now.step)),
+            (final, result),
+            waiting.trajectory(),
+            waiting.count,
+            steps,
+            impacts,
+            sections=with_units(crossings_of(now.sections), sections),
+            outputs=self._outputs(now),
+            settings=notes,
         )
-        return replace(solution, sections=crossings_of(now.sections), outputs=self._outputs(now))
 
     def _outputs(self, now: Progress) -> dict[str, float]:
         """What the reductions report, each number by its own name."""
@@ -165,10 +191,10 @@ class HostLoop(AbstractRun):
         }
 
     def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
-        result, attempts, t = jax.device_get((now.step.result, now.step.attempts, now.step.t))
-        if result != RESULTS.successful or attempts >= max_steps:
+        step = now.step
+        if result_number(step.result) != SUCCESSFUL or int(step.attempts) >= max_steps:
             return True
-        return bool(t >= np.asarray(self._end)) and waiting.done()
+        return float(step.t) >= float(self._end) and waiting.done()
 
 
 class _Waiting:
@@ -180,14 +206,14 @@ class _Waiting:
         self.count = 0
         self._pieces: list[State] = []
 
-    def chunk(self) -> jax.Array | None:
+    def chunk(self) -> np.ndarray | None:
         """The next times, filled up with the end time."""
         if self._times is None:
             return None
         chunk = np.full(SAVES_A_SEGMENT, self._end)
         following = self._times[self.count :][:SAVES_A_SEGMENT]
         chunk[: len(following)] = following
-        return on_device(chunk)
+        return chunk
 
     def take(self, saved: SavedStates | None) -> None:
         """Keep the states at the requested times that were reached."""

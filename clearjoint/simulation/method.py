@@ -1,5 +1,7 @@
 """How a run is computed: solver, controller and landing, with the formulation of its equations."""
 
+from collections import OrderedDict
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -12,6 +14,11 @@ from .landing import Landing
 from .settings import Settings
 from .solvers import default_controller, ready_solver
 from .step_state import Method
+
+KEPT = 64
+"""Schemes that are remembered."""
+_KNOWN: OrderedDict[tuple[int, bool], tuple[Settings, "Scheme"]] = OrderedDict()
+"""Settings, which are kept so that nothing else gets their identity, and their schemes."""
 
 
 class Scheme(eqx.Module):
@@ -36,6 +43,20 @@ class Scheme(eqx.Module):
             None if tolerance is None else Landing(tolerance),
         )
         return _with_arrays(Scheme(method, Formulation(*choices)))
+
+    @staticmethod
+    def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
+        """The same with numpy's numbers, made once for settings without arrays."""
+        known = _KNOWN.get((id(settings), redundant))
+        if known is not None:
+            return known[1]
+        scheme = jax.device_get(Scheme.of(settings, redundant))
+        given = jax.tree.leaves((settings.numbers, settings.controller, settings.solver))
+        if not any(isinstance(leaf, np.ndarray) for leaf in given):
+            _KNOWN[id(settings), redundant] = settings, scheme
+            if len(_KNOWN) > KEPT:
+                _KNOWN.popitem(last=False)
+        return scheme
 
     def system(self, scene: Scene) -> System:
         """The system to integrate, of a scene in scalar form."""

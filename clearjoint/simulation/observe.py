@@ -20,6 +20,7 @@ from ..dynamics.formulation import Formulation
 from ..dynamics.multipliers import row_rate
 from ..dynamics.system import System
 from ..fields.checks import as_shown, require
+from ..fields.conversion import with_arrays
 from ..math.vectors import Scalar, Structured, Vector, pack, structured, unpack
 from ..model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ..model.plays.journal_bases import BASES, HasJournal
@@ -183,7 +184,7 @@ def observe(
         np.asarray(trajectory.times),
         State(states.bodies, states.memory, bristles=states.bristles),
     )
-    form, unique = structured(scene), not solution.redundant_constraints
+    form, unique = structured(with_arrays(scene)), not solution.redundant_constraints
     observation = in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:

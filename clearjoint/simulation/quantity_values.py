@@ -8,6 +8,7 @@ from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.bristles import initial_bristles
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
+from ..fields.conversion import with_arrays
 from ..math.vectors import Scalar, Structured, structured, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -52,7 +53,8 @@ def _prepared(
     check_quantity("quantity", quantity, scene)
     ran = solution.formulation
     absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
-    return structured(scene), absolute, (np.asarray(trajectory.times), trajectory.states)
+    rows = np.asarray(trajectory.times), trajectory.states
+    return structured(with_arrays(scene)), absolute, rows
 
 
 @Native

@@ -1,26 +1,45 @@
 """What is checked of a scene, a state and JAX before a run is compiled."""
 
-from collections.abc import Callable
+import sys
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Hashable
 from functools import reduce
+from operator import and_
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import PyTree
 
+from ..compilation.tracing import is_tracing
 from ..dynamics.assembly import (
+    ACCEPTED_VIOLATION,
+    REPRESENTED,
     check_names,
     require_assembled,
     require_certain,
     require_representable,
+    round_trip,
 )
-from ..dynamics.constraint_report import constraint_report
+from ..dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
 from ..dynamics.coordinates import AbstractCoordinates
-from ..dynamics.journals import require_in_bearings
-from ..fields.caching import cached_by_numbers
-from ..fields.checks import concrete, conditions_of, recheck
+from ..dynamics.formulation import Formulation
+from ..dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
+from ..fields.caching import content
+from ..fields.checks import conditions_of, recheck, recheck_changes
+from ..fields.conversion import with_arrays
 from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..native import NativeFunction, UnsupportedPrimitiveError, is_native
+from ..native.functions import Given
+
+BY_NUMPY = 8
+"""Starts of one structure that numpy checks, in some milliseconds each, before native code is
+compiled that takes microseconds."""
+KEPT = 256
+"""Structures of scenes of which the latest numbers are remembered."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -35,14 +54,12 @@ def check_precision(allow_float32: bool) -> None:
 def is_traced(tree: PyTree) -> bool:
     """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
     for what is computed from them to be. Then no value can be checked."""
-    return concrete(jax.device_put(0.0)) is None or any(
-        concrete(leaf) is None for leaf in jax.tree.leaves(tree)
-    )
+    return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check the numbers of a scene, and that a state is one of its."""
-    _recheck(scene)
+    _checked.check(scene)
     check_names(scene, state)
 
 
@@ -70,21 +87,102 @@ def check_structure(
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
+    redundant = starts.redundant(scene, state, t, coordinates)
+    if redundant is not None:
+        return redundant
     require_in_bearings(scene, state)
-    return _redundant(scene, state, t, coordinates)
-
-
-@cached_by_numbers
-def _recheck(scene: Scene) -> None:
-    recheck(scene)
-
-
-@cached_by_numbers
-def _redundant(
-    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[str, ...]:
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
     require_certain(report.uncertain)
     require_representable(scene, state, coordinates)
     return report.redundant
+
+
+class _CheckedScenes:
+    """Scenes that have been checked: of another one of a structure, only the modules are checked of
+    which a number has changed."""
+
+    def __init__(self) -> None:
+        self._latest: OrderedDict[Hashable, list[Hashable]] = OrderedDict()
+
+    def check(self, scene: Scene) -> None:
+        """Run every check of the scene's construction on its present numbers."""
+        leaves, structure = jax.tree.flatten(scene)
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            recheck(scene)
+            return
+        present, before = [content(leaf) for leaf in leaves], self._latest.get(structure)
+        if before is None:
+            recheck(scene)
+        elif present != before:
+            changed = tuple(new != old for new, old in zip(present, before, strict=True))
+            recheck_changes(scene, structure, changed)
+        self._latest[structure] = present
+        self._latest.move_to_end(structure)
+        if len(self._latest) > KEPT:
+            self._latest.popitem(last=False)
+
+
+_checked = _CheckedScenes()
+
+
+def _beyond_doubt(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[Condition, StartRows]:
+    """Whether a start passes every check of `check_structure` without a warning, but for what the
+    constraints are that depend on each other; and what tells these."""
+    depths = contact_depths.__wrapped__(scene, state.bodies)
+    holds: list[Condition] = [
+        (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
+        for name, joint in scene.contact_joints().items()
+        for label, limit in joint.deepest().items()
+    ]
+    rows = start_rows(scene, coordinates, state, t)
+    holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
+    variables, held = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
+    for name, body in state.bodies.items():
+        given, same = body.orientation, held[name].orientation
+        apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
+        holds.append(apart < REPRESENTED)
+    return reduce(and_, holds), rows
+
+
+class _Starts:
+    """Native code that tells starts which are beyond doubt. All others are checked one thing after
+    the other, so that an error names what is wrong."""
+
+    def __init__(self) -> None:
+        self._function = NativeFunction(_beyond_doubt)
+        self._seen: Counter[Hashable] = Counter()
+        self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
+
+    def count(self) -> int:
+        """How many programs have been compiled."""
+        return self._function.count()
+
+    def redundant(
+        self, scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+    ) -> tuple[str, ...] | None:
+        """The names of the constraints that are redundant at a start beyond doubt; ``None`` for
+        another one, and where no program tells, or none yet."""
+        scene, state = with_arrays((scene, state))
+        given = Given.of((scene, state, np.asarray(t, float), coordinates))
+        self._seen[given.key] += 1
+        if self._seen[given.key] <= BY_NUMPY or not is_native():
+            return None
+        try:
+            fine, rows = self._function.run(given)
+        except UnsupportedPrimitiveError:
+            self._seen[given.key] = -sys.maxsize
+            return None
+        if not fine:
+            return None
+        known = self._distances.setdefault(given.key, {})
+        if len(known) > KEPT:
+            known.clear()
+        redundant, uncertain = dependent(rows.names, rows.left, known)
+        return None if uncertain else redundant
+
+
+starts = _Starts()

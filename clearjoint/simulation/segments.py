@@ -149,7 +149,7 @@ def segment(
     scheme: Scheme,
     form: Structured,
     progress: Progress,
-    save_times: jax.Array | None,
+    save_times: Numbers | None,
     t_end: Scalar,
     attempts: Scalar,
     loops: AbstractLoops = PLAIN,

@@ -1,15 +1,16 @@
 """Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
 
-from dataclasses import replace
+from typing import Any
 
 import diffrax
 import equinox as eqx
+import numpy as np
 
 from ..datasets.provenance import setting_notes
 from ..dynamics.journals import warn_of_journals_outside
 from ..fields.cautions import LawRangeWarning, caution
 from ..fields.checks import require
-from ..fields.conversion import on_device
+from ..fields.conversion import on_device, with_arrays
 from ..math.vectors import Scalar, structured
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -26,7 +27,6 @@ from .law_ranges import beyond_law_ranges
 from .method import Scheme
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import Saving, saving_or_nothing
-from .sections import with_units
 from .segments import begin
 from .settings import Settings, settings_or
 from .solution import Solution, raise_failure
@@ -98,6 +98,7 @@ def simulate(
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
     _check_adjoint(adjoint)
+    scene, state = with_arrays((scene, state))
     traced = is_traced((scene, state, end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = save.times
@@ -112,9 +113,11 @@ def simulate(
         times = save.times_between(start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates)
         save.check(scene, settings.ledger)
-    form, scheme = structured(scene), Scheme.of(settings, bool(redundant))
+    form = structured(scene)
+    scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    start, end, length = (on_device(number) for number in (start_time, end_time, first_step))
+    span = start_time, end_time, first_step
+    start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
@@ -124,18 +127,22 @@ def simulate(
         if admissible is not None:
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
             now = eqx.tree_at(lambda progress: progress.step.result, now, result)
-        run = OnePiece(form, scheme, on_device(end_time), redundant)
+        run = OnePiece(form, scheme, end, redundant)
         save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
-    host = HostLoop(form, scheme, on_device(end_time), redundant)
+    host = HostLoop(form, scheme, end, redundant)
     collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
-    solution = host.solution(now, times, settings.max_steps, collector, save.steps, progress)
-    solution = replace(
-        solution,
-        sections=with_units(solution.sections, save.sections),
-        settings=setting_notes(settings),
+    solution = host.solution(
+        now,
+        times,
+        settings.max_steps,
+        collector,
+        save.steps,
+        progress,
+        save.sections,
+        setting_notes(settings),
     )
-    _warn(scene, solution)
+    _warn(scene, solution, host.left_bearing)
     if host.interrupted:
         raise RunInterrupted(solution)
     if throw:
@@ -144,6 +151,11 @@ def simulate(
 
 
 begin_compiled = Native(begin)
+
+
+def _array(number: Numbers, traced: bool) -> Any:
+    """The number as an array: of numpy, which costs the host less, unless JAX traces the run."""
+    return on_device(number) if traced else np.asarray(number, float)
 
 
 def _check_numbers(
@@ -161,11 +173,12 @@ def _check_numbers(
     save.times_between(start_time, end_time)
 
 
-def _warn(scene: Scene, solution: Solution) -> None:
+def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
     """Warn of journals that are outside their bearings in what is kept, and of laws beyond their
     range."""
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
-    warn_of_journals_outside(scene, solution.time, solution.final, kept)
+    if kept or left_bearing:
+        warn_of_journals_outside(scene, solution.time, solution.final, kept)
     if solution.impacts is not None:
         for sentence in beyond_law_ranges(scene, solution.impacts):
             caution(sentence, LawRangeWarning)

@@ -18,7 +18,7 @@ from ..fields.readable import AbstractReadable
 from ..fields.types import ArrayLike
 from ..math.vectors import Scalar
 from ..model.bodies import State
-from ..results import RESULTS
+from ..results import RESULTS, result_number
 from .aliases import Numbers
 from .between_steps import instants_of_smooth_curves, states_between
 from .impact_table import Impacts
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 SHOWN_BODIES = 6
 """Bodies whose final state is in the text of a run."""
+SUCCESSFUL = result_number(RESULTS.successful)
 SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
 
@@ -259,7 +260,7 @@ def raise_failure(solution: FinishedRun) -> None:
 
     **Arguments:** `solution`: a run's `result`, `time` in s, and whatever the error is to carry.
     """
-    if solution.result != RESULTS.successful:
+    if result_number(solution.result) != SUCCESSFUL:
         raise SimulationError(
             f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
             solution,

@@ -1,27 +1,39 @@
 """Axes of a sweep, and the scenes and states of its lanes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
 from ..datasets.provenance import describe
 from ..dynamics.assembly import check_names
 from ..fields.cautions import quiet
-from ..fields.checks import as_number, recheck_changes, require, require_finite
+from ..fields.checks import (
+    as_number,
+    conditions_of,
+    conditions_of_changes,
+    recheck_changes,
+    require,
+    require_finite,
+)
 from ..fields.types import ArrayLike
-from ..math.vectors import unpack
+from ..math.vectors import Condition, unpack
 from ..model.bodies import State
 from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
+from ..native import NativeFunction, UnsupportedPrimitiveError
 from ..parametrisation.places import Place
 from ..parametrisation.variations import (
     AbstractVariation,
     Change,
     MadeByFunction,
+    NumberSetter,
     SceneNumber,
     StateNumber,
 )
@@ -139,12 +151,84 @@ def lanes_of(
 ) -> Lanes:
     """Scene and state of every lane; `values[name]` (lanes,) are those of the axis of that name."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
-    count = len(next(iter(values.values())))
-    bad: dict[int, str] = {}
-    rows: list[list[PyTree]] = []
     base, structure = jax.tree.flatten((scene, state))
-    checked: State | None = None
-    for lane in range(count):
+    bad: dict[int, str] = {}
+    if all(isinstance(change, NumberSetter) for change in changes.values()):
+        columns = _columns_set(scene, base, changes, values)
+    else:
+        columns = _columns_made(scene, state, changes, values, bad)
+    changed = tuple(column is not None for column in columns)
+    count, own_leaves = len(next(iter(values.values()))), len(jax.tree.leaves(scene))
+    for lane in np.flatnonzero(~_admissible(scene, state, columns)).tolist():
+        pairs = zip(base, columns, strict=True)
+        leaves = [own if c is None else np.asarray(c[lane]) for own, c in pairs]
+        here = jax.tree.unflatten(structure, leaves)
+        try:
+            recheck_changes(here, structure, changed)
+            if any(changed[own_leaves:]):
+                check_names(*here)
+        except ValueError as error:
+            bad.setdefault(lane, str(error))
+    for column, own in zip(columns, base, strict=True):
+        if column is not None:
+            column[list(bad)] = own
+    differs = [
+        column is not None and bool((column != own).any())
+        for column, own in zip(columns, base, strict=True)
+    ]
+    scenes = [c if d else None for c, d in zip(columns, differs, strict=True)][:own_leaves]
+    states = [
+        np.broadcast_to(own, (count, *np.shape(own))) if c is None else c
+        for c, own in zip(columns[own_leaves:], base[own_leaves:], strict=True)
+    ]
+    of_scene = jax.tree.structure(scene)
+    return Lanes(
+        scene,
+        state,
+        jax.tree.unflatten(of_scene, differs[:own_leaves]),
+        jax.tree.unflatten(of_scene, scenes),
+        jax.tree.unflatten(jax.tree.structure(state), states),
+        dict(sorted(bad.items())),
+    )
+
+
+Columns = list[np.ndarray | None]
+"""For each leaf of scene and state its values in all lanes, (lanes, ...), or ``None`` if no axis
+changes it."""
+
+
+def _columns_set(
+    scene: Scene,
+    base: list[PyTree],
+    changes: Mapping[str, Change],
+    values: Mapping[str, np.ndarray],
+) -> Columns:
+    """The columns where each axis puts its value at places."""
+    columns: Columns = [None] * len(base)
+    behind = len(jax.tree.leaves(scene))
+    for name, setter in changes.items():
+        assert isinstance(setter, NumberSetter)
+        for number in setter.numbers:
+            k = number.leaf if setter.in_scene else behind + number.leaf
+            row, column = values[name], columns[k]
+            if column is None:
+                column = np.repeat(np.asarray(base[k], float)[None], len(row), axis=0)
+            column[(slice(None), *number.component)] = row
+            columns[k] = column
+    return columns
+
+
+def _columns_made(
+    scene: Scene,
+    state: State,
+    changes: Mapping[str, Change],
+    values: Mapping[str, np.ndarray],
+    bad: dict[int, str],
+) -> Columns:
+    """The columns where functions make scenes and states; `bad` gets the errors of lanes."""
+    base, structure = jax.tree.flatten((scene, state))
+    rows: list[list[PyTree]] = []
+    for lane in range(len(next(iter(values.values())))):
         here = scene, state
         try:
             for name, change in changes.items():
@@ -152,16 +236,50 @@ def lanes_of(
                     here = change(*here, values[name][lane])
             leaves, own = jax.tree.flatten(here)
             _require_like(own == structure, leaves, base)
-            changed = tuple(a is not b for a, b in zip(leaves, base, strict=True))
-            recheck_changes(here, structure, changed)
-            if here[1] is not checked:
-                check_names(*here)
-                checked = here[1]
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
-    return _lanes_from_rows(scene, state, rows, base, bad)
+    return [
+        None
+        if all(leaf is own or np.array_equal(leaf, own) for leaf in column)
+        else np.stack(column)
+        for column, own in zip(zip(*rows, strict=True), base, strict=True)
+    ]
+
+
+FEW = 16
+"""Lanes that Python checks; of more of them, native code tells the good ones."""
+
+
+def _admissible(scene: Scene, state: State, columns: Columns) -> np.ndarray:
+    """(lanes,) Whether the numbers of each lane are known to pass their checks."""
+    varied = [column for column in columns if column is not None]
+    if not varied:
+        return np.ones(0, bool)
+    unknown = np.zeros(len(varied[0]), bool)
+    if len(unknown) <= FEW:
+        return unknown
+    changed = tuple(column is not None for column in columns)
+    # Trees of which one element is of a user's class or whose program can't be compiled are left to
+    # the checks themselves, and so are errors that a check raises of something else than numbers.
+    with suppress(UnsupportedPrimitiveError, ValueError):
+        found = _checks.rows((scene, state, changed), [*columns, *[None] * len(changed)])
+        return unknown if found is None else found
+    return unknown
+
+
+def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
+    """Whether all checks of the modules hold that have changed leaves; ``None`` if that can't be
+    told while JAX traces their numbers."""
+    tree, own = (scene, state), len(jax.tree.leaves(scene))
+    conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
+    if conditions is not None and any(changed[own:]):
+        conditions += conditions_of(lambda: check_names(scene, state))
+    return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
+
+
+_checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
@@ -185,31 +303,4 @@ def _require_like(same: bool, leaves: list[PyTree], base: list[PyTree]) -> None:
         "a change that makes others",
         "such that every lane has a scene and a state of the same structure",
         "change numbers only, and keep the shapes of arrays",
-    )
-
-
-def _lanes_from_rows(
-    scene: Scene,
-    state: State,
-    rows: Sequence[list[PyTree]],
-    base: list[PyTree],
-    bad: dict[int, str],
-) -> Lanes:
-    """Lanes from the leaves of each lane's scene and state; `base` are those of the sweep's."""
-    columns = list(zip(*rows, strict=True))
-    varies = [
-        any(leaf is not own and not np.array_equal(leaf, own) for leaf in column)
-        for column, own in zip(columns, base, strict=True)
-    ]
-    count = len(jax.tree.leaves(scene))
-    structure = jax.tree.structure(scene)
-    scenes = [np.stack(c) if v else None for c, v in zip(columns, varies, strict=True)][:count]
-    states = [np.stack(np.broadcast_arrays(*column)) for column in columns[count:]]
-    return Lanes(
-        scene,
-        state,
-        jax.tree.unflatten(structure, varies[:count]),
-        jax.tree.unflatten(structure, scenes),
-        jax.tree.unflatten(jax.tree.structure(state), states),
-        bad,
     )

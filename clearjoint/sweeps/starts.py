@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
-from ..dynamics.assembly import is_assembled, require_certain, require_freedom
-from ..dynamics.constraint_report import constraint_reports
+import numpy as np
+
+from ..dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
+from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from .axes import Lanes
 
@@ -20,14 +22,17 @@ def checked_starts(
     **Raises:** `ValueError` if nothing is left to move.
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
     bad, redundant = dict(lanes.bad), False
-    reports = constraint_reports(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
-    for lane, report in enumerate(reports):
-        if lane in bad or not is_assembled(report.values, report.rates):
+    known: dict[bytes, np.ndarray] = {}
+    residuals = np.concatenate([rows.values, rows.rates], axis=1)
+    for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
+        if lane in bad:
             continue
+        dependent_here, uncertain = dependent(rows.names, rows.left[lane], known)
         try:
-            require_certain(report.uncertain)
-            redundant = redundant or bool(report.redundant)
+            require_certain(uncertain)
+            redundant = redundant or bool(dependent_here)
         except ValueError as error:
             bad[lane] = str(error)
     return replace(lanes, bad=dict(sorted(bad.items()))), redundant

@@ -6,6 +6,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from ..fields.checks import require, require_array_names, require_count
+from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation import presets
@@ -103,6 +104,7 @@ def sweep(
     settings = settings_or(settings, presets.default)
     settings.require_double()
     check_precision(False)
+    scene, state = with_arrays((scene, state))
     outputs = outputs_beside({} if outputs is None else outputs, saving_or_nothing(save), scene)
     _check_axes(axes)
     check_outputs(outputs, scene, settings.ledger)

@@ -1,9 +1,8 @@
 """For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
 
 `check_law`, `check_friction`, `check_bristles`, `check_film`, `check_constraint`, `check_force` and
-`check_contact_joint` are for authors of new elements. The others measure what a step costs and
-count its operations: what a run does at a step (`RunProgram`, `Stepper`), what a sweep compiles
-(`programs_of_sweeps`), the compiled run of `sensitivities`, and the runtime's settings.
+`check_contact_joint` are for authors of new elements. `RunProgram` and `Stepper` give the functions
+that a run evaluates at a step, to trace, count and time.
 """
 
 from ..fields.readable import without_modules as _without_modules
@@ -17,14 +16,10 @@ from .force_conformance import check_force as check_force
 from .moving_bodies import moving as moving
 from .programs import RunProgram as RunProgram
 from .programs import Stepper as Stepper
-from .programs import SweepProgram as SweepProgram
-from .programs import compiled_sensitivities as compiled_sensitivities
-from .programs import programs_of_sweeps as programs_of_sweeps
 
 __all__ = [
     "RunProgram",
     "Stepper",
-    "SweepProgram",
     "check_bristles",
     "check_constraint",
     "check_contact_joint",
@@ -32,9 +27,7 @@ __all__ = [
     "check_film",
     "check_friction",
     "check_law",
-    "compiled_sensitivities",
     "moving",
-    "programs_of_sweeps",
 ]
 
 __dir__ = _without_modules(globals())

@@ -1,21 +1,16 @@
-"""What runs, sweeps and sensitivities compile, as functions to trace, to count and to time.
+"""Functions that a run evaluates at a step, to trace, to count and to time.
 
-Steps and lanes are PyTrees of arrays, of which nothing but the documented functions should be used:
-a step is what a run carries from one to the next, a lane the same in a sweep.
+A step is a PyTree of arrays that a run carries from one attempt to the next; only the documented
+functions should be used of it.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Concatenate, ParamSpec
-from unittest.mock import patch
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import ArrayLike, PyTree
 
 from ..dynamics.contact_forces import Memory
@@ -25,25 +20,18 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
-from ..quantities.base import Quantity
 from ..simulation import presets
-from ..simulation.batch.lane import WINDOW, Lane, Orders, begin_lane, turn
-from ..simulation.batch.scheduler import Batch
-from ..simulation.batch.tasks import Common, Task
 from ..simulation.derivative_runs import derivative_scheme
 from ..simulation.method import Scheme
 from ..simulation.rates import rates_of
 from ..simulation.run_checks import check_precision, check_start
 from ..simulation.run_ends import begin_run
-from ..simulation.sampling import Sampled, sampled_compiled
 from ..simulation.settings import Settings, settings_or
 from ..simulation.step_state import Method, Step, Variables
 from ..simulation.stepping import attempt
 from ..simulation.systems import SystemFamily
 from ..simulation.variational import start_with_tangents
-from ..sweeps.work import Work
 
-P = ParamSpec("P")
 FIRST_STEP, END = 1e-6, 1e9
 """Of the run that a program is taken from, s."""
 
@@ -185,122 +173,3 @@ class RunProgram(eqx.Module):
             systems = SystemFamily(self.family, self.scheme.formulation)
             return Stepper(self.scheme.method, systems.system(), systems)
         return Stepper(self.scheme.method, self.scheme.unpacked(self.form))
-
-
-@dataclass(frozen=True)
-class SweepProgram:
-    """What a call of `sweep` ran, on one device.
-
-    `work`: its lanes; `batch`: how they were run.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> with testing.programs_of_sweeps() as programs:
-    ...     _ = cj.sweep(scene, state, 0.1, {"stiffness": stiffness}, {"v": speed}, progress=False)
-    >>> type(programs[0]).__name__
-    'SweepProgram'
-    """
-
-    work: Work
-    batch: Batch
-
-    @property
-    def turns(self) -> int:
-        """Turns that were given to lanes and to empty columns."""
-        return self.batch.turns
-
-    @cached_property
-    def lane(self) -> Lane:
-        """The first lane before its first step."""
-        return begin_lane(
-            self._common.plan,
-            self._scene,
-            self._task.state,
-            self._common.start_time,
-            self._orders,
-        )
-
-    def stepper(self) -> Stepper:
-        """What happens at a step of the lane, which is ``lane.step``."""
-        scheme = self._common.plan.scheme
-        return Stepper(scheme.method, scheme.system(self._scene))
-
-    def turn(self, lane: Lane) -> Lane:
-        """What a turn makes of a lane: a step, reductions, what is recorded. Traceable."""
-        return turn(self._common.plan, self._scene, lane, self._orders)
-
-    @cached_property
-    def _task(self) -> Task:
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), self.work.tasks)
-
-    @cached_property
-    def _scene(self) -> Scene:
-        return self._common.scene(self._task)
-
-    @property
-    def _orders(self) -> Orders:
-        task, never = self._task, jnp.full(WINDOW, jnp.inf)
-        return Orders(task.end_time, task.first_step, never, self._common.capacity)
-
-    @cached_property
-    def _common(self) -> Common:
-        return jax.tree.map(
-            lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf,
-            self.work.common,
-        )
-
-
-@contextmanager
-def programs_of_sweeps() -> Iterator[list[SweepProgram]]:
-    """A list to which each call of `sweep` inside adds what it ran.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> with testing.programs_of_sweeps() as programs:
-    ...     _ = cj.sweep(scene, state, 0.1, {"stiffness": stiffness}, {"v": speed}, progress=False)
-    >>> type(programs[0]).__name__
-    'SweepProgram'
-    """
-    programs: list[SweepProgram] = []
-    with patch.object(Work, "run", _recording(Work.run, programs)):
-        yield programs
-
-
-def _recording(
-    run: Callable[Concatenate[Work, P], Batch], programs: list[SweepProgram]
-) -> Callable[Concatenate[Work, P], Batch]:
-    """The method that runs the work of a sweep, which also adds what it ran to the programs."""
-
-    def run_and_record(work: Work, *arguments: P.args, **settings: P.kwargs) -> Batch:
-        batch = run(work, *arguments, **settings)
-        programs.append(SweepProgram(work, batch))
-        return batch
-
-    return run_and_record
-
-
-def compiled_sensitivities(
-    scene: Scene,
-    state: State,
-    end_time: float,
-    parameters: Mapping[str, Parameter],
-    outputs: Mapping[str, Quantity],
-    settings: Settings,
-) -> Callable[[], Sampled]:
-    """The compiled run inside `sensitivities`, from time zero, which looks at the end alone.
-
-    What it returns has `values` (1,), `derivatives` (1, p) by output, and `attempts`, on the
-    device.
-
-    >>> run = testing.compiled_sensitivities(
-    ...     scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, cj.presets.derivatives
-    ... )
-    >>> run().values["x"].shape
-    (1,)
-    """
-    coordinates = jnp.asarray(coordinates_of(scene, state, parameters))
-    family = parametrised(scene, state, parameters, coordinates)
-    scheme, end = derivative_scheme(scene, state, settings), jnp.asarray(end_time)
-    limit = jnp.asarray(settings.max_steps, int)
-    span = (end[None], jnp.zeros(()), end, settings.length_of_first_step(0.0, end), limit)
-    return lambda: sampled_compiled(scheme, family, dict(outputs), *span)

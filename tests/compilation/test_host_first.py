@@ -14,8 +14,8 @@ from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
     constraint_report._constraints_first_on_host,
-    assembly._round_trip,
-    journals._depths,
+    assembly.round_trip,
+    journals.contact_depths,
 )
 
 
@@ -76,7 +76,7 @@ def test_constraints_by_numpy_are_those_compiled():
         scene, cj.AbsoluteCoordinates(), state, jnp.asarray(0.0)
     )
     compiled = jax.jit(
-        lambda state: constraint_report._constraints(scene, cj.AbsoluteCoordinates(), state, 0.0)
+        lambda state: constraint_report.constraints(scene, cj.AbsoluteCoordinates(), state, 0.0)
     )(state)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled

@@ -2,13 +2,18 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.conversion import on_device
+from clearjoint.fields.conversion import on_device, with_arrays
+from clearjoint.simulation.host_run import segment_compiled
+from clearjoint.simulation.run_checks import BY_NUMPY, starts
 from clearjoint.simulation.sampling import sampled_compiled
+from clearjoint.simulation.simulate import begin_compiled
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -292,3 +297,47 @@ def test_a_time_given_twice_is_seen_twice(damped):
     at = np.searchsorted(np.unique(t), t)
     np.testing.assert_array_equal(seen.values["x"], expected.values["x"][at])
     np.testing.assert_array_equal(seen.derivatives["x"], expected.derivatives["x"][at])
+
+
+NUMBERS = (1.1e-3, np.float64(1.2e-3), np.float32(1.3e-3), np.asarray(1.4e-3), jnp.asarray(1.5e-3))
+
+
+def native_programs() -> int:
+    """How many programs runs, and checks of their starts, have compiled."""
+    return sum(one.programs() for one in (begin_compiled, segment_compiled)) + starts.count()
+
+
+def test_a_number_is_a_number_whatever_its_type(rod):
+    """`equinox.tree_at` puts it into a scene as it is, where it would be part of the program."""
+    scene, state = rod
+    scene = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, 1)
+    cj.simulate(scene, state, SHORT, progress=False)
+    before = native_programs()
+    finals = []
+    for number in NUMBERS:
+        wider = eqx.tree_at(lambda s: s.joints["pin"].clearance, scene, number)
+        same = cj.put(scene, lambda s: s.joints["pin"].clearance, float(number))
+        runs = [cj.simulate(one, state, SHORT, progress=False) for one in (wider, same)]
+        finals.append([run.final.bodies["rod"].position for run in runs])
+    assert native_programs() - before <= 1  # Of the checks, once they are many.
+    np.testing.assert_array_equal(*zip(*finals, strict=True))
+
+
+def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
+    scene, state = rod
+    before = starts.count()
+    for clearance in np.linspace(1e-3, 1.5e-3, 2 * BY_NUMPY):
+        wider = cj.put(scene, lambda s: s.joints["pin"].clearance, clearance)
+        cj.simulate(wider, state, SHORT, progress=False)
+    assert starts.count() - before <= 1
+
+
+def test_a_number_of_a_class_that_converts_none_stays_part_of_the_program():
+    repeated = with_arrays({"own": Repeated(3, True), "state": cj.State({}, work={"air": 2})})
+    assert repeated["own"].times == 3 and repeated["own"].flag is True
+    assert repeated["state"].work["air"].dtype == float
+
+
+class Repeated(eqx.Module):
+    times: int
+    flag: bool

@@ -9,6 +9,7 @@ from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
 from ...fields.checks import require, require_positive
+from ...fields.conversion import with_arrays
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, structured
 from ...model.bodies import State
@@ -74,6 +75,7 @@ def simulate_nonsmooth(
     1
     """
     check_precision(False)
+    scene, state = with_arrays((scene, state))
     save = saving_or_nothing(save)
     save.require_times_alone("of a run with rigid contacts", "take simulate() for it")
     require_restitution(scene, restitution)
