@@ -241,12 +241,12 @@ def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
         lanes = {k: range(3 * k, 3 * k + 3) for k in range(4)}
         writer = computing._Writer(lanes, store, bar)
         for lane in (0, 3, 1, 2, 4):
-            writer.add(lane, {"result": np.zeros(())})
+            writer.add(np.array([lane]), {"result": np.zeros(1)})
         assert written == [(0, [0, 1]), (1, [3]), (0, [2])]
         time.sleep(0.6)
         writer.write_if_due()
         assert written[3:] == [(1, [4])]
-        writer.add(5, {"result": np.zeros(())})
+        writer.add(np.array([5]), {"result": np.zeros(1)})
         assert written[4:] == [(1, [5])]
 
 
@@ -257,9 +257,9 @@ import tests.conftest
 from tests.sweeps.test_sweep_resume import long_lanes
 from clearjoint.sweeps import computing
 add = computing._Writer.add
-def told(writer, lane, results):
-    print(lane, flush=True)
-    add(writer, lane, results)
+def told(writer, lanes, results):
+    print(*lanes, sep="\\n", flush=True)
+    add(writer, lanes, results)
 computing._Writer.add = told
 long_lanes(sys.argv[1])
 """
