@@ -79,16 +79,19 @@ def _extreme(name: str) -> Rule:
         condition = condition_kind(do, a)
         if kind[0] != "f":
             return do.do("select", kind, do.do(f"i{name}", condition, a, b), a, b)
-        first = do.do(f"f{name}", condition, a, b)
-        if not _is_number(do, a):
-            first = do.do("or", condition, first, do.do("is_nan_either", condition, a, a))
-        return do.do("select", kind, first, a, b)
+        if _is_number(do, b):
+            a, b = b, a
+        # One instruction of processors, which gives the second where either is NaN.
+        found = do.do("select", kind, do.do(f"f{name}", condition, a, b), a, b)
+        if _is_number(do, a):
+            return found
+        return do.do("select", kind, do.do("is_nan_either", condition, a, a), a, found)
 
     return rule
 
 
 def _is_number(do: Operations, value: Value) -> bool:
-    known = do.number(value)
+    known = do.repeated_number(value)
     return isinstance(known, float) and not math.isnan(known)
 
 
