@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from .elementary import ELEMENTARY
+from .elementary import power as float_power
 from .llvm_text import LIBRARY
 from .operations import Number, Operations, Value
 
@@ -178,7 +179,7 @@ def _integer_power(do: Operations, kind: str, parameters: Parameters, a: Value) 
 def _power(do: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
     if do.kinds[b][0] != "f":
         b = convert(do, kind, b)
-    return do.do("pow", kind, a, b)
+    return float_power(do, kind, a, b)
 
 
 def _round(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
@@ -213,7 +214,7 @@ def _inverse_root(do: Operations, kind: str, parameters: Parameters, a: Value) -
 
 
 def _logistic(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    small = do.do("exp", kind, do.do("fneg", kind, a))
+    small = ELEMENTARY["exp"](do, kind, parameters, do.do("fneg", kind, a))
     return do.do("fdiv", kind, like(do, a, 1), do.do("fadd", kind, like(do, a, 1), small))
 
 
