@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from .elementary import ELEMENTARY
+from .elementary import power as float_power
 from .llvm_text import LIBRARY
 from .operations import Number, Operations, Value
 
@@ -79,16 +80,19 @@ def _extreme(name: str) -> Rule:
         condition = condition_kind(do, a)
         if kind[0] != "f":
             return do.do("select", kind, do.do(f"i{name}", condition, a, b), a, b)
-        first = do.do(f"f{name}", condition, a, b)
-        if not _is_number(do, a):
-            first = do.do("or", condition, first, do.do("is_nan_either", condition, a, a))
-        return do.do("select", kind, first, a, b)
+        if _is_number(do, b):
+            a, b = b, a
+        # One instruction of processors, which gives the second where either is NaN.
+        found = do.do("select", kind, do.do(f"f{name}", condition, a, b), a, b)
+        if _is_number(do, a):
+            return found
+        return do.do("select", kind, do.do("is_nan_either", condition, a, a), a, found)
 
     return rule
 
 
 def _is_number(do: Operations, value: Value) -> bool:
-    known = do.number(value)
+    known = do.repeated_number(value)
     return isinstance(known, float) and not math.isnan(known)
 
 
@@ -175,7 +179,7 @@ def _integer_power(do: Operations, kind: str, parameters: Parameters, a: Value) 
 def _power(do: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
     if do.kinds[b][0] != "f":
         b = convert(do, kind, b)
-    return do.do("pow", kind, a, b)
+    return float_power(do, kind, a, b)
 
 
 def _round(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
@@ -210,7 +214,7 @@ def _inverse_root(do: Operations, kind: str, parameters: Parameters, a: Value) -
 
 
 def _logistic(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    small = do.do("exp", kind, do.do("fneg", kind, a))
+    small = ELEMENTARY["exp"](do, kind, parameters, do.do("fneg", kind, a))
     return do.do("fdiv", kind, like(do, a, 1), do.do("fadd", kind, like(do, a, 1), small))
 
 

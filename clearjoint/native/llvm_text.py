@@ -131,9 +131,10 @@ class _Writer:
         returned = "0" if result is None else self._first_lane(result)
         declarations = "\n".join(self._declared.values())
         body = "\n".join(self._lines)
+        # Without alignment of the stack, vectors that are put there lie across two cache lines.
         return (
             f"{declarations}\n"
-            f"define i64 @{name}(ptr noalias nocapture align 64 %memory) {{\n"
+            f"define i64 @{name}(ptr noalias nocapture align 64 %memory) alignstack(64) {{\n"
             f"entry:\n{body}\nret i64 {returned}\n}}\n"
         )
 

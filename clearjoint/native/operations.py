@@ -244,11 +244,16 @@ class Operations:
                 return self.do("fadd", kind, a, self._made[b][1][0])
         return None
 
+    def repeated_number(self, value: Value) -> Number | None:
+        """The number that a value, or each tangent of a vector, is known to be, else ``None``."""
+        return self.constants.get(self._splatted(value))
+
+    def _splatted(self, value: Value) -> Value:
+        return self._made[value][1][0] if self._made_by(value, "splat") else value
+
     def _is_all(self, value: Value, number: float) -> bool:
         """Whether a float, or all tangents of a vector, are known to be a number."""
-        if self._made_by(value, "splat"):
-            value = self._made[value][1][0]
-        return self.is_float(value, number)
+        return self.is_float(self._splatted(value), number)
 
     def _made_by(self, value: Value, name: str) -> bool:
         made = self._made.get(value)

@@ -1,7 +1,7 @@
 """Primitives that join elements: sums, extremes and products; rules as in `.structure`."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from jax.core import ShapedArray
@@ -44,11 +44,16 @@ def _reduced(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) 
     rows = values.transpose([*rest, *axes]).reshape(int(np.prod(out.shape, dtype=int)), -1)
     found = []
     for row in rows.tolist():
-        total = row[0]
-        for value in row[1:]:
-            total = join(total, value)
-        found.append(total)
+        # Sums take in products one by one; of all else the halves are joined side by side.
+        found.append(reduce(join, row) if name in ("add", "mul") else _joined_by_halves(join, row))
     return [lower.array(found, tuple(out.shape))]
+
+
+def _joined_by_halves(join: Callable[[Value, Value], Value], row: list[Value]) -> Value:
+    if len(row) == 1:
+        return row[0]
+    middle = len(row) // 2
+    return join(_joined_by_halves(join, row[:middle]), _joined_by_halves(join, row[middle:]))
 
 
 def _scan_memory(

@@ -306,6 +306,58 @@ def test_sines_and_cosines_are_right_to_a_unit_in_the_last_place():
                 assert abs(mpmath.mpf(value) - exact) <= np.spacing(abs(value))
 
 
+SIZES = np.concatenate([RANDOM.uniform(0.0, 1.0, 200), 10.0 ** RANDOM.uniform(-310, 308, 300)])
+NEAR_ONE = 1.0 + RANDOM.normal(size=300) * 10.0 ** RANDOM.uniform(-16, 0, 300)
+SIGNED = np.concatenate([RANDOM.normal(size=200) * 10.0 ** RANDOM.uniform(-12, 3, 200), -SIZES])
+ENDS = [0.0, -0.0, 5e-324, -5e-324, 2.3e-308, np.inf, -np.inf, np.nan, 1.0, -1.0, 700.0, -745.0]
+EXACT: dict[str, tuple[Callable, Callable, np.ndarray]] = {
+    "exp": (jnp.exp, mpmath.exp, SIGNED),
+    "expm1": (jnp.expm1, mpmath.expm1, SIGNED),
+    "tanh": (jnp.tanh, mpmath.tanh, SIGNED),
+    "log": (jnp.log, mpmath.log, np.concatenate([SIZES, NEAR_ONE])),
+    "log1p": (jnp.log1p, mpmath.log1p, np.concatenate([SIZES, NEAR_ONE - 1.0])),
+}
+
+
+def assert_exact(found, exact, argument):
+    """To a unit in the last place, or to the number that is nearest if there is none so large."""
+    if not np.isfinite(found):
+        assert found == float(exact), (argument, found, exact)
+        return
+    error = abs(mpmath.mpf(float(found)) - exact) / np.spacing(abs(found))
+    assert error <= 1.0, (argument, found, error)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_elementary_functions_are_right_to_a_unit_in_the_last_place(name):
+    ours, exact, x = EXACT[name]
+    x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh"))]
+    x = x[(x > 0.0) | (name != "log")]
+    with mpmath.workprec(1200):
+        for value, argument in zip(NativeFunction(ours)(x), x, strict=True):
+            assert_exact(value, exact(mpmath.mpf(argument)), argument)
+    ends = np.array(ENDS)
+    with np.errstate(all="ignore"):
+        expected = getattr(np, name)(ends)
+    found = NativeFunction(ours)(ends)
+    assert np.array_equal(found, expected, equal_nan=True)
+    assert np.array_equal(np.signbit(found)[:4], np.signbit(expected)[:4])
+
+
+def test_powers_are_right_to_a_unit_in_the_last_place():
+    x = np.concatenate([SIZES, abs(NEAR_ONE), 10.0 ** RANDOM.uniform(-8, 3, 500)])
+    y = RANDOM.normal(size=x.size) * 10.0 ** RANDOM.uniform(-3, 3, x.size)
+    y[::3] = RANDOM.choice([1.5, -0.2, 1.0 / 3.0, 2.5, 10.0 / 9.0], y[::3].size)
+    with mpmath.workprec(200):
+        for value, a, b in zip(NativeFunction(jnp.power)(x, y), x, y, strict=True):
+            exact = mpmath.mpf(a) ** mpmath.mpf(b)
+            if mpmath.mpf(2) ** -1074 < exact < mpmath.mpf(2) ** 1023:
+                assert_exact(value, exact, (a, b))
+    a, b = (pair.ravel() for pair in np.meshgrid(ENDS + [0.5, 2.0, 3.0], ENDS + [0.5, 2.0, 3.0]))
+    with np.errstate(all="ignore"):
+        np.testing.assert_allclose(NativeFunction(jnp.power)(a, b), a**b, rtol=3e-16, atol=0.0)
+
+
 def test_unknown_primitives_are_named():
     with pytest.raises(UnsupportedPrimitiveError, match="lu"):
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
