@@ -42,11 +42,10 @@ _CALLS = {
 """Primitives that call a jaxpr, and the parameter which holds it."""
 
 
-SMALLEST_FUNCTION = 2500
+SMALLEST_FUNCTION = 1000
 FEWEST_CALLS = 3
-"""Equations of a jaxpr, and calls of it, from which on it becomes a function of machine code. What
-is written out several times has fewer operations in all, but LLVM takes more than proportionally
-long for long blocks."""
+"""Equations of a jaxpr, and calls of it in one place, from which on it becomes a function of
+machine code: LLVM takes more than proportionally long for long blocks."""
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
