@@ -24,37 +24,6 @@ from .lowering import (
 from .operations import Value
 
 
-def _flattened(lower: Lowering, arrays: Sequence[Array]) -> list[Value]:
-    """The values that arrays outside of memory consist of."""
-    flat: list[Value] = []
-    for array in arrays:
-        if isinstance(array, Packed):
-            flat.append(array.value)
-        elif not isinstance(array, InMemory):
-            flat += lower.values(array)
-    return flat
-
-
-def _restored(values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-    """Arrays of the form of others, with other values."""
-    remaining = iter(values)
-    found: list[Array] = []
-    for array in like:
-        if isinstance(array, InMemory):
-            found.append(array)
-        elif isinstance(array, Packed):
-            found.append(Packed(next(remaining)))
-        elif isinstance(array, int):
-            found.append(next(remaining))
-        else:
-            found.append(
-                np.array([next(remaining) for _ in range(array.size)], dtype=np.int64).reshape(
-                    array.shape
-                )
-            )
-    return found
-
-
 def _cond(lower: Lowering, equation: core.JaxprEqn, which: Array, *arguments: Array) -> list[Array]:
     branches = equation.params["branches"]
     assert isinstance(which, int)
@@ -87,13 +56,13 @@ def _chosen(lower: Lowering, which: Value, yes: list[Array], no: list[Array]) ->
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
             raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
     found = []
-    for a, b in zip(_flattened(lower, yes), _flattened(lower, no), strict=True):
+    for a, b in zip(lower.flattened(yes), lower.flattened(no), strict=True):
         kind = lower.do.kinds[a]
         condition = which
         if kind.endswith("p"):
             condition = lower.do.do("splat", "bp", which)
         found.append(lower.do.do("select", kind, condition, a, b))
-    return _restored(found, yes)
+    return lower.restored(found, yes)
 
 
 def _if_any(
@@ -114,12 +83,12 @@ def _if_any(
         own = [replace(a) if isinstance(a, InMemory) else a for a in arguments]
         with lower.do.masked(condition):
             kept[:] = lower.run(branch.jaxpr, lower.consts(branch), own)
-        return _flattened(lower, kept)
+        return lower.flattened(kept)
 
     def leave_out() -> list[Value]:
-        return [lower.do.constant(lower.do.kinds[v], 0) for v in _flattened(lower, kept)]
+        return [lower.do.constant(lower.do.kinds[v], 0) for v in lower.flattened(kept)]
 
-    return _restored(lower.do.branch(condition, compute, leave_out), kept)
+    return lower.restored(lower.do.branch(condition, compute, leave_out), kept)
 
 
 def _branch(
@@ -141,12 +110,12 @@ def _branch(
                     if isinstance(new, InMemory) and isinstance(old, InMemory):
                         _agree(lower, new, old)
             results[name] = found
-            return _flattened(lower, found)
+            return lower.flattened(found)
 
         return compute
 
     outs = lower.do.branch(which, build("yes", yes), build("no", no))
-    return _restored(outs, results["yes"])
+    return lower.restored(outs, results["yes"])
 
 
 def _agree(lower: Lowering, new: InMemory, old: InMemory) -> None:
@@ -195,7 +164,7 @@ def loop(
     last: list[Value] = []
 
     def arrays(values: list[Value]) -> list[Array]:
-        found = _restored(values, first)
+        found = lower.restored(values, first)
         return [replace(a, owned=True) if isinstance(a, InMemory) else a for a in found]
 
     def condition(values: list[Value]) -> Value:
@@ -205,8 +174,7 @@ def loop(
     def body(values: list[Value]) -> list[Value]:
         found = go(arrays(values))
         _settle(lower, first, found)
-        following = _flattened(
-            lower,
+        following = lower.flattened(
             [
                 f if isinstance(f, InMemory) else _like(lower, f, a)
                 for f, a in zip(found, first, strict=True)
@@ -221,7 +189,7 @@ def loop(
 
     if do.width > 1 and not uniform and any(isinstance(a, InMemory) for a in first):
         raise UnsupportedPrimitiveError("loops over large arrays in lanes")
-    return arrays(do.loop(_flattened(lower, first), condition, body))
+    return arrays(do.loop(lower.flattened(first), condition, body))
 
 
 def _like(lower: Lowering, array: Array, other: Array) -> Array:

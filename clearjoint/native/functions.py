@@ -94,12 +94,13 @@ class NativeProgram:
 
     - `inputs`: regions of its arguments, in order, and ``None`` for those that it does not use.
     - `outputs`: regions of its results.
-    - `seconds`: what lowering, writing and compiling took; `text`: in LLVM's language.
+    - `seconds`: processor time of tracing, lowering, writing and compiling.
+    - `text`: the program in LLVM's language.
     """
 
     def __init__(self, closed: core.ClosedJaxpr, tangents: int | None = None):
         """`tangents`: of the arrays that are kept as vectors; found in the jaxpr unless given."""
-        began = time.perf_counter()
+        began = time.thread_time()
         outs = closed.jaxpr.outvars
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
@@ -115,15 +116,15 @@ class NativeProgram:
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(found, outs, strict=True)
         ]
-        straightened = time.perf_counter()
+        straightened = time.thread_time()
         self.text = llvm_text(do, "program")
-        written = time.perf_counter()
+        written = time.thread_time()
         self._code = compiled(self.text, "program")
         self._constants, self._cells = lowering.constants, do.cells
         self.seconds = {
             "lowering": straightened - began,
             "writing": written - straightened,
-            "compiling": time.perf_counter() - written,
+            "compiling": time.thread_time() - written,
         }
 
     def __getstate__(self) -> dict[str, object]:
@@ -309,9 +310,9 @@ class NativeFunction:
             return [leaf for leaf in outs if eqx.is_array(leaf)]
 
         arrays = [leaf for leaf, dynamic in zip(leaves, is_array, strict=True) if dynamic]
-        began = time.perf_counter()
+        began = time.thread_time()
         closed = jax.make_jaxpr(flat)(arrays)
-        traced = time.perf_counter() - began
+        traced = time.thread_time() - began
         program = NativeProgram(closed)
         program.seconds["tracing"] = traced
         return program, Result(jax.tree.unflatten(result[1], result[0]))

@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from .operations import (
     Block,
     Branch,
+    Call,
+    Entry,
     LoadCell,
     Loop,
     Number,
@@ -125,18 +127,24 @@ class _Writer:
         block = self._program.block
         if result is not None:
             self._uses[result] += 1
-        self._mark(block)
-        self._fuse(block)
-        self._write(block)
+        blocks = [*self._program.functions, block]
+        for each in reversed(blocks):  # Functions call those before them.
+            self._mark(each)
+        memory = "ptr noalias nocapture align 64 %memory"
+        for number, each in enumerate(blocks):
+            self._fuse(each)
+            last = each is block
+            head = f"i64 @{name}({memory})" if last else f"internal void @f{number}({memory})"
+            # Without alignment of the stack, vectors that are put there lie across two cache lines.
+            kind = "alignstack(64)" if last else "noinline alignstack(64)"
+            self._lines.append(f"define {head} {kind} {{")
+            self._begin("entry")
+            self._write(each)
+            if not last:
+                self._lines.append("ret void\n}")
         returned = "0" if result is None else self._first_lane(result)
-        declarations = "\n".join(self._declared.values())
-        body = "\n".join(self._lines)
-        # Without alignment of the stack, vectors that are put there lie across two cache lines.
-        return (
-            f"{declarations}\n"
-            f"define i64 @{name}(ptr noalias nocapture align 64 %memory) alignstack(64) {{\n"
-            f"entry:\n{body}\nret i64 {returned}\n}}\n"
-        )
+        self._lines.append(f"ret i64 {returned}\n}}\n")
+        return "\n".join([*self._declared.values(), *self._lines])
 
     def _first_lane(self, value: Value) -> str:
         word = self._word(value)
@@ -157,8 +165,11 @@ class _Writer:
             effect = effect or (needed and not isinstance(entry, Operation | LoadCell))
         return effect
 
-    def _mark_entry(self, entry: Operation | LoadCell | StoreCell | Branch | Loop) -> bool:
+    def _mark_entry(self, entry: Entry) -> bool:
         uses = self._uses
+        if isinstance(entry, Call):
+            self._live.add(id(entry))
+            return True
         if isinstance(entry, StoreCell):
             self._use((entry.value, entry.index))
             self._live.add(id(entry))
@@ -261,6 +272,8 @@ class _Writer:
                 self._write_store(entry)
             elif isinstance(entry, Branch):
                 self._write_branch(entry)
+            elif isinstance(entry, Call):
+                self._lines.append(f"call void @f{entry.function}(ptr %memory)")
             else:
                 self._write_loop(entry)
 

@@ -42,6 +42,12 @@ _CALLS = {
 """Primitives that call a jaxpr, and the parameter which holds it."""
 
 
+SMALLEST_FUNCTION = 1000
+FEWEST_CALLS = 3
+"""Equations of a jaxpr, and calls of it in one place, from which on it becomes a function of
+machine code: LLVM takes more than proportionally long for long blocks."""
+
+
 class UnsupportedPrimitiveError(NotImplementedError):
     """A primitive, or a use of one, that has no rule here, and the line of code it comes from."""
 
@@ -150,6 +156,56 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
     return 0
 
 
+@dataclass
+class RepeatedCall:
+    """Equations of one jaxpr that call another one.
+
+    `same`: which of their arguments are the same for all; `function`: what they call, made for the
+    first of them.
+    """
+
+    same: list[bool]
+    function: "Function | None" = None
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of machine code, and the cells of its arguments and of its results. Results that
+    are the same for all calls are given as they are, without cells."""
+
+    number: int
+    parameters: list[int]
+    results: list[Array]
+    cells: dict[Value, int]
+
+
+def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
+    """Calls of one large jaxpr, by the identities of their equations."""
+    groups: dict[int, list[core.JaxprEqn]] = {}
+    for equation in jaxpr.eqns:
+        if equation.primitive.name in ("jit", "pjit"):
+            groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
+    found: dict[int, RepeatedCall] = {}
+    for equations in groups.values():
+        if len(equations) < FEWEST_CALLS:
+            continue
+        closed = equations[0].params["jaxpr"]
+        avals = [v.aval for v in equations[0].outvars]
+        small = all(getattr(aval, "size", 0) <= LARGEST_TAKEN_APART for aval in avals)
+        if small and count_equations(closed.jaxpr) >= SMALLEST_FUNCTION:
+            columns = zip(*(equation.invars for equation in equations), strict=True)
+            group = RepeatedCall([_is_one(column) for column in columns])
+            found.update((id(equation), group) for equation in equations)
+    return found
+
+
+def _is_one(atoms: Sequence[Atom]) -> bool:
+    first = atoms[0]
+    if not isinstance(first, core.Literal):
+        return all(atom is first for atom in atoms)
+    return all(isinstance(a, core.Literal) and np.array_equal(a.val, first.val) for a in atoms)
+
+
 class Lowering:
     """Adds the equations of jaxprs to operations.
 
@@ -162,6 +218,7 @@ class Lowering:
     def __init__(self, program: Operations, rules: "Mapping[str, EquationRule]"):
         self.do, self._rules = program, rules
         self.constants: dict[int, np.ndarray] = {}
+        self._repeated: dict[int, RepeatedCall] = {}
 
     # Values.
 
@@ -247,6 +304,7 @@ class Lowering:
         self, jaxpr: core.Jaxpr, consts: Sequence[Array], arguments: Sequence[Array]
     ) -> list[Array]:
         """The results of a jaxpr; owned arrays among the arguments may be overwritten."""
+        self._repeated |= repeated_calls(jaxpr)
         known: dict[Atom, Array] = dict(zip(jaxpr.constvars, consts, strict=True))
         known |= dict(zip(jaxpr.invars, arguments, strict=True))
         last: dict[Atom, int] = {}
@@ -307,12 +365,74 @@ class Lowering:
             return arguments  # a barrier of several arrays
         if name in _CALLS:
             closed = parameters[_CALLS[name]]
-            inner = getattr(closed, "jaxpr", closed)
-            return self.run(inner, self.consts(closed), arguments)
+            repeated = self._repeated.get(id(equation))
+            if repeated is not None:
+                return self._call(repeated, closed, arguments)
+            return self.run(getattr(closed, "jaxpr", closed), self.consts(closed), arguments)
         rule = self._rules.get(name)
         if rule is None:
             raise UnsupportedPrimitiveError(name)
         return rule(self, equation, *arguments)
+
+    def _call(
+        self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
+    ) -> list[Array]:
+        """The results of a jaxpr that is one function for several calls."""
+        do, rows = self.do, list(zip(arguments, repeated.same, strict=True))
+        own = [array for array, same in rows if not same]
+        if any(isinstance(array, InMemory) for array in own):
+            return self.run(closed.jaxpr, self.consts(closed), arguments)
+        values = self.flattened(own)
+        if repeated.function is None:
+            kinds = [do.kinds[value] for value in values]
+            parameters = [do.allocate_for(kind) for kind in kinds]
+            results: list[Array] = []
+            cells: dict[Value, int] = {}
+
+            def build() -> None:
+                loaded = [do.load(*row) for row in zip(kinds, parameters, strict=True)]
+                given = iter(self.restored(loaded, own))
+                mixed = [array if same else next(given) for array, same in rows]
+                results[:] = self.run(closed.jaxpr, self.consts(closed), mixed)
+                for value in self.flattened(results):
+                    if value not in cells and do.is_inside(value):
+                        cells[value] = do.pass_on(value)
+
+            number = do.function(build)
+            repeated.function = Function(number, parameters, results, cells)
+        function = repeated.function
+        for value, cell in zip(values, function.parameters, strict=True):
+            do.pass_on(value, cell)
+        do.call(function.number)
+        loaded = {v: do.load(do.kinds[v], cell) for v, cell in function.cells.items()}
+        found = [loaded.get(value, value) for value in self.flattened(function.results)]
+        return self.restored(found, function.results)
+
+    def flattened(self, arrays: Sequence[Array]) -> list[Value]:
+        """The values that arrays outside of memory consist of."""
+        flat: list[Value] = []
+        for array in arrays:
+            if isinstance(array, Packed):
+                flat.append(array.value)
+            elif not isinstance(array, InMemory):
+                flat += self.values(array)
+        return flat
+
+    def restored(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
+        """Arrays of the form of others, with other values."""
+        remaining = iter(values)
+        found: list[Array] = []
+        for array in like:
+            if isinstance(array, InMemory):
+                found.append(array)
+            elif isinstance(array, Packed):
+                found.append(Packed(next(remaining)))
+            elif isinstance(array, int):
+                found.append(next(remaining))
+            else:
+                own = [next(remaining) for _ in range(array.size)]
+                found.append(np.array(own, dtype=np.int64).reshape(array.shape))
+        return found
 
     def consts(self, closed: core.ClosedJaxpr) -> list[Array]:
         """The constants of a jaxpr."""

@@ -75,7 +75,14 @@ class Loop:
     following: list[Value]
 
 
-Entry = Operation | LoadCell | StoreCell | Branch | Loop
+@dataclass
+class Call:
+    """Carry out a function of the program, which reads and writes memory."""
+
+    function: int
+
+
+Entry = Operation | LoadCell | StoreCell | Branch | Loop | Call
 
 
 @dataclass
@@ -143,6 +150,9 @@ class Operations:
         self.constants: dict[Value, Number] = {}
         self.cells = 0
         self.block = Block()
+        self.functions: list[Block] = []
+        self._outside: list[tuple[Block, int]] = []
+        self._depths: dict[Value, int] = {}
         self._known: dict[tuple, Value] = {}
         self._scopes: list[list[tuple]] = [[]]
         self._made: dict[Value, tuple[str, tuple[Value, ...]]] = {}
@@ -151,8 +161,15 @@ class Operations:
 
     def new(self, kind: str) -> Value:
         """A value that something else than a pure operation computes."""
+        return self._new(kind, len(self._outside))
+
+    def _new(self, kind: str, depth: int) -> Value:
+        """A value that is computed in so many functions, one inside the other."""
         self.kinds.append(kind)
-        return len(self.kinds) - 1
+        value = len(self.kinds) - 1
+        if depth:
+            self._depths[value] = depth
+        return value
 
     def constant(self, kind: str, number: Number) -> Value:
         """The value of a known number."""
@@ -164,7 +181,7 @@ class Operations:
             key = ("constant", kind, number)
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = self.new(kind)  # of all scopes
+            found = self._known[key] = self._new(kind, 0)  # of all scopes
             self.constants[found] = number
         return found
 
@@ -197,12 +214,17 @@ class Operations:
         key = (name, kind, *arguments)
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = self.new(kind)
-            self._scopes[-1].append(key)
+            block, scope, depth = self.block, -1, len(self._outside)
+            if depth:
+                depth = max(self._depths.get(value, 0) for value in arguments)
+                if depth < len(self._outside):
+                    block, scope = self._outside[depth]
+            found = self._known[key] = self._new(kind, depth)
+            self._scopes[scope].append(key)
             self._made[found] = name, arguments
             if self.width > 1 and all(map(self.is_uniform, arguments)):
                 self._uniform.add(found)
-            self.block.entries.append(Operation(found, name, arguments))
+            block.entries.append(Operation(found, name, arguments))
         return found
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
@@ -360,6 +382,55 @@ class Operations:
         known = None if index is None else self.constants.get(index)
         return (start, index) if known is None else (start + int(known), None)
 
+    # Functions, whose arguments and results are in memory.
+
+    def function(self, build: Callable[[], None]) -> int:
+        """The number of a function, to be called in this block and in those inside.
+
+        It finds values from outside in memory. Operations on them alone are carried out outside,
+        once for all calls.
+        """
+        inner, depth = Block(), len(self._outside)
+        self._outside.append((self.block, len(self._scopes) - 1))
+        with self.inside(inner), self._unmasked():
+            build()
+        self._outside.pop()
+        given: list[Entry] = []
+        for value in _used(inner):
+            if value not in self.constants and self._depths.get(value, 0) <= depth:
+                given.append(LoadCell(value, self.pass_on(value), None))
+        inner.entries[:0] = given
+        self.functions.append(inner)
+        return len(self.functions) - 1
+
+    def is_inside(self, value: Value) -> bool:
+        """Whether a value is computed in the innermost function."""
+        return self._depths.get(value, 0) == len(self._outside)
+
+    def call(self, function: int) -> None:
+        """Carry out a function."""
+        self.block.entries.append(Call(function))
+
+    def pass_on(self, value: Value, cell: int | None = None) -> int:
+        """The first cell of a value that is written to memory in all lanes; a new one unless
+        given."""
+        if cell is None:
+            cell = self.allocate_for(self.kinds[value])
+        self.block.entries.append(StoreCell(value, cell, None))
+        return cell
+
+    def allocate_for(self, kind: str) -> int:
+        """The first of new cells for a value of a kind."""
+        return self.allocate(self.packed if kind.endswith("p") else 1)
+
+    @contextmanager
+    def _unmasked(self) -> Iterator[None]:
+        outer, self._mask = self._mask, None
+        try:
+            yield
+        finally:
+            self._mask = outer
+
     def branch(
         self,
         condition: Value,
@@ -406,3 +477,26 @@ class Operations:
 
         zero, end = self.constant("i", 0), self.constant("i", count)
         self.loop([zero], holds, body)
+
+
+def _used(block: Block) -> list[Value]:
+    """The values that a block takes as arguments, those made in it among them."""
+    found: dict[Value, None] = {}
+
+    def add(*values: Value | None) -> None:
+        found.update((value, None) for value in values if value is not None)
+
+    for entry in block.entries:
+        if isinstance(entry, Operation):
+            add(*entry.arguments)
+        elif isinstance(entry, LoadCell):
+            add(entry.index)
+        elif isinstance(entry, StoreCell):
+            add(entry.value, entry.index)
+        elif isinstance(entry, Branch):
+            inside = _used(entry.yes), _used(entry.no)
+            add(entry.condition, *entry.yes_values, *entry.no_values, *inside[0], *inside[1])
+        elif isinstance(entry, Loop):
+            inside = _used(entry.head), _used(entry.body)
+            add(entry.condition, *entry.first, *entry.following, *inside[0], *inside[1])
+    return list(found)

@@ -1,0 +1,117 @@
+"""Jaxprs that are called several times, as functions of machine code."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+
+from clearjoint.native import lowering
+from clearjoint.native.functions import NativeProgram, cells_of
+from clearjoint.native.lanes import WIDTH, LaneLoop
+
+RNG = np.random.default_rng(5)
+TABLE = jnp.asarray(RNG.normal(size=100))
+START = tuple(jnp.array([1.3, 0.2, -0.1]))
+
+
+@jax.jit
+def inner(x, k):
+    return x * jnp.sin(k) + jnp.cos(k) * x**2
+
+
+@jax.jit
+def rates(x, v, k, scale):
+    """Invariant arithmetic, a branch, a table in memory, and calls of another function."""
+    stiff = jnp.sqrt(k * k + 2.0) * scale
+    force = lax.cond(x > 0.0, lambda: -stiff * x * x - v / (1.0 + k), lambda: jnp.sin(v) * k)
+    for _ in range(3):
+        force = inner(force, k)
+    read = TABLE[jnp.clip(jnp.floor(x * 10.0).astype(int), 0, 99)]
+    return v, 0.1 * force + read, scale * k, k
+
+
+def step(k, x, v):
+    h, scale, stages = 0.01, 2.0 * k, []
+    for weight in (0.0, 0.3, 0.5, 1.0):
+        last = stages[-1] if stages else (0.0, 0.0)
+        stages.append(rates(x + weight * h * last[0], v + weight * h * last[1], k, scale)[:2])
+    same = rates(x, v, k, scale)[2]
+    x, v = (y + h * sum(s[j] for s in stages) for j, y in enumerate((x, v)))
+    return x, v + 1e-3 * same
+
+
+def run(k, x, v):
+    return lax.while_loop(lambda c: c[0] < 50, lambda c: (c[0] + 1, *step(k, *c[1:])), (0, x, v))
+
+
+def derivatives(k, x, v):
+    basis = jnp.eye(3)
+    return jax.vmap(lambda d: jax.jvp(step, (k, x, v), tuple(d)))(basis)
+
+
+@pytest.fixture(params=["functions", "written out"])
+def way(request, monkeypatch):
+    size = 1 if request.param == "functions" else 10**9
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
+    return request.param
+
+
+def program(function, *arguments, tangents=None):
+    return NativeProgram(jax.make_jaxpr(function)(*arguments), tangents)
+
+
+@pytest.mark.parametrize(("function", "tangents"), [(run, 0), (derivatives, 3)])
+def test_functions_have_the_bits_of_what_is_written_out(function, tangents, monkeypatch):
+    arguments = START
+    found = {}
+    for size in (1, 10**9):
+        monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
+        made = program(function, *arguments, tangents=tangents)
+        found[size] = made(arguments)
+        assert ("call void @f" in made.text) == (size == 1)
+    for one, other in zip(found[1], found[10**9], strict=True):
+        np.testing.assert_array_equal(one, other)
+    expected = jax.tree.leaves(jax.jit(function)(*arguments))
+    for one, other in zip(found[1], expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
+
+
+def test_what_no_call_changes_is_computed_once(monkeypatch):
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    text = program(run, *START).text
+    assert text.count("call void @f") == 5 + 3  # Calls of `rates`, and in it of `inner`.
+    functions, outside = text.split("define i64 @program")
+    assert outside.count("@llvm.sqrt") == 1
+    assert "@llvm.sqrt.f64(double %" not in functions
+
+
+def test_lanes_that_leave_a_branch_keep_what_functions_gave(way):
+    def turn(shared, own, state):
+        k, (count, x, v) = own, state
+        x, v = lax.cond(x < 0.4, lambda: step(k, x, v), lambda: (x - 0.3, v))
+        return count + 1, x, v
+
+    def status(shared, own, state):
+        return {"goes": state[0] < own * 30}
+
+    own, state = START[0], (jnp.asarray(0), *START[1:])
+    loop = LaneLoop(turn, status, (), own, state)
+    assert ("call void @f" in loop.text) == (way == "functions")
+    stiffness = 1.0 + RNG.random(WIDTH)
+
+    def ends(lanes):
+        columns = loop.columns(())
+        for lane in lanes:
+            given = np.asarray(stiffness[lane])
+            loop.put(columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state))))
+        loop.run(columns, 20)
+        return {lane: loop.state_of(columns, lane) for lane in lanes}
+
+    together = ends(range(WIDTH))
+    for lane in (0, 3, WIDTH - 1):
+        np.testing.assert_array_equal(ends([lane])[lane], together[lane])
+    now = state
+    for _ in range(20):
+        now = turn((), jnp.asarray(stiffness[3]), now)
+    np.testing.assert_allclose(together[3][1:], [float(y) for y in now[1:]], rtol=1e-12)

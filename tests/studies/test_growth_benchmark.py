@@ -1,0 +1,17 @@
+"""The benchmark of growth times first answers in fresh processes, by their parts."""
+
+import json
+
+from studies.benchmark.growth import PARTS, main
+
+
+def test_quick_benchmark_of_growth(tmp_path, capsys):
+    main(["--quick", "--output", str(tmp_path)])
+    rows = json.loads((tmp_path / "growth.json").read_text())["rows"]
+    found = [(row["of"], row["number"], row["compiler"]) for row in rows]
+    assert found == [("ideal joints", 1, "native"), ("ideal joints", 2, "native")]
+    for row in rows:
+        assert all(row[part] > 0.0 for part in PARTS)
+    assert (tmp_path / "growth.png").stat().st_size > 5_000
+    table = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert len(table) == 2 + len(rows)
