@@ -1,5 +1,6 @@
 """Scenes with every law, friction, film, play, joint, drive and mechanism of the catalogue."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -44,6 +45,13 @@ def rubbing(friction: Any) -> tuple[cj.Scene, cj.State]:
     return cj.rotor_in_bearing(friction=friction, speed=5.0)
 
 
+def with_everything() -> tuple[cj.Scene, cj.State]:
+    """A rotor in a bearing with a film, line contact and bristles."""
+    law = _cylinders()["JohnsonCylinder"]
+    film, (friction, _) = cj.CaponeFilm(films.VISCOSITY), frictions.BRISTLES["LuGre"]
+    return cj.rotor_in_bearing(film=film, offset=(0.2, -0.9), law=law, friction=friction)
+
+
 def in_slot() -> tuple[cj.Scene, cj.State]:
     """A pin that flies from wall to wall."""
     joint = cj.PinInSlot("ground", "b", play=1e-3, pin_radius=5e-3, law=cj.Hertz(1e9))
@@ -53,7 +61,9 @@ def in_slot() -> tuple[cj.Scene, cj.State]:
 
 def _laws() -> dict[str, cj.AbstractContactLaw]:
     found = {name: make(0.5) for name, (_, make) in laws.BY_INTEGRATION.items()}
-    found |= {law.__name__: law(0.9, laws.STIFFNESS) for law in laws.TABLES}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cj.LawRangeWarning)
+        found |= {law.__name__: law(0.9, laws.STIFFNESS) for law in laws.TABLES}
     return {"Hertz": cj.Hertz(laws.STIFFNESS), **found}
 
 
@@ -84,6 +94,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         found[f"film {kind.__name__}"] = CatalogueScene(
             lambda film=film: cj.rotor_in_bearing(film=film, offset=(0.3, -0.6)), 0.01
         )
+    found["rotor with film, line contact and bristles"] = CatalogueScene(with_everything, 2e-3)
     for name, target in TARGETS.items():
         found[f"joints, {name}"] = CatalogueScene(lambda target=target: machines(target), 0.03)
     torque = cj.PiecewiseConstant([0.0, 1e-3, 2e-3], [2.0, -1.0, 0.0])
