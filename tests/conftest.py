@@ -46,33 +46,19 @@ LONGEST = (
 """Files of tests that take longest: begun first, they leave no worker waiting."""
 
 
-def compile_quickly(quickly: bool) -> None:
-    """Whether JAX compiles, here and in processes begun here, without most optimisations: half the
-    time of compiling, and runs that take twice as long."""
-    if quickly != jax.config.read("jax_disable_most_optimizations"):
-        jax.config.update("jax_disable_most_optimizations", quickly)
-        jax.clear_caches()
-    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = str(int(quickly))
+def pytest_configure(config: pytest.Config) -> None:
+    """Have XLA leave out most optimisations in fast tests, here and in processes begun here: what
+    it still compiles, derivatives of a user's own and single functions, takes half the time so.
+    Runs, sweeps and `sensitivities` are native code, which is always what users have."""
+    if config.getoption("markexpr") == "not slow":
+        jax.config.update("jax_disable_most_optimizations", True)
+        os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files marked `optimised` first, since what is compiled is forgotten after them, and then
-    the longest."""
+    """Put the longest files first."""
     ranks = {f"test_{name}.py": rank for rank, name in enumerate(LONGEST)}
-
-    def rank(item: pytest.Item) -> tuple[bool, int]:
-        marked = item.get_closest_marker("optimised") is not None
-        return not marked, ranks.get(item.path.name, len(ranks))
-
-    items.sort(key=rank)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Slow tests run long, and files marked `optimised` are about what compiling makes: they have
-    the programs that users have. All others compile quickly. Fixtures come after this."""
-    fast = item.config.getoption("markexpr") == "not slow"
-    compile_quickly(fast and item.get_closest_marker("optimised") is None)
+    items.sort(key=lambda item: ranks.get(item.path.name, len(ranks)))
 
 
 @pytest.fixture(scope="session")

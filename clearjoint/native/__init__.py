@@ -6,10 +6,24 @@ for each primitive (`.elementwise`, `.elementary`, `.primitives`); `.llvm_text` 
 LLVM's language, and `.machine_code` compiles them. `.lanes` runs eight lanes of a sweep side by
 side.
 
-Compiled here: `simulate` outside of transformations, with all explicit solvers, controllers, both
-coordinates, records, sections and impacts; `sensitivities`, fits and horizons; lanes of sweeps.
-Compiled by XLA: all of these inside of `jax.jit`, `jax.vmap` or `jax.grad`, on accelerators, and
-with implicit solvers, which need linear algebra; `simulate_nonsmooth` and `observe`.
+What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps and derivatives:
+
+| call | compiled by |
+|---|---|
+| `simulate` with joint or absolute coordinates, any stabilisation, a ledger | LLVM |
+| `simulate` with states, steps, impacts and sections saved | LLVM |
+| `simulate` with an explicit solver, or a controller of diffrax | LLVM |
+| `simulate` with an implicit solver | XLA |
+| `sweep` | LLVM |
+| `sensitivities` | LLVM |
+| `simulate_nonsmooth` | XLA |
+| `observe` | XLA |
+| `free_impact` | XLA |
+| calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
+
+Before and after runs XLA compiles two single functions: the check of the constraints of lanes, and
+the contacts at saved steps. On accelerators it compiles everything, and on CPUs, with a warning,
+what has a primitive of JAX without a rule here.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

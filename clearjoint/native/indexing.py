@@ -217,8 +217,10 @@ def _scattered(
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
     do, kind, values = lower.do, kind_of(aval_of(equation.outvars[0])), lower.values(array)
     strides, starts, news = _strides(shape), lower.values(indices), lower.values(updates)
+    clips = "CLIP" in str(equation.params["mode"])
     windows = list(numbers.update_window_dims)
     kept = [k for k in range(len(shape)) if k not in numbers.inserted_window_dims]
+    sizes = {axis: update_shape[k] for k, axis in zip(windows, kept, strict=True)}
     batches = [k for k in range(len(update_shape)) if k not in windows]
     batch_shape = [update_shape[k] for k in batches]
     for new, place in zip(news, np.ndindex(*update_shape), strict=True):
@@ -228,11 +230,12 @@ def _scattered(
         offsets |= {axis: place[k] for k, axis in zip(windows, kept, strict=True)}
         own, fits = do.constant("i", 0), do.constant("b", True)
         for j, axis in enumerate(numbers.scatter_dims_to_operand_dims):
-            start = _whole(lower, starts[row * depth + j])
+            # As a whole, a window lies inside or is dropped, unless it is to be moved inside.
+            given = _whole(lower, starts[row * depth + j])
+            start = _clamped(lower, given, shape[axis] - sizes.get(axis, 1))
+            if not clips:
+                fits = do.do("and", "b", fits, do.do("ieq", "b", start, given))
             start = do.do("add", "i", start, do.constant("i", offsets.pop(axis)))
-            inside = do.do("ige", "b", start, do.constant("i", 0))
-            below = do.do("ilt", "b", start, do.constant("i", shape[axis]))
-            fits = do.do("and", "b", fits, do.do("and", "b", inside, below))
             step = do.do("mul", "i", start, do.constant("i", strides[axis]))
             own = do.do("add", "i", own, step)
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
@@ -255,5 +258,7 @@ RULES: dict[str, EquationRule] = {
     "scatter": partial(_scattered, name=""),
     "scatter-add": partial(_scattered, name="add"),
     "scatter-mul": partial(_scattered, name="mul"),
+    "scatter-min": partial(_scattered, name="min"),
+    "scatter-max": partial(_scattered, name="max"),
 }
 """Rules by the names of primitives."""

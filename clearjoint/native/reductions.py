@@ -83,20 +83,25 @@ def _scan_memory(
 
 def _cumulated(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
     aval, kind = aval_of(equation.invars[0]), kind_of(aval_of(equation.invars[0]))
-    if len(aval.shape) != 1 or equation.params["reverse"]:
-        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
+    axis, reverse = equation.params["axis"], equation.params["reverse"]
 
     def join(a: Value, b: Value) -> Value:
         return ELEMENTWISE[name](lower.do, kind, {}, a, b)
 
     if isinstance(array, InMemory):
+        if len(aval.shape) != 1 or reverse:
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
         out = InMemory(lower.do.allocate(array.size), array.shape, kind, True)
         _scan_memory(lower, array, join, out)
         return [out]
-    values = lower.values(array)
-    for k in range(1, len(values)):
-        values[k] = join(values[k - 1], values[k])
-    return [lower.array(values, tuple(aval.shape))]
+    values = np.array(lower.values(array), dtype=np.int64).reshape(aval.shape)
+    rows = np.moveaxis(values, axis, 0)
+    rows = rows[::-1] if reverse else rows
+    for k in range(1, len(rows)):
+        for place in np.ndindex(*rows.shape[1:]):
+            before, here = rows[(k - 1, *place)], rows[(k, *place)]
+            rows[(k, *place)] = join(int(before), int(here))
+    return [lower.array(values.ravel().tolist(), tuple(aval.shape))]
 
 
 def _extreme_place(

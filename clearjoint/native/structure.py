@@ -125,15 +125,17 @@ def _stack(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Arr
 
 
 def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array) -> list[Array]:
-    aval, widths = aval_of(equation.invars[0]), equation.params["padding_config"]
-    if any(low < 0 or high < 0 or inside for low, high, inside in widths):
-        raise UnsupportedPrimitiveError("pad with negative or inner padding")
+    aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     size = int(np.prod(aval.shape, dtype=int))
-    places = np.pad(
-        np.arange(size).reshape(aval.shape),
-        [(low, high) for low, high, _ in widths],
-        constant_values=size,
-    )
+    places = np.full(out.shape, size)
+    targets, sources = [], []
+    rows = zip(equation.params["padding_config"], aval.shape, out.shape, strict=True)
+    for (low, _, inside), length, padded in rows:
+        target = low + np.arange(length) * (inside + 1)
+        source = np.flatnonzero((target >= 0) & (target < padded))
+        targets.append(target[source])
+        sources.append(source)
+    places[np.ix_(*targets)] = np.arange(size).reshape(aval.shape)[np.ix_(*sources)]
     if places.size > LARGEST_TAKEN_APART:
         raise UnsupportedPrimitiveError("pad of large arrays")
     values = [*lower.values(array), *lower.values(padding)]
@@ -143,12 +145,9 @@ def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array)
 def _split(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     sizes, axis = equation.params["sizes"], equation.params["axis"]
     aval = aval_of(equation.invars[0])
-    places = np.arange(int(np.prod(aval.shape, dtype=int))).reshape(aval.shape)
+    places = np.arange(aval.size).reshape(aval.shape)
     parts = np.split(places, np.cumsum(sizes)[:-1], axis)
-    if isinstance(array, InMemory):
-        raise UnsupportedPrimitiveError("split of large arrays")
-    values = lower.values(array)
-    return [lower.array([values[k] for k in p.ravel()], p.shape) for p in parts]
+    return [lower.at_places(array, part) for part in parts]
 
 
 def _unstack(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:

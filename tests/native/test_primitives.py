@@ -47,6 +47,9 @@ UNARY: dict[str, Callable] = {
         "cbrt",
         "logistic",
         "erf",
+        "asinh",
+        "acosh",
+        "atanh",
         "stop_gradient",
     ]
 } | {
@@ -54,7 +57,12 @@ UNARY: dict[str, Callable] = {
     "round_away": lax.round,
     "fifth": lambda x: lax.integer_pow(x, 5),
     "inverse_square": lambda x: lax.integer_pow(x, -2),
+    "erfc": lambda x: lax.erfc(lax.clamp(-1.0, x, 1.0)),
     "to_bool": lambda x: x.astype(bool),
+    "to_int": lambda x: x.astype(int),
+    "to_short": lambda x: x.astype(jnp.int32),
+    "copy": jnp.copy,
+    "barrier": lax.optimization_barrier,
     "not": lambda x: ~(x > 0.0),
     "clamp": lambda x: lax.clamp(-0.5, x, 0.7),
 }
@@ -83,6 +91,10 @@ BINARY: dict[str, Callable] = {
     "and": lambda a, b: (a > 0.0) & (b > 0.0),
     "or": lambda a, b: (a > 0.0) | (b > 0.0),
     "xor": lambda a, b: (a > 0.0) ^ (b > 0.0),
+    "to an integer": lambda a, b: lax.pow(a, jnp.int32(3)),
+    "sorted before": lambda a, b: lax.lt_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
+    "not sorted behind": lambda a, b: lax.le_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
+    "sorted alike": lambda a, b: lax.eq_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
     "compare bools": lambda a, b: (a > 0.0) < (b > 0.0),
 }
 WHOLE: dict[str, Callable] = {
@@ -92,7 +104,27 @@ WHOLE: dict[str, Callable] = {
     "div": lambda a, b: lax.div(a, b),
     "rem": lambda a, b: lax.rem(a, b),
     "max": lax.max,
+    "min": lax.min,
     "lt": lax.lt,
+    "le": lax.le,
+    "eq": lax.eq,
+    "ne": lax.ne,
+    "ge": lax.ge,
+    "and": lax.bitwise_and,
+    "or": lax.bitwise_or,
+    "xor": lax.bitwise_xor,
+    "not": lambda a, b: ~a,
+    "neg": lambda a, b: -a,
+    "clamp": lambda a, b: lax.clamp(-2, a, 5),
+    "cube": lambda a, b: lax.integer_pow(a, 3),
+    "chosen": lambda a, b: lax.select_n((abs(b) % 3).astype(jnp.int32), a, b, -a),
+    "bools added": lambda a, b: lax.max(a > 0, b > 0).astype(int) + lax.min(a > 0, b > 0),
+    "bools compared": lambda a, b: ((a > 0) >= (b > 0)) & ((a < 3) == (b < 3)),
+    "unsigned difference": lambda a, b: a.astype(jnp.uint32) - b.astype(jnp.uint32),
+    "unsigned order": lambda a, b: a.astype(jnp.uint32) < b.astype(jnp.uint32),
+    "unsigned as float": lambda a, b: a.astype(jnp.uint32).astype(float),
+    "short, cut": lambda a, b: (a * 2**31).astype(jnp.int32),
+    "short products": lambda a, b: a.astype(jnp.int32) * (b * 2**28).astype(jnp.int32),
     "abs": lambda a, b: abs(a),
     "sign": lambda a, b: lax.sign(a),
     "float": lambda a, b: a.astype(float) / 3.0,
@@ -148,6 +180,9 @@ def with_numpy(expected, a, b):
     """NumPy's values where XLA's are off by several units in the last place."""
     return {
         **expected,
+        "atanh": np.arctanh(a),
+        "asinh": np.arcsinh(a),
+        "acosh": np.arccosh(a),
         "cbrt": np.cbrt(a),
         "exp": np.exp(a),
         "log1p": np.log1p(a),
@@ -216,6 +251,27 @@ def structural(x, y, table, k):
         "any": (x > 0.0).any(),
         "where": jnp.argmax(x),
         "cumulated": jnp.cumsum(x),
+        "cumulated products": jnp.cumprod(x),
+        "largest so far": lax.cummax(x),
+        "smallest so far": lax.cummin(jnp.outer(x, y), axis=1),
+        "backwards": lax.cumsum(jnp.outer(x, y), reverse=True),
+        "product": x.prod(),
+        "smallest": jnp.outer(x, y).min(axis=1),
+        "all": (x > -9.0).all(),
+        "smallest's place": jnp.argmin(jnp.outer(x, y), axis=0),
+        "padded within": lax.pad(x, 7.0, [(1, -1, 2)]),
+        "cut": lax.pad(jnp.outer(x, y), 0.0, [(-1, 1, 0), (2, -2, 0)]),
+        "split": jnp.split(jnp.outer(x, y), [1], axis=1)[1],
+        "rows of a table": jnp.split(table, [7, 70])[1],
+        "columns of a table": jnp.split(table, [1], axis=1)[1],
+        "unstacked": jnp.unstack(table, axis=1)[1],
+        "table turned": table.T,
+        "batches": jnp.einsum("ij,kjl->ikl", jnp.outer(x, y), jnp.ones((2, 3, 2))),
+        "repeated": jnp.expand_dims(x, (0, 2)) + jnp.zeros((2, 3, 2)),
+        "small part": lax.dynamic_slice(x, (k + 1,), (2,)),
+        "small part written": lax.dynamic_update_slice(x, y[:2], (k + 1,)),
+        "row from behind": lax.dynamic_index_in_dim(table, -1 - k, 0, keepdims=False),
+        "at, clipped": x.at[jnp.array([7 + k, -9])].get(mode="clip"),
         "set": x.at[1].set(7.0),
         "added": x.at[jnp.array([0, 2])].add(y[:2]),
         "at": x[k],
@@ -242,6 +298,29 @@ def test_structure():
     for k in (0, 2):
         expected = jax.jit(structural)(x, 10.0 * abs(y), table, k)
         assert_same(NativeFunction(structural)(x, 10.0 * abs(y), table, k), expected, ulp=64)
+
+
+@pytest.mark.parametrize("mode", ["clip", "fill"])
+def test_scatters_outside(mode):
+    """Windows that lie outside in part are dropped as a whole, or moved inside."""
+    numbers = lax.ScatterDimensionNumbers((0,), (), (0,))
+
+    def scattered(x, k):
+        at, window = x.at[k], jnp.array([7.0, 8.0])
+        own = lax.GatherScatterMode.from_any(mode)
+        return {
+            "set": at.set(9.0, mode=mode),
+            "added": at.add(jnp.array([1.0, 2.0, 4.0]), mode=mode),
+            "multiplied": at.multiply(3.0, mode=mode),
+            "smallest": at.min(0.5, mode=mode),
+            "largest": at.max(2.5, mode=mode),
+            "window": lax.scatter(x, k[:1], window, numbers, mode=own),
+            "column": jnp.outer(x, x).at[:, k[0]].set(1.0, mode=mode),
+        }
+
+    for k in ([0, 2, 2], [4, 1, -1], [-1, 9, -9], [9, 0, 4]):
+        x, places = np.arange(5.0), np.array(k)
+        assert_same(NativeFunction(scattered)(x, places), jax.jit(scattered)(x, places))
 
 
 def control(x, n, rows):

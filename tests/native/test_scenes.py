@@ -1,5 +1,6 @@
 """Runs in native code against the same runs compiled by XLA."""
 
+import re
 import warnings
 
 import diffrax
@@ -9,25 +10,14 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import extend
+from clearjoint import extend, native
+from clearjoint.compilation import Compiled
 from clearjoint.native import NativeFallbackWarning
 from clearjoint.native.compiled import SWITCH, _reported
 
 SPRING = cj.SpringDamper("ground", "mass", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-FINE = cj.Settings(rtol=1e-10)
+SPEED = cj.quantities.Velocity("mass", "x")
 STATE = cj.State({"mass": cj.body_state((0.1, 0.0, 0.0))})
-MECHANISMS = {
-    "double pendulum": lambda: cj.double_pendulum(),
-    "with friction that sticks": lambda: cj.double_pendulum(friction=cj.LuGre(0.2, 0.1, 0.01)),
-    "slider-crank": lambda: cj.slider_crank(0.1e-3),
-    "four-bar": lambda: cj.four_bar(
-        {"crank pin": 0.1e-3, "rocker foot": 0.2e-3},
-        speed=10.0,
-        friction=cj.RegularisedCoulomb(0.1),
-    ),
-    "rotor": lambda: cj.rotor_in_bearing(),
-    "gear pair": lambda: cj.gear_pair(),
-}
 
 
 def mass_on(*forces: cj.AbstractForce) -> cj.Scene:
@@ -59,20 +49,97 @@ def test_a_spring_moves_as_by_xla(monkeypatch):
             assert_close(one, other, 1e-10)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MECHANISMS)
-def test_mechanisms_move_as_by_xla(name, monkeypatch):
-    """Up to 20 ms, before chaos makes differences of roundings grow."""
-    scene, state = MECHANISMS[name]()
-    save = cj.Saving(np.linspace(0.0, 0.02, 5), impacts=True)
-    native, xla = both(
-        monkeypatch, lambda: cj.simulate(scene, state, 0.02, FINE, save=save, progress=False)
-    )
-    ours, theirs = native.saved.states.bodies, xla.saved.states.bodies
-    for body in ours:
-        assert_close(ours[body].position, theirs[body].position, 1e-9)
-        assert_close(ours[body].velocity, theirs[body].velocity, 1e-5)
-    assert_close(native.impacts.onset, xla.impacts.onset, 1e-8)
+def runs(*settings: cj.Settings, save: cj.Saving | None = None):
+    """A call that runs the spring with each of some settings."""
+
+    def call():
+        for own in settings:
+            cj.simulate(mass_on(SPRING), STATE, 0.01, own, save, progress=False)
+
+    return call
+
+
+def observe():
+    scene = mass_on(SPRING)
+    times = cj.Saving(np.linspace(0.0, 0.01, 3))
+    run = cj.simulate(scene, STATE, 0.01, save=times, progress=False)
+    return lambda: cj.observe(scene, run)
+
+
+def swept():
+    axis = cj.Axis(lambda scene: scene.forces["force 0"].stiffness, [100.0, 200.0])
+    cj.sweep(mass_on(SPRING), STATE, 0.01, {"stiffness": axis}, progress=False)
+
+
+def differentiated():
+    stiffness = {"k": cj.Parameter(lambda scene: scene.forces["force 0"].stiffness, cj.Log())}
+    x = {"x": cj.quantities.Position("mass", "x")}
+    cj.sensitivities(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01], progress=False)
+
+
+def inside_of_jit():
+    def end(stiffness):
+        scene = cj.put(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
+        run = cj.simulate(scene, STATE, 0.01, throw=False, progress=False)
+        return run.final.bodies["mass"].position
+
+    return jax.jit(end)(100.0)
+
+
+EXPLICIT = [diffrax.Heun(), diffrax.Bosh3(), diffrax.Dopri5(), diffrax.Dopri8()]
+CALLS = {
+    "`simulate` with joint or absolute coordinates, any stabilisation, a ledger": runs(
+        cj.Settings(),
+        cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=cj.Projection()),
+        cj.Settings(stabilisation=cj.Unstabilised(), ledger=True),
+    ),
+    "`simulate` with states, steps, impacts and sections saved": runs(
+        cj.Settings(),
+        save=cj.Saving(
+            [0.0, 0.005],
+            steps=True,
+            impacts=True,
+            sections={"zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2)},
+        ),
+    ),
+    "`simulate` with an explicit solver, or a controller of diffrax": runs(
+        *(cj.Settings(solver=solver) for solver in EXPLICIT),
+        cj.Settings(controller=diffrax.PIDController(1e-6, 1e-9)),
+        cj.Settings(controller=diffrax.ConstantStepSize(), first_step=1e-3),
+    ),
+    "`simulate` with an implicit solver": runs(cj.Settings(solver=diffrax.Kvaerno5(), atol=1e-9)),
+    "`sweep`": swept,
+    "`sensitivities`": differentiated,
+    "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
+        *cj.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
+    ),
+    "`observe`": lambda: observe()(),
+    "`free_impact`": lambda: cj.free_impact(cj.Hertz(1e6), 1.0, 0.1),
+    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
+}
+BESIDE = {"_constraints_together", "contact_histories"}
+"""What XLA compiles before and after runs."""
+TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", native.__doc__, re.MULTILINE))
+
+
+def test_the_table_of_what_is_compiled_here_is_complete():
+    assert list(TABLE) == list(CALLS)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
+    by_xla = []
+
+    def recorded(self, *arguments, called=Compiled.__call__, **options):
+        by_xla.append(self.__wrapped__.__qualname__)
+        return called(self, *arguments, **options)
+
+    _reported.clear()
+    monkeypatch.setattr(Compiled, "__call__", recorded)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NativeFallbackWarning)
+        CALLS[name]()
+    assert bool(set(by_xla) - BESIDE) == (TABLE[name] == "XLA"), by_xla
 
 
 @pytest.mark.slow

@@ -7,8 +7,6 @@ import pytest
 import clearjoint as cj
 from tests.support.reference import CASES, Case
 
-pytestmark = pytest.mark.optimised
-
 COLUMNS = {
     "onset": "t_on",
     "entry_speed": "v_minus",

@@ -8,8 +8,6 @@ import clearjoint as cj
 from clearjoint.simulation.batch import xla_lanes
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
-pytestmark = pytest.mark.optimised
-
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
 FREQUENCY = np.sqrt(STIFFNESS / INERTIA)
 AMPLITUDE = SPEED / FREQUENCY

@@ -1,0 +1,101 @@
+"""Every scene of the catalogue in native code: runs beside XLA's, lanes, and derivatives."""
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.native import NativeFallbackWarning
+from clearjoint.native.compiled import SWITCH
+from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
+
+SCENES = catalogue_scenes()
+REPRESENTATIVE = (
+    "law LankaraniNikravesh",
+    "rotor with film, line contact and bristles",
+    "mechanism slider_crank under a torque that is switched",
+)
+"""Each family of elements, in few programs."""
+FINE = cj.Settings(rtol=1e-12)
+CLOSE = 1e-9
+DERIVATIVES = cj.Settings(rtol=1e-10, landing_tolerance=1e-13)
+STEP = 1e-4
+"""Of the logarithm of a mass, in differences."""
+
+
+@pytest.fixture(autouse=True)
+def without_fallback():
+    """XLA takes part where a test switches to it, and nowhere else."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", NativeFallbackWarning)
+        warnings.simplefilter("ignore", cj.LawRangeWarning)
+        yield
+
+
+def some(names: Any) -> Any:
+    return pytest.mark.parametrize(
+        "name",
+        [
+            name if name in REPRESENTATIVE else pytest.param(name, marks=pytest.mark.slow)
+            for name in names
+        ],
+    )
+
+
+def run(scene: CatalogueScene) -> cj.Solution:
+    save = cj.Saving(np.linspace(0.0, scene.end, 5), impacts=True)
+    return cj.simulate(*scene.make(), scene.end, FINE, save, progress=False)
+
+
+def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> None:
+    one, other = np.asarray(one), np.asarray(other)
+    assert one.shape == other.shape, name
+    scale = np.abs(other).max(initial=0.0)
+    np.testing.assert_allclose(one, other, rtol=0.0, atol=relative * scale, err_msg=name)
+
+
+@some(SCENES)
+def test_a_run_is_the_one_that_xla_compiles(name, monkeypatch):
+    """States to 1e-9 of the scene's largest length and speed, before chaos makes differences of
+    roundings grow."""
+    native = run(SCENES[name])
+    monkeypatch.setenv(SWITCH, "0")
+    xla = run(SCENES[name])
+    ours, theirs = native.states, xla.states
+    for field in ("position", "orientation", "velocity", "spin"):
+        found, expected = (
+            np.stack([getattr(body, field) for body in states.bodies.values()])
+            for states in (ours, theirs)
+        )
+        assert_close(found, expected, field)
+    for field in ("onset", "entry_speed", "peak_force", "largest_penetration"):
+        assert_close(getattr(native.impacts, field), getattr(xla.impacts, field), field, 1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_lanes_and_derivatives_are_those_of_single_runs(name):
+    """Along the mass of the last body: the middle of three lanes ends where a run does, and their
+    difference is what `sensitivities` gives."""
+    scene, state = SCENES[name].make()
+    end, body = SCENES[name].end, list(scene.bodies)[-1]
+    mass = float(np.asarray(scene.bodies[body].mass))
+    axis = cj.Axis(lambda s: s.bodies[body].mass, mass * np.exp(STEP * np.array([-1.0, 0.0, 1.0])))
+    swept = cj.sweep(scene, state, end, {"mass": axis}, settings=DERIVATIVES, progress=False)
+    alone = cj.simulate(scene, state, end, DERIVATIVES, progress=False).final
+    lanes = swept.final_position.sel(body=list(alone.bodies)).values
+    single = np.stack([b.position for b in alone.bodies.values()])
+    assert_close(lanes[1], single, "final positions")
+
+    outputs = {axis: cj.quantities.Position(body, axis) for axis in "xyz"}
+    parameter = {"mass": cj.Parameter(lambda s: s.bodies[body].mass, cj.Log())}
+    found = cj.sensitivities(
+        scene, state, end, parameter, outputs, [end], DERIVATIVES, progress=False
+    ).derivatives
+    slopes = np.array([found[axis][0, 0] for axis in "xyz"])
+    ends = swept.final_position.sel(body=body).values
+    expected = (ends[2] - ends[0]) / (2.0 * STEP)
+    allowed = 1e-4 * np.abs(single).max() + 1e-3 * np.abs(expected).max()
+    np.testing.assert_allclose(slopes, expected, rtol=0.0, atol=allowed)
