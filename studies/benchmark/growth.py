@@ -1,7 +1,8 @@
 """How the time to a first answer grows with bodies, with plays and with parameters.
 
-Run by ``python -m studies.benchmark.growth [--quick] [--output FOLDER]``: each call alone in a fresh process with nothing kept,
-compiled by this package and, where that ends in reasonable time, by XLA. Processor time.
+Run by ``python -m studies.benchmark.growth [--quick] [--output FOLDER]``: each call alone in a
+fresh process with nothing kept, compiled by this package and, where that ends in reasonable time,
+by XLA. Processor time.
 """
 
 import argparse
