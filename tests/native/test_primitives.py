@@ -92,9 +92,15 @@ BINARY: dict[str, Callable] = {
     "or": lambda a, b: (a > 0.0) | (b > 0.0),
     "xor": lambda a, b: (a > 0.0) ^ (b > 0.0),
     "to an integer": lambda a, b: lax.pow(a, jnp.int32(3)),
-    "sorted before": lambda a, b: lax.lt_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
-    "not sorted behind": lambda a, b: lax.le_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
-    "sorted alike": lambda a, b: lax.eq_to_p.bind(jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)),
+    "sorted before": lambda a, b: lax.lt_to_p.bind(
+        jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
+    ),
+    "not sorted behind": lambda a, b: lax.le_to_p.bind(
+        jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
+    ),
+    "sorted alike": lambda a, b: lax.eq_to_p.bind(
+        jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
+    ),
     "compare bools": lambda a, b: (a > 0.0) < (b > 0.0),
 }
 WHOLE: dict[str, Callable] = {
