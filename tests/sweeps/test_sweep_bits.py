@@ -3,7 +3,6 @@
 import tempfile
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -33,9 +32,8 @@ THREADS = st.integers(1, 3)
 
 
 def sweep_of(lanes: list[int], threads: int, **options) -> xr.Dataset:
-    devices = jax.devices()[:1] * threads
     outputs = {**OUTPUTS, "swing": SAVED}
-    return swept(STIFFNESS[lanes], end_time=end, outputs=outputs, devices=devices, **options)
+    return swept(STIFFNESS[lanes], end_time=end, outputs=outputs, threads=threads, **options)
 
 
 @pytest.fixture(scope="module")
