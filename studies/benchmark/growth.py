@@ -1,7 +1,8 @@
 """How the time to a first answer grows with bodies, with plays and with parameters.
 
-Run by ``python -m studies.benchmark.growth [--quick] [--output FOLDER]``: each call alone in a fresh process with nothing kept,
-compiled by this package and, where that ends in reasonable time, by XLA. Processor time.
+Run by ``python -m studies.benchmark.growth [--quick] [--output FOLDER]``: each call alone in a
+fresh process with nothing kept, compiled by this package and, where that ends in a reasonable time,
+by XLA. Processor time.
 """
 
 import argparse
@@ -30,7 +31,7 @@ PARTS = ("tracing", "lowering", "writing", "compiling")
 FRESH = """
 import sys
 import clearjoint as cj
-cj.configure(devices=1, cache=sys.argv[1])
+cj.configure(cache=sys.argv[1])
 from studies.benchmark.growth import print_first_answer
 print_first_answer(sys.argv[2], int(sys.argv[3]))
 """
