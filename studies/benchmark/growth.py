@@ -31,7 +31,7 @@ PARTS = ("tracing", "lowering", "writing", "compiling")
 FRESH = """
 import sys
 import clearjoint as cj
-cj.configure(devices=1, cache=sys.argv[1])
+cj.configure(cache=sys.argv[1])
 from studies.benchmark.growth import print_first_answer
 print_first_answer(sys.argv[2], int(sys.argv[3]))
 """
