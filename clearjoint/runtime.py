@@ -18,16 +18,17 @@ XLA_FLAGS = (
     "xla_cpu_small_while_loop_byte_threshold=10000000,"
     "xla_cpu_disable_loop_unrolling=true,-pre-RA-sched=fast --xla_backend_optimization_level=1"
 )
-"""Value of the environment variable ``XLA_FLAGS`` for programs that wrap `simulate` in `jax.jit`,
-`jax.vmap` or `jax.grad` on CPUs, to be set before JAX starts.
+"""Value of the environment variable ``XLA_FLAGS`` for calls of `simulate` inside of `jax.jit`,
+`jax.vmap` or `jax.grad` on CPUs.
 
 XLA's CPU compiler then makes one function of a run's loop, instead of a kernel for each fusion of
 operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`, and the
-program compiled in 2.4 instead of 58 s. These options can't be passed to `jax.jit`. Calls of
-`simulate`, `sweep` and `sensitivities` outside of transformations don't need them.
-
->>> os.environ["XLA_FLAGS"] = cj.XLA_FLAGS  # doctest: +SKIP
+program compiled in 2.4 instead of 58 s. XLA reads the variable when JAX first computes something,
+so that `configure` sets it in time if it is called before. These options can't be passed to
+`jax.jit`. Calls of `simulate`, `sweep` and `sensitivities` outside of transformations don't need
+them.
 """
+_EXTRA = "--xla_backend_extra_options"
 _KEEP = "CLEARJOINT_KEEP_PROGRAMS"
 _CACHE = "jax_compilation_cache_dir"
 _LEAST_KEPT = "jax_persistent_cache_min_compile_time_secs"
@@ -54,7 +55,9 @@ def default_cache() -> Path:
 def configure(threads: int | None = None, cache: str | os.PathLike | None = None) -> None:
     """Switch 64-bit floats on, and name the folder of compiled programs.
 
-    It may be called at any time. JAX's arrays that exist before keep their precision.
+    It may be called at any time. JAX's arrays that exist before keep their precision, and only if
+    JAX has computed nothing before do calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at
+    full speed on CPUs (see `XLA_FLAGS`).
 
     From then on the compiled programs of calls whose arguments consist of this package's classes,
     numbers, strings and arrays alone are kept in the cache's folder, so that the next process
@@ -83,6 +86,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     dtype('float64')
     """
     global _threads
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _EXTRA not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     keep = _keep()

@@ -252,7 +252,6 @@ ERRORS = {
         "32-bit",
         "micrometres",
         "clearjoint.configure()",
-        "before",
     ),
     "a state beside its joint": (
         lambda: run(HINGED, state(position=(0.6, 0, 0))),

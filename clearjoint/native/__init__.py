@@ -17,13 +17,12 @@ What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps
 | `sweep` | LLVM |
 | `sensitivities` | LLVM |
 | `simulate_nonsmooth` | XLA |
-| `observe` | XLA |
+| `observe` | LLVM |
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-Before and after runs XLA compiles two single functions: the check of the constraints of lanes, and
-the contacts at saved steps. On accelerators it compiles everything, and on CPUs, with a warning,
-what has a primitive of JAX without a rule here.
+After runs XLA compiles a single function: the contacts at saved steps. On accelerators it compiles
+everything, and on CPUs, with a warning, what has a primitive of JAX without a rule here.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

@@ -156,12 +156,14 @@ class LaneLoop(AbstractLaneLoop):
         assert isinstance(count, int)
         lowered = time.thread_time()
         self.text = llvm_text(do, "lanes", count)
+        written = time.thread_time()
         self._code = compiled(self.text, "lanes")
         self._cells, self._constants = do.cells, lowering.constants
         self.seconds = {
             "tracing": traced - began,
             "lowering": lowered - traced,
-            "compiling": time.thread_time() - lowered,
+            "writing": written - lowered,
+            "compiling": time.thread_time() - written,
         }
         ends = np.cumsum([0, *counts])
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]

@@ -80,8 +80,11 @@ class Work:
                 results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
+        # A result that no number of a lane enters is one for all lanes.
         return {
-            name: np.asarray(results[name], variable.dtype)
+            name: np.broadcast_to(
+                np.asarray(results[name], variable.dtype), (len(ended.lanes), *variable.shape)
+            )
             for name, variable in self.variables.items()
         }
 

@@ -16,6 +16,7 @@ from .force_conformance import check_force as check_force
 from .moving_bodies import moving as moving
 from .programs import RunProgram as RunProgram
 from .programs import Stepper as Stepper
+from .programs import native_seconds as native_seconds
 
 __all__ = [
     "RunProgram",
@@ -28,6 +29,7 @@ __all__ = [
     "check_friction",
     "check_law",
     "moving",
+    "native_seconds",
 ]
 
 __dir__ = _without_modules(globals())

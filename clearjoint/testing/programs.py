@@ -4,6 +4,7 @@ A step is a PyTree of arrays that a run carries from one attempt to the next; on
 functions should be used of it.
 """
 
+import gc
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ from ..dynamics.system import System
 from ..math.vectors import Scalar, Structured, structured
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..native.functions import NativeProgram
+from ..native.lanes import LaneLoop
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
 from ..simulation import presets
@@ -173,3 +176,15 @@ class RunProgram(eqx.Module):
             systems = SystemFamily(self.family, self.scheme.formulation)
             return Stepper(self.scheme.method, systems.system(), systems)
         return Stepper(self.scheme.method, self.scheme.unpacked(self.form))
+
+
+def native_seconds() -> dict[str, float]:
+    """Processor time, s, that the native programs of this process took to make, by part: "tracing"
+    by JAX, "lowering" to operations, "writing" of LLVM's text, "compiling".
+
+    >>> sorted(testing.native_seconds())
+    ['compiling', 'lowering', 'tracing', 'writing']
+    """
+    made = [each for each in gc.get_objects() if isinstance(each, NativeProgram | LaneLoop)]
+    parts = ("tracing", "lowering", "writing", "compiling")
+    return {part: sum(each.seconds[part] for each in made) for part in parts}

@@ -6,7 +6,6 @@ by XLA. Processor time.
 """
 
 import argparse
-import gc
 import json
 import tempfile
 import time
@@ -17,7 +16,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 import clearjoint as cj
-from clearjoint.native.functions import NativeProgram
+from clearjoint.testing import native_seconds
 from studies.benchmark.chain import LENGTH, chain
 from studies.common.fresh_process import in_process
 from studies.common.report import Record, report
@@ -27,10 +26,10 @@ SPAN = 1e-3
 NUMBERS = {"ideal joints": (3, 6, 12, 24, 48), "plays": (1, 2, 4, 8), "parameters": (1, 3, 8)}
 BY_XLA = {"ideal joints": (3, 6, 12), "plays": (1, 2, 4), "parameters": (1, 3)}
 QUICK = {"ideal joints": (1, 2)}
-PARTS = ("tracing", "lowering", "writing", "compiling")
 FRESH = """
 import sys
 import clearjoint as cj
+from clearjoint.testing import native_seconds
 cj.configure(cache=sys.argv[1])
 from studies.benchmark.growth import print_first_answer
 print_first_answer(sys.argv[2], int(sys.argv[3]))
@@ -86,9 +85,7 @@ def print_first_answer(of: str, number: int) -> None:
     else:
         cj.simulate(scene, state, SPAN, progress=False)
     took = time.process_time() - begun
-    programs = [made for made in gc.get_objects() if isinstance(made, NativeProgram)]
-    parts = {part: sum(made.seconds[part] for made in programs) for part in PARTS}
-    print(json.dumps({"s": took, **parts}))
+    print(json.dumps({"s": took, **native_seconds()}))
 
 
 def _scene(of: str, number: int) -> tuple[cj.Scene, cj.State]:

@@ -117,7 +117,7 @@ CALLS = {
     "`free_impact`": lambda: cj.free_impact(cj.Hertz(1e6), 1.0, 0.1),
     "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
-BESIDE = {"_constraints_together", "contact_histories"}
+BESIDE = {"contact_histories"}
 """What XLA compiles before and after runs."""
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", native.__doc__, re.MULTILINE))
 
