@@ -85,7 +85,7 @@ def delivered(chi: Any) -> Any:
 
 
 def greatest_depth(chi: Any, mass: float, stiffness: float, speed: float) -> Any:
-    """Of a free impact with exponent 1.5, m (`physics.md`, section 3)."""
+    """Of a free impact with exponent 1.5, m."""
     scale = (LONG(mass) * LONG(speed) ** 2 / LONG(stiffness)) ** LONG(0.4)
     shape = LONG(0.5) if chi < 1e-6 else (chi - np.log1p(chi)) / chi**2
     return scale * (LONG(2.5) * shape) ** LONG(0.4)

@@ -14,7 +14,6 @@ Three tables and a figure:
 """
 
 import argparse
-from pathlib import Path
 
 import clearjoint as cj
 from studies.common.output import Output, add_options
@@ -22,7 +21,6 @@ from studies.ladder.comparison import (
     ACCURACY,
     DURATION,
     FINE,
-    REFERENCE,
     RUNS,
     SLOPES,
     STATISTICS,
@@ -40,10 +38,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Measure, print the tables, and draw."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "one model, without statistics and figure")
-    parser.add_argument("--reference", type=Path, default=REFERENCE, help="folder")
     options = parser.parse_args(arguments)
     cj.configure()
-    truth = reference(options.reference)
+    truth = reference()
     models = (MODELS[3],) if options.quick else MODELS
     print(markdown(ACCURACY, accuracy_rows(models, truth, DURATION)), end="\n\n")
     print(markdown(SLOPES, slope_rows(models)), end="\n\n")

@@ -25,7 +25,7 @@ from studies.ladder.models import (
     lowered,
 )
 
-REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
+REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "data" / "reference"
 FILE = "double_pendulum_c0.0005_e0.9.csv.gz"
 HORIZON, EARLY = 0.15, 0.05
 """Until which double precision can follow the reference, and some impacts before, s."""
@@ -40,13 +40,10 @@ INSTANT, SLOPE, DIFFERENCES = 0.025, -1.552556927e-4, (1e-3, 5e-2)
 Rows = Iterator[tuple[str, ...]]
 
 
-def reference(folder: Path) -> dict[str, np.ndarray]:
+def reference() -> dict[str, np.ndarray]:
     """Positions (N, 3) of both arms every millisecond up to the horizon, m, and eccentricity of
     base V every 0.1 ms, m."""
-    path = folder / FILE
-    if not path.exists():
-        raise SystemExit(f"error: {path} is missing; pass the folder as --reference")
-    columns = np.genfromtxt(path, delimiter=",", names=True)
+    columns = np.genfromtxt(REFERENCE / FILE, delimiter=",", names=True)
     rows = columns[: round(HORIZON / 1e-4) + 1]
     found = {
         arm: np.stack([rows[f"r{number}{axis}"] for axis in "xyz"], axis=1)[::10]

@@ -7,8 +7,7 @@ and first calls), `variants` (stabilisation, memory, smoothing, precision), `sta
 runs) and `gradients`. What came out stands in the study's README.md.
 
 All runs are of the paper's double pendulum, 0.5 mm, restitution 0.9. Errors are against the
-extended-precision reference, which lies beside the checkout (`../shared/reference`), or where it
-does not, against clearjoint itself with Dopri8 at rtol 1e-12. Right-hand sides of explicit methods
+extended-precision reference in `tests/data/reference`. Right-hand sides of explicit methods
 follow from the tableau (a test counts them), those of implicit ones are counted. Times are the
 processor's, of a whole call of `simulate` that saves 51 states. A run is given up after 1.5 million
 attempts, an implicit one after 60 000.

@@ -7,15 +7,14 @@ from functools import cache
 from pathlib import Path
 from statistics import median
 
-import diffrax
 import numpy as np
 
 import clearjoint as cj
 from studies.speed_accuracy import evaluations
 from studies.speed_accuracy.settings import Setting
 
-REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
-"""Trajectories of the event-exact solver in extended precision; beside the checkout."""
+REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "data" / "reference"
+"""Trajectories of the event-exact solver in extended precision."""
 ROWS_APART = 20
 """Of the reference's rows, 0.1 ms apart, every so many are compared."""
 SAVED = 51
@@ -70,21 +69,8 @@ def centres(solution: cj.Solution) -> np.ndarray:
 
 @cache
 def truth(end: float, restitution: float = 0.9) -> Truth:
-    """The reference; or where it is not there, clearjoint with Dopri8 at rtol 1e-12."""
+    """The reference trajectory up to a time in s."""
     file = REFERENCE / f"double_pendulum_c0.0005_e{restitution:.1f}.csv.gz"
-    if not file.exists():
-        print(f"{file} is not there: errors are against clearjoint at rtol 1e-12.")
-        scene, state = cj.double_pendulum(restitution=restitution)
-        times = compared(end)
-        fine = cj.simulate(
-            scene,
-            state,
-            end,
-            cj.Settings(solver=diffrax.Dopri8(), rtol=1e-12),
-            save=cj.Saving(times),
-            progress=False,
-        )
-        return Truth(times, centres(fine))
     with gzip.open(file, "rt") as lines:
         names = lines.readline().strip().split(",")
         table = np.loadtxt(lines, delimiter=",")[::ROWS_APART]

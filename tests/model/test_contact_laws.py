@@ -149,7 +149,7 @@ def test_entry_speed_is_floored():
 
 
 def test_ravn_stiffness_of_the_paper():
-    """physics.md section 1.2, internal contact, consistent pair."""
+    """Internal contact of a journal of 9.5 mm in a bearing of 10 mm, steel."""
     assert RavnStiffness(**STEEL).value(Gap(0.0, 0.0, **RADII)) == pytest.approx(
         6.610198e10, rel=1e-7
     )
@@ -188,7 +188,7 @@ SPHERES = {
 
 @pytest.mark.parametrize("material", SPHERES)
 def test_impact_of_two_spheres(material):
-    """Chung and Ooi 2011, test 1: radius 10 mm, 10 m/s each (numbers in physics.md section 4).
+    """Chung and Ooi 2011, test 1: radius 10 mm, 10 m/s each.
 
     Largest depth from the law's energy, largest force from its force, duration by quadrature of
     d(depth)/speed, with depth = depth_max sin^2 to take out the singular end.

@@ -1,4 +1,4 @@
-"""Line contact: numbers of physics.md section 1.3, closed forms, limits and what is said beyond."""
+"""Line contact: published numbers, closed forms, limits and what is said beyond."""
 
 import jax
 import numpy as np

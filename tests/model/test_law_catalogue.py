@@ -1,4 +1,4 @@
-"""The catalogue of laws: delivered restitution by physics.md sections 3 and 8, and by Exudyn."""
+"""The catalogue of laws: delivered restitution by closed forms and quadrature, and by Exudyn."""
 
 import warnings
 

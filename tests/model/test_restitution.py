@@ -1,4 +1,4 @@
-"""Delivered restitution: the table of physics.md section 3, limits, derivatives, integration."""
+"""Delivered restitution: a table of free impacts, limits, derivatives, integration."""
 
 import jax
 import jax.numpy as jnp

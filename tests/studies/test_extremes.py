@@ -80,7 +80,7 @@ def test_draws_cover_the_ranges():
 
 
 def test_restitution_identity_agrees_with_its_series():
-    """e = 1 - 2 chi/3 for weak damping; physics.md has 0.9132 for a request of 0.9."""
+    """e = 1 - 2 chi/3 for weak damping; 0.9132 for a request of 0.9 by quadrature."""
     assert float(delivered(1e-6)) == pytest.approx(1.0 - 2e-6 / 3.0, abs=1e-9)
     assert float(delivered(damping_factor(0.9))) == pytest.approx(0.9132, abs=5e-5)
 

@@ -3,8 +3,8 @@
 from studies.ladder.__main__ import main
 
 
-def test_rigid_contact_is_near_the_reference_and_has_no_derivative(capsys, reference_folder):
-    main(["--quick", "--reference", str(reference_folder)])
+def test_rigid_contact_is_near_the_reference_and_has_no_derivative(capsys):
+    main(["--quick"])
     lines = capsys.readouterr().out.splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line]
     cost, slope = rows[2], rows[5]
