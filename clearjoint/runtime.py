@@ -59,12 +59,12 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     JAX has computed nothing before do calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at
     full speed on CPUs (see `XLA_FLAGS`).
 
-    From then on the compiled programs of calls whose arguments consist of this package's classes,
-    numbers, strings and arrays alone are kept in the cache's folder, so that the next process
-    neither traces nor compiles them. A call with a class or a function of your own is traced in
-    each process, so that a change of your code always counts; its machine code comes from JAX's
-    compilation cache, in the same folder. The environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``
-    switches the former off, and ``JAX_ENABLE_COMPILATION_CACHE=0`` both: do so if you replace
+    From then on machine code is kept in the cache's folder, under a digest of the code it is
+    compiled from. Calls whose arguments consist of this package's classes, numbers, strings and
+    arrays alone are kept whole, so that the next process does not trace them. A call with a class
+    or a function of your own is traced in each process, so that a change of your code always
+    counts. The environment variable ``CLEARJOINT_KEEP_PROGRAMS=0`` switches off that programs are
+    kept whole, and ``JAX_ENABLE_COMPILATION_CACHE=0`` all of it: set the former if you replace
     private functions in the packages that this one computes with (JAX, Diffrax, Equinox, ...).
     Replaced functions and constants of this package are noticed, and so is an upgrade of it while
     a process runs.
