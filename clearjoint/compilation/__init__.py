@@ -3,6 +3,7 @@
 - `Compiled`, `HostFirst` and `traced_once` wrap functions.
 - `keep_programs` switches on or off that whole native programs are kept for the next process, and
   `keeps_programs` says whether that is on.
+- `program_of` is what JAX traces of a function.
 - `prepare_folder` makes the folder for them.
 - `seconds_of_compiling` tells for how long a program has been in the making.
 - `remember_contents` is called once, when the import of the package ends (see `package_code`).
@@ -19,4 +20,5 @@ from .compiled import Compiled as Compiled
 from .host_first import HostFirst as HostFirst
 from .program_store import keep_programs as keep_programs
 from .program_store import keeps_programs as keeps_programs
+from .tracing import program_of as program_of
 from .tracing import traced_once as traced_once

@@ -13,6 +13,8 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 from jax._src import core
+from jax.extend.core import ClosedJaxpr
+from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 Result = TypeVar("Result")
@@ -39,6 +41,18 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
         return traced(arrays, (others, structure))
 
     return call
+
+
+def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
+    """The program that JAX traces of a function, and the shapes of its result.
+
+    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, stand as one equation without an
+    inner program until JAX lowers it: here as what they consist of.
+    """
+    program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
+        program = partial_eval.lower_jaxpr2(program)
+    return program, shapes
 
 
 @contextmanager

@@ -218,7 +218,10 @@ def _settle(lower: Lowering, places: Sequence[Array], found: Sequence[Array]) ->
 
 def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
     parameters, do = equation.params, lower.do
-    constants, carried = parameters["num_consts"], parameters["num_carry"]
+    if "num_consts" in parameters:
+        constants, carried = parameters["num_consts"], parameters["num_carry"]
+    else:  # From JAX 0.11 on.
+        constants, carried, _ = map(len, parameters["ft_in"].unpack())
     length, closed = parameters["length"], parameters["jaxpr"]
     consts = [borrowed(a) for a in arguments[:constants]]
     first = list(arguments[constants : constants + carried])

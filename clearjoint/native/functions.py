@@ -18,7 +18,7 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 from ..compilation.clock import begins_a_program, program_is_made_inside
-from ..compilation.tracing import collector_at_rest
+from ..compilation.tracing import collector_at_rest, program_of
 from .cells import Cells
 from .kept import kept
 from .llvm_text import llvm_text
@@ -311,7 +311,7 @@ class NativeFunction:
 
         arrays = [leaf for leaf, dynamic in zip(leaves, is_array, strict=True) if dynamic]
         began = time.thread_time()
-        closed = jax.make_jaxpr(flat)(arrays)
+        closed, _ = program_of(flat, arrays)
         traced = time.thread_time() - began
         program = NativeProgram(closed)
         program.seconds["tracing"] = traced

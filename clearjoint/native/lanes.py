@@ -16,6 +16,7 @@ from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
+from ..compilation.tracing import program_of
 from .control import borrowed, loop
 from .functions import Image, cells_of
 from .llvm_text import llvm_text
@@ -114,7 +115,7 @@ class LaneLoop(AbstractLaneLoop):
             names[:] = found
             return [jax.numpy.asarray(value) for value in found.values()]
 
-        steps, looks = (jax.make_jaxpr(f)(*leaves) for f in (turned, looked_at))
+        steps, looks = (program_of(f, *leaves)[0] for f in (turned, looked_at))
         traced = time.thread_time()
         do = Operations(width=WIDTH)
         lowering = Lowering(do, RULES)

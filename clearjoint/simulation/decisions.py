@@ -11,6 +11,7 @@ from jax.core import AbstractValue, ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jaxtyping import PyTree
 
+from ..compilation import program_of
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import require
 from ..math.vectors import Matrix, Scalar, Vector, unpack
@@ -71,7 +72,7 @@ def _functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]
 @cached_by_numbers
 def _function_decides(function: AbstractFunctionOfTime) -> bool:
     """Whether what a function of time, in packed form, gives depends on a comparison with time."""
-    program = jax.make_jaxpr(unpack(function))(0.0).jaxpr
+    program = program_of(unpack(function), 0.0)[0].jaxpr
     return _decides(_needed(program), {program.invars[0]}, KINKED)
 
 
@@ -102,7 +103,7 @@ def _program_of(element: AbstractElement) -> Jaxpr:
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
         return _statements(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
 
-    return jax.make_jaxpr(statements)(0.0, 1.0).jaxpr
+    return program_of(statements, 0.0, 1.0)[0].jaxpr
 
 
 def _statements(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:

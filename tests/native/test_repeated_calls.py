@@ -35,8 +35,9 @@ def step(k, x, v):
     h, scale, stages = 0.01, 2.0 * k, []
     for weight in (0.0, 0.3, 0.5, 1.0):
         last = stages[-1] if stages else (0.0, 0.0)
-        stages.append(rates(x + weight * h * last[0], v + weight * h * last[1], k, scale)[:2])
-    same = rates(x, v, k, scale)[2]
+        stages.append(rates(x + weight * h * last[0], v + weight * h * last[1], k, scale))
+    # Of a call in a loop, some versions of JAX remove results that nothing reads.
+    same = sum(s[2] + s[3] for s in stages)
     x, v = (y + h * sum(s[j] for s in stages) for j, y in enumerate((x, v)))
     return x, v + 1e-3 * same
 
@@ -80,7 +81,7 @@ def test_functions_have_the_bits_of_what_is_written_out(function, tangents, monk
 def test_what_no_call_changes_is_computed_once(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
     text = program(run, *START).text
-    assert text.count("call void @f") == 5 + 3  # Calls of `rates`, and in it of `inner`.
+    assert text.count("call void @f") == 4 + 3  # Calls of `rates`, and in it of `inner`.
     functions, outside = text.split("define i64 @program")
     assert outside.count("@llvm.sqrt") == 1
     assert "@llvm.sqrt.f64(double %" not in functions

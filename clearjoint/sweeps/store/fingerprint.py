@@ -20,13 +20,16 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
 from jaxtyping import PyTree
 
+from ...compilation import program_of
 from ...fields.types import ArrayLike
 
 DIGITS = 16
 _WRAPPERS = {
     "jit": "jaxpr",
     "closed_call": "call_jaxpr",
+    "eval_jaxpr": "call_jaxpr",
     "checkpoint": "jaxpr",
+    "remat2": "jaxpr",
     "custom_jvp_call": "call_jaxpr",
     "custom_vjp_call": "call_jaxpr",
 }
@@ -50,7 +53,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
     **Raises:** `ValueError` if the function calls back into Python, where nothing is traced.
     """
-    program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    program, shapes = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
         digest("argument", jax.tree_util.keystr(path), _kind(variable))
