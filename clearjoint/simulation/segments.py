@@ -173,10 +173,9 @@ def segment(
 
 def rewound(progress: Progress) -> Progress:
     """The run with an empty record, after the host has taken the rows."""
-    none, record = np.zeros((), int), progress.record
-    assert record is not None
-    empty = GrowingTable(record.table, none, record.block, none)
-    return replace(progress, record=empty)
+    none = np.zeros((), int)
+    assert progress.record is not None
+    return replace(progress, record=replace(progress.record, count=none, block_count=none))
 
 
 def _run_and_record(
