@@ -32,10 +32,11 @@ class AbstractReadable(eqx.Module):
         name_conversions(cls)
 
     def __check_init__(self):
+        # Methods by their class: those of an instance Equinox wraps at each look into a PyTree.
         check_declared(self)
-        self._check_together()
+        type(self)._check_together(self)
         if warns():
-            self._caution_together()
+            type(self)._caution_together(self)
 
     def _check_together(self) -> None:
         """Raise a ``ValueError`` if the fields don't fit each other."""

@@ -47,7 +47,7 @@ class Native(Generic[Arguments, Result]):
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
         given = Given.of(arguments)
-        traced = any(isinstance(leaf, Tracer) for leaf in given.leaves)
+        traced = any(isinstance(array, Tracer) for array in given.arrays)
         if not traced and given.key not in self._refused:
             try:
                 return self.native.run(given)

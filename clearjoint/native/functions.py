@@ -55,8 +55,8 @@ class Image:
     def read(self, region: Region) -> np.ndarray:
         """The array in a region: in this memory, or a copy where it has another type of number."""
         source = self.floats if region.dtype.kind == "f" else self.whole
-        part = source[region.start : region.end].reshape(region.shape)
-        return part.astype(region.dtype, copy=False)
+        part = source[region.start : region.start + region.size].reshape(region.shape)
+        return part if region.dtype == source.dtype else part.astype(region.dtype)
 
     def write_all(self, leaves: Sequence[ArrayLike], cells: "_Cells") -> None:
         """Write arrays into their regions: small ones together, which takes a tenth of the time."""
@@ -224,22 +224,27 @@ def _region(do: Operations, aval: ShapedArray) -> Region:
 
 
 class Given(NamedTuple):
-    """Arguments of a function, their leaves and structure, and the key of the program for them."""
+    """Arguments of a function, their leaves and structure, the arrays among the leaves, and the key
+    of the program for them."""
 
     arguments: tuple[PyTree, ...]
     leaves: list[PyTree]
     structure: PyTree
+    arrays: list[ArrayLike]
     key: Hashable
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "Given":
         """The arguments, flattened once for all that asks for their leaves."""
         leaves, structure = jax.tree.flatten(arguments)
-        described = tuple(
-            (leaf.shape, leaf.dtype) if eqx.is_array(leaf) else (type(leaf), leaf)
-            for leaf in leaves
-        )
-        return Given(arguments, leaves, structure, (structure, described))
+        arrays, described = [], []
+        for leaf in leaves:
+            if type(leaf) is np.ndarray or eqx.is_array(leaf):
+                arrays.append(leaf)
+                described.append((leaf.shape, leaf.dtype))
+            else:
+                described.append((type(leaf), leaf))
+        return Given(arguments, leaves, structure, arrays, (structure, tuple(described)))
 
 
 class NativeFunction:
@@ -264,7 +269,7 @@ class NativeFunction:
     def run(self, given: Given) -> PyTree:
         """The function's result."""
         program, result = self._program(given)
-        return result(program([leaf for leaf in given.leaves if eqx.is_array(leaf)]))
+        return result(program(given.arrays))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
         """The results, with n in front of each array, for arguments of which some vary.
@@ -275,7 +280,7 @@ class NativeFunction:
         program, result = self._program(given)
         pairs = [pair for pair in zip(given.leaves, columns, strict=True) if eqx.is_array(pair[0])]
         varied = {k: column for k, (_, column) in enumerate(pairs) if column is not None}
-        return result(program.rows([leaf for leaf, _ in pairs], varied))
+        return result(program.rows(given.arrays, varied))
 
     def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
         """The program for such arguments, compiled if it isn't yet, and how its results are put

@@ -17,7 +17,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from .parameter import Parameter
 from .scales import AbstractScale
-from .variations import Change
+from .variations import Change, NumberSetter
 
 Coordinates = jax.Array | np.ndarray
 """(p,) coordinates of parameters on their scales."""
@@ -100,6 +100,13 @@ class ParametrisedScene(AbstractFamily):
     def varied(self) -> PyTree[bool]:
         """Which numbers of the scene depend on the parameters: the scene with a boolean in the
         place of each leaf."""
+        structure = jax.tree.structure(self.base[0])
+        setters = [change for change in self.changes if isinstance(change, NumberSetter)]
+        if len(setters) == len(self.changes):
+            put = {
+                number.leaf for setter in setters if setter.in_scene for number in setter.numbers
+            }
+            return jax.tree.unflatten(structure, [k in put for k in range(structure.num_leaves)])
         is_traced: list[bool] = []
 
         def trace(values: jax.Array) -> jax.Array:
@@ -108,7 +115,7 @@ class ParametrisedScene(AbstractFamily):
             return values
 
         jax.eval_shape(trace, np.zeros(len(self.changes)))
-        return jax.tree.unflatten(jax.tree.structure(self.base[0]), is_traced)
+        return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
         """The scene at coordinates (p,), in scalar form, with its structural zeros and ones."""

@@ -6,6 +6,7 @@ component (``scene.gravity[1]``), or several numbers, which ties them: they get 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from types import EllipsisType
 from typing import NoReturn
 
@@ -45,10 +46,8 @@ def numbers_at(tree: PyTree, place: Place) -> list[Number]:
 
     **Raises:** `ValueError` if it returns anything else.
     """
-    structure = jax.tree.structure(tree)
-    marked = jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
     try:
-        result = place(marked)
+        result = place(_marked(jax.tree.structure(tree)))
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
@@ -62,6 +61,11 @@ def numbers_at(tree: PyTree, place: Place) -> list[Number]:
         "see parameters(tree) for what there is, e.g. lambda s: s.joints['pin'].clearance",
     )
     return numbers
+
+
+@lru_cache(maxsize=256)
+def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
+    return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
@@ -96,18 +100,23 @@ def put_numbers(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
     """The tree with another value at each of the numbers; as `put`."""
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
+    require_fits(leaves, numbers, value)
     for number in numbers:
-        leaf = leaves[number.leaf]
-        shape = _shape(leaf, number.component)
+        leaves[number.leaf] = _replaced(leaves[number.leaf], number.component, value)
+    return jax.tree.unflatten(structure, leaves)
+
+
+def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
+    """Check that numbers are there among the leaves of a tree, and of the shape of a value."""
+    for number in numbers:
+        shape = _shape(leaves[number.leaf], number.component)
         require(
-            jnp.shape(value) == shape,
+            np.shape(value) == shape,
             "value",
             value,
             f"of shape {shape}, as the number it replaces",
             "pass one value of that shape",
         )
-        leaves[number.leaf] = _replaced(leaf, number.component, value)
-    return jax.tree.unflatten(structure, leaves)
 
 
 def value_at(tree: PyTree, place: Place) -> Leaf:

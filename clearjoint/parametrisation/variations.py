@@ -5,13 +5,14 @@ import abc
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import jax
 from jaxtyping import PyTree
 
-from ..fields.checks import require
+from ..fields.checks import as_number, require
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from .places import Number, Place, numbers_at, put_numbers, unit_at
+from .places import Number, Place, numbers_at, put_numbers, require_fits, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 """From a scene, its initial state and a value to both with that value in them."""
@@ -60,9 +61,7 @@ class SceneNumber(AbstractVariation):
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
-        setter = NumberSetter(tuple(numbers_at(scene, self.place)), True)
-        setter(scene, state, example)
-        return setter
+        return NumberSetter(_fitting(scene, self.place, example), True)
 
 
 @dataclass(frozen=True)
@@ -86,9 +85,7 @@ class StateNumber(AbstractVariation):
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Puts a value at the place."""
-        setter = NumberSetter(tuple(numbers_at(state, self.place)), False)
-        setter(scene, state, example)
-        return setter
+        return NumberSetter(_fitting(state, self.place, example), False)
 
 
 @dataclass(frozen=True)
@@ -165,6 +162,13 @@ class NumberSetter:
         if self.in_scene:
             return put_numbers(scene, list(self.numbers), value), state
         return scene, put_numbers(state, list(self.numbers), value)
+
+
+def _fitting(tree: PyTree, place: Place, example: Scalar) -> tuple[Number, ...]:
+    """The numbers at a place, of the shape of an example."""
+    numbers = numbers_at(tree, place)
+    require_fits(jax.tree.leaves(tree), numbers, as_number(example))
+    return tuple(numbers)
 
 
 def _require_function(argument: str, value: object, remedy: str) -> None:

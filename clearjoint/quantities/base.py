@@ -101,9 +101,10 @@ def require_quantity(argument: str, function: object) -> None:
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
     """Check that a name is one of those that a scene has."""
-    expected = f"one of the scene's {sorted(known)}"
-    remedy = nearest(name, known, "correct the name, or add it to the scene")
-    require(name in known, argument, name, expected, remedy)
+    if name not in known:
+        expected = f"one of the scene's {sorted(known)}"
+        remedy = nearest(name, known, "correct the name, or add it to the scene")
+        require(False, argument, name, expected, remedy)
 
 
 def require_component(component: str | None, *, magnitude: bool = False) -> None:

@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..fields.checks import require
-from ..fields.conversion import on_device
 from ..model.bodies import State
 from ..model.scene import Scene
 from .decisions import require_declared
@@ -33,7 +34,7 @@ def derivative_scheme(
     )
     redundant = check_start(scene, state, start_time, settings.coordinates)
     require_declared(scene)
-    scheme = Scheme.of(settings, bool(redundant))
+    scheme = Scheme.on_host(settings, bool(redundant))
     require_dense(scheme.method.solver)
-    tolerance = on_device(settings.derivative_tolerance)
+    tolerance = np.asarray(settings.derivative_tolerance, float)
     return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))

@@ -1,24 +1,19 @@
 """How a run is computed: solver, controller and landing, with the formulation of its equations."""
 
-from collections import OrderedDict
-
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ..dynamics.formulation import Formulation
 from ..dynamics.system import System
+from ..fields.caching import cached_by_numbers
 from ..math.vectors import Structured, unpack
 from ..model.scene import Scene
 from .landing import Landing
 from .settings import Settings
 from .solvers import default_controller, ready_solver
 from .step_state import Method
-
-KEPT = 64
-"""Schemes that are remembered."""
-_KNOWN: OrderedDict[tuple[int, bool], tuple[Settings, "Scheme"]] = OrderedDict()
-"""Settings, which are kept so that nothing else gets their identity, and their schemes."""
 
 
 class Scheme(eqx.Module):
@@ -46,17 +41,8 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
-        """The same with numpy's numbers, made once for settings without arrays."""
-        known = _KNOWN.get((id(settings), redundant))
-        if known is not None:
-            return known[1]
-        scheme = jax.device_get(Scheme.of(settings, redundant))
-        given = jax.tree.leaves((settings.numbers, settings.controller, settings.solver))
-        if not any(isinstance(leaf, np.ndarray) for leaf in given):
-            _KNOWN[id(settings), redundant] = settings, scheme
-            if len(_KNOWN) > KEPT:
-                _KNOWN.popitem(last=False)
-        return scheme
+        """The same with numpy's numbers, made once for settings that are alike."""
+        return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
         """The system to integrate, of a scene in scalar form."""
@@ -65,6 +51,11 @@ class Scheme(eqx.Module):
     def unpacked(self, form: Structured) -> System:
         """The system to integrate, of a scene in packed form."""
         return self.system(unpack(form))
+
+
+@cached_by_numbers
+def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
+    return jax.device_get(Scheme.of(Settings(**settings), redundant))
 
 
 def _with_arrays(scheme: Scheme) -> Scheme:

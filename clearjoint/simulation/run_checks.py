@@ -1,7 +1,7 @@
 """What is checked of a scene, a state and JAX before a run is compiled."""
 
 import sys
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Hashable
 from functools import reduce
 from operator import and_
@@ -26,8 +26,8 @@ from ..dynamics.constraint_report import StartRows, constraint_report, dependent
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.formulation import Formulation
 from ..dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
-from ..fields.caching import content
-from ..fields.checks import conditions_of, recheck, recheck_changes
+from ..fields.caching import cached_by_numbers
+from ..fields.checks import conditions_of, conditions_of_changes, recheck
 from ..fields.conversion import with_arrays
 from ..math.vectors import Condition, Scalar
 from ..model.bodies import State
@@ -39,7 +39,7 @@ BY_NUMPY = 8
 """Starts of one structure that numpy checks, in some milliseconds each, before native code is
 compiled that takes microseconds."""
 KEPT = 256
-"""Structures of scenes of which the latest numbers are remembered."""
+"""Starts of one structure of which the dependent constraints are remembered."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -59,7 +59,7 @@ def is_traced(tree: PyTree) -> bool:
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check the numbers of a scene, and that a state is one of its."""
-    _checked.check(scene)
+    _recheck(scene)
     check_names(scene, state)
 
 
@@ -77,6 +77,10 @@ def check_start(
 ) -> tuple[str, ...]:
     """Check the numbers of a run, and its state against the constraints; the names of those that
     are redundant."""
+    if isinstance(scene, Scene) and isinstance(state, State):
+        redundant = starts.redundant(scene, state, start_time, coordinates)
+        if redundant is not None:
+            return redundant
     check_numbers(scene, state)
     return check_structure(scene, state, start_time, coordinates)
 
@@ -87,9 +91,6 @@ def check_structure(
     """Check the state against the constraints; the names of those that are redundant."""
     if not scene.joints:
         return ()
-    redundant = starts.redundant(scene, state, t, coordinates)
-    if redundant is not None:
-        return redundant
     require_in_bearings(scene, state)
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
@@ -98,41 +99,24 @@ def check_structure(
     return report.redundant
 
 
-class _CheckedScenes:
-    """Scenes that have been checked: of another one of a structure, only the modules are checked of
-    which a number has changed."""
-
-    def __init__(self) -> None:
-        self._latest: OrderedDict[Hashable, list[Hashable]] = OrderedDict()
-
-    def check(self, scene: Scene) -> None:
-        """Run every check of the scene's construction on its present numbers."""
-        leaves, structure = jax.tree.flatten(scene)
-        if any(isinstance(leaf, Tracer) for leaf in leaves):
-            recheck(scene)
-            return
-        present, before = [content(leaf) for leaf in leaves], self._latest.get(structure)
-        if before is None:
-            recheck(scene)
-        elif present != before:
-            changed = tuple(new != old for new, old in zip(present, before, strict=True))
-            recheck_changes(scene, structure, changed)
-        self._latest[structure] = present
-        self._latest.move_to_end(structure)
-        if len(self._latest) > KEPT:
-            self._latest.popitem(last=False)
-
-
-_checked = _CheckedScenes()
+_recheck = cached_by_numbers(recheck)
 
 
 def _beyond_doubt(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, StartRows]:
-    """Whether a start passes every check of `check_structure` without a warning, but for what the
-    constraints are that depend on each other; and what tells these."""
+) -> tuple[Condition, StartRows | None, bool]:
+    """Whether a start passes every check of `check_start` without a warning, but for what the
+    constraints are that depend on each other; what tells these; and whether the checks of the
+    scene's own numbers are among them, which those of classes from outside of this package aren't.
+    """
+    holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
+    structure = jax.tree.structure(scene)
+    numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
+    holds += [] if numbers is None else numbers
+    if not scene.joints:
+        return reduce(and_, holds, jnp.asarray(True)), None, numbers is not None
     depths = contact_depths.__wrapped__(scene, state.bodies)
-    holds: list[Condition] = [
+    holds += [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
@@ -145,7 +129,7 @@ def _beyond_doubt(
         given, same = body.orientation, held[name].orientation
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
-    return reduce(and_, holds), rows
+    return reduce(and_, holds), rows, numbers is not None
 
 
 class _Starts:
@@ -172,12 +156,16 @@ class _Starts:
         if self._seen[given.key] <= BY_NUMPY or not is_native():
             return None
         try:
-            fine, rows = self._function.run(given)
-        except UnsupportedPrimitiveError:
+            fine, rows, with_numbers = self._function.run(given)
+        except (UnsupportedPrimitiveError, ValueError):
             self._seen[given.key] = -sys.maxsize
             return None
         if not fine:
             return None
+        if not with_numbers:
+            _recheck(scene)
+        if rows is None:
+            return ()
         known = self._distances.setdefault(given.key, {})
         if len(known) > KEPT:
             known.clear()

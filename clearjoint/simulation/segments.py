@@ -4,6 +4,8 @@ A segment ends at the end time, after a number of attempts, at a failure, or whe
 accepted steps is full. The host then takes what was recorded, shows progress and goes on.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -172,7 +174,8 @@ def segment(
 def rewound(progress: Progress) -> Progress:
     """The run with an empty record, after the host has taken the rows."""
     none = np.zeros((), int)
-    return eqx.tree_at(lambda p: (p.record.count, p.record.block_count), progress, (none, none))
+    assert progress.record is not None
+    return replace(progress, record=replace(progress.record, count=none, block_count=none))
 
 
 def _run_and_record(

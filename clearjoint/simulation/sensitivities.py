@@ -19,7 +19,6 @@ from ..datasets.labelled import Labelled, labelled_dataset, texts
 from ..datasets.provenance import Notes, setting_notes
 from ..datasets.tabular import AbstractTabular
 from ..fields.checks import require, require_names
-from ..fields.conversion import on_device
 from ..fields.types import ArrayLike
 from ..math.vectors import pack
 from ..model.bodies import State
@@ -165,19 +164,15 @@ def sensitivities(
     save.check(scene, settings.ledger)
     saved = save.times_between(start_time, end_time)
     looked_at = asked if saved is None else np.union1d(asked, saved)
-    coordinates = on_device(coordinates_of(scene, state, parameters))
-    family = parametrised(scene, state, parameters, coordinates)
-    span = (
-        on_device(t)
-        for t in (start_time, end_time, settings.length_of_first_step(start_time, end_time))
-    )
+    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
+    span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
     arguments = (
         scheme,
         family,
         dict(outputs),
-        on_device(padded(looked_at, end_time)),
-        *span,
-        on_device(settings.max_steps, int),
+        padded(looked_at, end_time),
+        *(np.asarray(t, float) for t in span),
+        np.asarray(settings.max_steps, int),
     )
     keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):
