@@ -17,7 +17,7 @@ from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.gap import Gap
-from ..model.contact.laws import AbstractContactLaw, contact_normal_force
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
@@ -56,7 +56,8 @@ def contact_forces(
     """Forces of all contacts, by joint and contact.
 
     If it is given which ones are `closed`, these alone have a force, and one whose slope jumps at
-    the wall goes on past it: see `contact_force`.
+    the wall goes on past it: see `contact_force`. A closed one without an entry speed on record
+    counts as elastic, as one that exists before a run does.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -65,6 +66,9 @@ def contact_forces(
         for label, contact in contacts.items():
             entry_speed = memory[name][label] if laws[label].has_memory else None
             pushes = None if closed is None else closed[name][label]
+            if pushes is not None and entry_speed is not None:
+                # Unlike the present rate this is the same in all stages of a step.
+                entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
             forces[name][label] = contact_force(
                 joint,
                 label,
@@ -118,10 +122,13 @@ def contact_force(
     If it is said whether the contact is `closed`, an open one has none. That of a closed one whose
     slope would jump where the surfaces part goes on there: at a depth below zero it pulls by as
     much as it would push so far above. The stages of a step that ends where the contact does lie
-    on either side, and no step were short enough for the error of its derivatives.
+    on either side, and no step were short enough for the error of its derivatives. Its
+    `entry_speed`, if its law has memory, is positive.
     """
 
     def normal_force(gap: Gap) -> Scalar:
+        if closed is not None:
+            return law.force(gap, entry_speed)
         return contact_normal_force(law, gap, entry_speed)
 
     normal = _held(normal_force, law, contact.gap, closed)

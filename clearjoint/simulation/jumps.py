@@ -137,6 +137,8 @@ def _mean_force(
 ) -> LoadedContact:
     """The mean force of one contact, as those of `_mean_forces`."""
     law, closed = joint.laws()[label], jnp.asarray(True)
+    if entry_speed is not None:
+        entry_speed = jnp.where(entry_speed > 0.0, entry_speed, contact.gap.rate)
 
     def force(contact: Contact) -> LoadedContact:
         return contact_force(joint, label, law, contact, entry_speed, closed, motions, bristles)

@@ -211,8 +211,13 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
 def _all_finite(tree: PyTree[Scalar]) -> Condition:
     """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
     one shape are added element by element before the elements are."""
-    sums: dict[tuple[int, ...], Scalar] = {}
+    families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
-        shape = jnp.shape(leaf)
-        sums[shape] = sums.get(shape, 0.0) + leaf * 0.0
-    return sum(map(total, sums.values())) == 0.0
+        families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
+    return sum(total(_sum(family)) for family in families.values()) == 0.0
+
+
+def _sum(terms: list[Scalar]) -> Scalar:
+    """The sum by halves: a processor adds those of a level side by side."""
+    middle = len(terms) // 2
+    return _sum(terms[:middle]) + _sum(terms[middle:]) if middle else terms[0]

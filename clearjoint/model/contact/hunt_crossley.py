@@ -100,7 +100,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         """Normal force in N (eq. 24)."""
         if entry_speed is None:
             return self.elastic_force(gap)
-        factor = 1.0 + self.damping_factor() * gap.rate / entry_speed
+        # The quotient is the same in all stages of a step, and computed once.
+        factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
         return self.elastic_force(gap) * ramp(factor, self._clamp_width(gap))
 
     def _clamp_width(self, gap: Gap) -> Scalar | None:
