@@ -21,8 +21,8 @@ What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-Programs that XLA compiles are traced again in each process. On accelerators XLA compiles everything,
-and on CPUs, with a warning, what has a primitive of JAX without a rule here.
+Programs that XLA compiles are traced again in each process. On accelerators XLA compiles
+everything, and on CPUs, with a warning, what has a primitive of JAX without a rule here.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows
