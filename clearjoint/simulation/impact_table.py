@@ -116,7 +116,7 @@ class Impacts(AbstractTabular):
 
 
 class History(eqx.Module):
-    """One contact at N recorded instants, each field (N,).
+    """One contact at a recorded instant, or at N, each field () or (N,).
 
     - `touching`: as the run saw it. `rate`, `entry_speed`: m/s.
     - `begun`: s, when it began if it did just before the instant.
@@ -125,14 +125,14 @@ class History(eqx.Module):
       (the last entries are those of the instant itself).
     """
 
-    touching: Bool[Array, " N"]
-    rate: Float[Array, " N"]
-    entry_speed: Float[Array, " N"]
-    begun: Float[Array, " N"]
-    over: Float[Array, " N"]
-    peak_force: Float[Array, " N"]
-    peak_time: Float[Array, " N"]
-    largest_depth: Float[Array, " N"]
+    touching: Bool[Array, "..."]
+    rate: Float[Array, "..."]
+    entry_speed: Float[Array, "..."]
+    begun: Float[Array, "..."]
+    over: Float[Array, "..."]
+    peak_force: Float[Array, "..."]
+    peak_time: Float[Array, "..."]
+    largest_depth: Float[Array, "..."]
 
 
 Instants = dict[str, dict[str, ContactInstant]]
