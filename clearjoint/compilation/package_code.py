@@ -12,6 +12,7 @@ import os
 import sys
 import threading
 import types
+from collections import OrderedDict
 from collections.abc import Mapping
 from operator import is_
 
@@ -162,7 +163,8 @@ def _contents(names: Mapping[str, list[str]]) -> list[object]:
         for value in values:
             if isinstance(value, types.FunctionType):
                 found += value.__code__, value.__defaults__, value.__kwdefaults__
-            elif isinstance(value, dict):
+            elif isinstance(value, dict) and not isinstance(value, OrderedDict):
+                # In an `OrderedDict` the package remembers results; it changes in any run.
                 found += *value.keys(), *value.values()
             elif isinstance(value, list):
                 found += value

@@ -97,10 +97,11 @@ def _instance(value: object) -> object:
     """The class of an instance, and all its attributes, of which those beyond the fields of a
     dataclass are part too."""
     cls = type(value)
-    named, items = _named(cls), tuple(value) if isinstance(value, tuple) else ()
-    no_data = (object, tuple, int if isinstance(value, enum.Enum) else object)
+    named = _named(cls)
+    items = tuple(value) if isinstance(value, tuple | str) else ()
+    described_here = (object, tuple, str, int if isinstance(value, enum.Enum) else object)
     for base in cls.__mro__[1:]:
-        if base not in no_data and base.__module__ not in _BASES:
+        if base not in described_here and base.__module__ not in _BASES:
             _named(base)
     attributes = dict(getattr(value, "__dict__", {}))
     if dataclasses.is_dataclass(value):

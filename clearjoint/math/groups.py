@@ -31,6 +31,10 @@ class Several(str):
         name.members = members
         return name
 
+    def __getnewargs__(self) -> tuple[tuple[str, ...]]:
+        # A copy is made of the members, as the name is: `str` would give its text to `__new__`.
+        return (self.members,)
+
 
 def is_structural(leaf: object) -> bool:
     """Whether a leaf is a Python number, which the alike elements share. numpy's floats are not."""

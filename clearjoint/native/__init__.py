@@ -21,7 +21,7 @@ What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-After runs XLA compiles a single function: the contacts at saved steps. On accelerators it compiles
+Programs that XLA compiles are traced again in each process. On accelerators XLA compiles
 everything, and on CPUs, with a warning, what has a primitive of JAX without a rule here.
 """
 

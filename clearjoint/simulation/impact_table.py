@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..compilation import Compiled
 from ..datasets.labelled import Labelled, labelled_dataset, texts
 from ..datasets.tabular import AbstractTabular
 from ..dynamics.formulation import Formulation
@@ -20,6 +19,7 @@ from ..math.vectors import Scalar, Structured, unpack
 from ..model.bodies import State
 from ..model.contact.laws import AbstractContactLaw
 from ..model.scene import Scene
+from ..native import Native, over_rows
 from .contact_step import (
     ContactInstant,
     begin_before,
@@ -116,7 +116,7 @@ class Impacts(AbstractTabular):
 
 
 class History(eqx.Module):
-    """One contact at N recorded instants, each field (N,).
+    """One contact at a recorded instant, or at N, each field () or (N,).
 
     - `touching`: as the run saw it. `rate`, `entry_speed`: m/s.
     - `begun`: s, when it began if it did just before the instant.
@@ -125,26 +125,31 @@ class History(eqx.Module):
       (the last entries are those of the instant itself).
     """
 
-    touching: Bool[Array, " N"]
-    rate: Float[Array, " N"]
-    entry_speed: Float[Array, " N"]
-    begun: Float[Array, " N"]
-    over: Float[Array, " N"]
-    peak_force: Float[Array, " N"]
-    peak_time: Float[Array, " N"]
-    largest_depth: Float[Array, " N"]
+    touching: Bool[Array, "..."]
+    rate: Float[Array, "..."]
+    entry_speed: Float[Array, "..."]
+    begun: Float[Array, "..."]
+    over: Float[Array, "..."]
+    peak_force: Float[Array, "..."]
+    peak_time: Float[Array, "..."]
+    largest_depth: Float[Array, "..."]
 
 
-@Compiled
+Instants = dict[str, dict[str, ContactInstant]]
+Histories = dict[str, dict[str, History]]
+"""By joint and contact."""
+
+
+@Native
 def contact_histories(
     form: Structured, formulation: Formulation, times: Float[Array, " N"], states: State
-) -> dict[str, dict[str, History]]:
+) -> Histories:
     """The contacts at recorded states (in scalar form, times in front)."""
     alone: Scene = unpack(form)
     laws = alone.laws()
     system = System.of(alone, formulation)
 
-    def at(t: Scalar, state: State) -> dict[str, dict[str, ContactInstant]]:
+    def at(t: Scalar, state: State) -> Instants:
         variables = system.encode(state.bodies)
         memory = by_group(state.memory, system.scene.joints)
         bristles = by_group(state.bristles, system.scene.joints)
@@ -154,26 +159,33 @@ def contact_histories(
         forces = by_name(system.contact_forces(variables, memory, bristles))
         return contact_instants(forces, seconds, state.memory)
 
-    instants = jax.vmap(at)(times, states)
-    return {
-        name: {label: _history(laws[name][label], times, here) for label, here in family.items()}
-        for name, family in instants.items()
-    }
+    def until(t: Scalar, here: Instants, t_next: Scalar, following: Instants) -> Histories:
+        return {
+            name: {
+                label: _history(laws[name][label], t, contact, t_next - t, following[name][label])
+                for label, contact in family.items()
+            }
+            for name, family in here.items()
+        }
+
+    rows = times, over_rows(at, times, states)
+    following = jax.tree.map(lambda leaf: jnp.concatenate([leaf[1:], leaf[-1:]]), rows)
+    return over_rows(until, *rows, *following)
 
 
-def _history(law: AbstractContactLaw, times: Float[Array, " N"], here: ContactInstant) -> History:
-    """The contact at the instants and between them."""
-    following = jax.tree.map(lambda leaf: jnp.concatenate([leaf[1:], leaf[-1:]]), here)
-    h = jnp.concatenate([jnp.diff(times), jnp.zeros(1)])
+def _history(
+    law: AbstractContactLaw, t: Scalar, here: ContactInstant, h: Scalar, following: ContactInstant
+) -> History:
+    """The contact at an instant and until the next, which is h later."""
     peak = peak_in_step(law, here, following, h)
     return History(
         jnp.asarray(here.touches(law)),
         jnp.asarray(here.gap.rate),
         jnp.asarray(here.speed()),
-        times - begin_before(law, here),
-        times + h * end_in_step(law, here, following, h),
+        t - begin_before(law, here),
+        t + h * end_in_step(law, here, following, h),
         jnp.asarray(peak.force),
-        times + h * peak.place,
+        t + h * peak.place,
         jnp.asarray(peak.depth),
     )
 

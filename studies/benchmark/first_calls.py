@@ -91,7 +91,7 @@ CALLS = (
     FirstCall("four-bar", "simulate", 4.0, 0.5),
     FirstCall("four-bar", "sweep", 6.0, 0.5),
     FirstCall("four-bar", "sensitivities", 10.0, 0.5),
-    FirstCall("eight bodies", "sweep", 10.0, None),
+    FirstCall("eight bodies", "sweep", 10.0, 0.5),
 )
 
 

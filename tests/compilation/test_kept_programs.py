@@ -1,6 +1,7 @@
 """Native programs that are kept on disk: loaded later, and only where they are the same."""
 
 import os
+import sys
 import tempfile
 import threading
 from typing import Any
@@ -14,7 +15,10 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
-from clearjoint.native import NativeFunction
+from clearjoint.dynamics.grouping import condensing
+from clearjoint.native import Native, NativeFunction
+from clearjoint.simulation.batch import scheduler
+from studies.benchmark.chain import chain
 
 
 class Pair(eqx.Module):
@@ -112,6 +116,57 @@ def test_within_a_process_it_is_looked_for_once(folder):
         file.unlink()
     function(PAIR, 2.0)
     assert len(TRACED) == 1 and function.count() == 1
+
+
+def simulated(scene, state):
+    return cj.simulate(scene, state, 1e-3, progress=False).final
+
+
+def swept(scene, state):
+    axis = cj.Axis(lambda s: s.joints["joint 1"].clearance, [4e-4, 5e-4])
+    return cj.sweep(scene, state, 1e-3, {"clearance": axis}, progress=False).final_position.values
+
+
+def differentiated(scene, state):
+    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod 2"].mass)}
+    height = {"y": cj.quantities.Position("rod 4", "y")}
+    return cj.sensitivities(scene, state, 1e-3, mass, height, [1e-3], progress=False).derivatives
+
+
+@pytest.fixture
+def small_groups(monkeypatch):
+    """Elements are put together from two on, and no program is in memory."""
+    monkeypatch.setattr(condensing, "SMALLEST", 2)
+
+    def forget():
+        monkeypatch.setattr(scheduler._LOOPS, "_loops", {})
+        modules = [m for name, m in sys.modules.items() if name.startswith("clearjoint.")]
+        for found in [value for module in modules for value in vars(module).values()]:
+            if isinstance(found, Native):
+                monkeypatch.setattr(found.native, "_programs", {})
+
+    forget()
+    return forget
+
+
+@pytest.mark.parametrize(
+    "call", [simulated, swept, pytest.param(differentiated, marks=pytest.mark.slow)]
+)
+def test_programs_of_scenes_with_elements_put_together(small_groups, folder, call):
+    """The next process reads them, keeps no others, and does not ask for the machine code of any,
+    which is kept beside each of them."""
+    scene, state = chain(4)
+    first = call(scene, state)
+    files = list(folder.iterdir())
+    for file in files:
+        os.utime(file, (0, 0))
+    small_groups()
+    again = call(scene, state)
+    assert sorted(folder.iterdir()) == sorted(files)
+    read = [file for file in files if file.stat().st_mtime > 0]
+    assert len(files) == 2 * len(read) > 0
+    for one, other in zip(jax.tree.leaves(first), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("damage", ["cut", "turned", "emptied", "strange"])

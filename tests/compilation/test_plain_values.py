@@ -17,6 +17,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.compilation.plain_values import NotPlainError, described
+from clearjoint.math.groups import Several
 from clearjoint.simulation.motion_modes import MotionMode
 
 
@@ -28,6 +29,12 @@ def test_data_differ_by_type_and_value():
     values += (("a", "bc"), ("ab", "c"), cj.simulate, cj.Body, cj.Body.rod)
     assert len({described(value) for value in values}) == len(values)
     assert described({"a": [1, (2.0, "b")]}) == described({"a": [1, (2.0, "b")]})
+
+
+def test_names_of_several_differ_from_their_text():
+    one, other = Several(("a", "b")), Several(("a", "c"))
+    assert len({described(name) for name in (one, other, str(one))}) == 3
+    assert described(one) == described(Several(["a", "b"]))
 
 
 def test_values_of_the_package_have_one():
@@ -51,6 +58,10 @@ class Kind(enum.Enum):
 
 
 class Number(float):
+    pass
+
+
+class Name(str):
     pass
 
 
@@ -89,6 +100,7 @@ FOREIGN = {
     "an array of objects": np.array([function], dtype=object),
     "a member of an enumeration": Kind.ONE,
     "a subclass of a number": Number(1.0),
+    "a subclass of a string": Name("a"),
     "a dictionary with a default": collections.defaultdict(float),
     "a generator": np.random.default_rng(),
     "an iterator": iter([1.0]),

@@ -1,6 +1,8 @@
 """Alike elements put together: the same numbers as each by itself, under their own names."""
 
+import copy
 import dataclasses
+import pickle
 import sys
 from functools import partial
 
@@ -330,6 +332,12 @@ def test_names_of_several_tell_them_apart():
     back = by_group({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
     np.testing.assert_array_equal(back[Several(("a", "b"))], [1.0, 2.0])
     assert back["c"] == 3.0 and set(back) == set(family)
+
+
+def test_copies_of_names_of_several_are_the_same():
+    name = Several(("a", "b"))
+    for again in (pickle.loads(pickle.dumps(name)), copy.deepcopy(name)):
+        assert again == name and again.members == name.members
 
 
 def test_each_applies_any_function_and_keeps_structural_numbers():
