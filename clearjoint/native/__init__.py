@@ -26,7 +26,7 @@ everything, and on CPUs, with a warning, what has a primitive of JAX without a r
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows
-from .functions import NativeFunction
+from .functions import NativeFunction, evaluated
 from .lowering import UnsupportedPrimitiveError
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "NativeFallbackWarning",
     "NativeFunction",
     "UnsupportedPrimitiveError",
+    "evaluated",
     "is_native",
     "over_rows",
 ]

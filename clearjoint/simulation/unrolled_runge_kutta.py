@@ -21,6 +21,7 @@ from jaxtyping import Float, PyTree
 
 from ..fields.types import Single
 from ..math.vectors import Scalar
+from ..native import evaluated
 from .aliases import DenseInformation
 from .grading import AbstractGrading
 
@@ -181,15 +182,25 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
     Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
     diffrax's interpolant, which is linear in the stages: of as many variables, with one stage each.
-    No compiler fuses its operations, so that the digits are the same on every processor.
+    Its operations are carried out one by one, so that no compiler fuses them and the digits are the
+    same on every processor.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
-    numbers = np.zeros(stages), np.asarray(tableau.b_sol), np.eye(stages)
-    with jax.ensure_compile_time_eval():
-        y0, y1, k = map(jax.device_put, numbers)
-        dense = method.interpolation_cls(t0=0.0, t1=1.0, y0=y0, y1=y1, k=k)
-        values = np.array([dense.evaluate(place) for place in x])
+
+    def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, place: Scalar) -> Scalar:
+        return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(place)
+
+    b, unit = np.asarray(tableau.b_sol), np.eye(stages)
+    rows = zip(b, unit, strict=True)
+    calls = [(0.0, 1.0, *row, place) for row in rows for place in x]
+    numbers = evaluated(value, calls)
+    if numbers is not None:
+        values = np.reshape(numbers, (stages, len(x))).T
+    else:
+        with jax.ensure_compile_time_eval():
+            y1, k = map(jax.device_put, (b, unit))
+            values = np.array([value(0.0, 1.0, y1, k, place) for place in x])
     return np.linalg.solve(np.vander(x, increasing=True), values).T
