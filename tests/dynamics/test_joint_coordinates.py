@@ -96,8 +96,7 @@ EDGES = {
     "hanging from a ball": ((GROUND, "a", "spherical"), ("a", "b", "revolute")),
     "on a rail": ((GROUND, "a", "rail"), ("a", "b", "revolute"), (GROUND, "c", "fixed")),
     "flying": (
-        ("a", "b", "revolute"), ("b", "c", "revolute"), ("a", "d", "spherical"),
-        ("a", "e", "prismatic"),
+        ("a", "b", "revolute"), ("b", "c", "prismatic"), ("a", "d", "spherical"),
     ),
     "on a table": (
         (GROUND, "a", "planar"), ("a", "b", "universal"), ("b", "c", "planar"),

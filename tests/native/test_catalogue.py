@@ -3,6 +3,7 @@
 import warnings
 from typing import Any
 
+import diffrax
 import numpy as np
 import pytest
 
@@ -12,17 +13,16 @@ from clearjoint.native.compiled import SWITCH
 from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
 
 SCENES = catalogue_scenes()
-REPRESENTATIVE = (
-    "law LankaraniNikravesh",
-    "rotor with film, line contact and bristles",
-    "mechanism slider_crank under a torque that is switched",
-)
+REPRESENTATIVE = ("rotor with film and friction", "mechanism PinInSlot")
 """Each family of elements, in few programs."""
 FINE = cj.Settings(rtol=1e-12)
+FEW_STAGES = cj.Settings(rtol=1e-8, solver=diffrax.Bosh3())
+"""Compiles in half the time."""
 CLOSE = 1e-9
-DERIVATIVES = cj.Settings(rtol=1e-10, landing_tolerance=1e-13)
+DERIVATIVES = cj.Settings(rtol=1e-12, landing_tolerance=1e-13)
 STEP = 1e-4
-"""Of the logarithm of a mass, in differences."""
+"""Of the logarithm of a mass, in differences. They divide the errors of runs by 2 STEP: at rtol
+1e-10 those of clamped laws, whose force has a kink within a step, make 2e-4 of a slope."""
 
 
 @pytest.fixture(autouse=True)
@@ -34,19 +34,9 @@ def without_fallback():
         yield
 
 
-def some(names: Any) -> Any:
-    return pytest.mark.parametrize(
-        "name",
-        [
-            name if name in REPRESENTATIVE else pytest.param(name, marks=pytest.mark.slow)
-            for name in names
-        ],
-    )
-
-
-def run(scene: CatalogueScene) -> cj.Solution:
+def run(scene: CatalogueScene, settings: cj.Settings) -> cj.Solution:
     save = cj.Saving(np.linspace(0.0, scene.end, 5), impacts=True)
-    return cj.simulate(*scene.make(), scene.end, FINE, save, progress=False)
+    return cj.simulate(*scene.make(), scene.end, settings, save, progress=False)
 
 
 def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> None:
@@ -56,13 +46,20 @@ def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> No
     np.testing.assert_allclose(one, other, rtol=0.0, atol=relative * scale, err_msg=name)
 
 
-@some(SCENES)
-def test_a_run_is_the_one_that_xla_compiles(name, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        *((name, FEW_STAGES) for name in REPRESENTATIVE),
+        *(pytest.param(name, FINE, marks=pytest.mark.slow) for name in SCENES),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_run_is_the_one_that_xla_compiles(name, settings, monkeypatch):
     """States to 1e-9 of the scene's largest length and speed, before chaos makes differences of
     roundings grow."""
-    native = run(SCENES[name])
+    native = run(SCENES[name], settings)
     monkeypatch.setenv(SWITCH, "0")
-    xla = run(SCENES[name])
+    xla = run(SCENES[name], settings)
     ours, theirs = native.states, xla.states
     for field in ("position", "orientation", "velocity", "spin"):
         found, expected = (
@@ -70,8 +67,14 @@ def test_a_run_is_the_one_that_xla_compiles(name, monkeypatch):
             for states in (ours, theirs)
         )
         assert_close(found, expected, field)
+    # By contact: the order of onsets at one instant, of two edges of a guide, is rounding's.
+    ours, theirs = (
+        (run.impacts, np.lexsort((run.impacts.onset, run.impacts.contact, run.impacts.joint)))
+        for run in (native, xla)
+    )
     for field in ("onset", "entry_speed", "peak_force", "largest_penetration"):
-        assert_close(getattr(native.impacts, field), getattr(xla.impacts, field), field, 1e-7)
+        found, expected = (getattr(table, field)[order] for table, order in (ours, theirs))
+        assert_close(found, expected, field, 1e-7)
 
 
 @pytest.mark.slow
@@ -97,5 +100,5 @@ def test_lanes_and_derivatives_are_those_of_single_runs(name):
     slopes = np.array([found[axis][0, 0] for axis in "xyz"])
     ends = swept.final_position.sel(body=body).values
     expected = (ends[2] - ends[0]) / (2.0 * STEP)
-    allowed = 1e-4 * np.abs(single).max() + 1e-3 * np.abs(expected).max()
+    allowed = 1e-7 * np.abs(single).max() + 1e-4 * np.abs(expected).max()
     np.testing.assert_allclose(slopes, expected, rtol=0.0, atol=allowed)

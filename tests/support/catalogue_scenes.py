@@ -52,6 +52,12 @@ def with_everything() -> tuple[cj.Scene, cj.State]:
     return cj.rotor_in_bearing(film=film, offset=(0.2, -0.9), law=law, friction=friction)
 
 
+def with_film_and_friction() -> tuple[cj.Scene, cj.State]:
+    """A rotor that leaves the wall of its bearing, on which it rubs."""
+    film, friction = cj.PinkusSternlichtFilm(films.VISCOSITY), cj.RegularisedCoulomb(0.1, 1e-3)
+    return cj.rotor_in_bearing(film=film, friction=friction)
+
+
 def in_slot() -> tuple[cj.Scene, cj.State]:
     """A pin that flies from wall to wall."""
     joint = cj.PinInSlot("ground", "b", play=1e-3, pin_radius=5e-3, law=cj.Hertz(1e9))
@@ -95,6 +101,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
             lambda film=film: cj.rotor_in_bearing(film=film, offset=(0.3, -0.6)), 0.01
         )
     found["rotor with film, line contact and bristles"] = CatalogueScene(with_everything, 2e-3)
+    found["rotor with film and friction"] = CatalogueScene(with_film_and_friction, 2e-3)
     for name, target in TARGETS.items():
         found[f"joints, {name}"] = CatalogueScene(lambda target=target: machines(target), 0.03)
     torque = cj.PiecewiseConstant([0.0, 1e-3, 2e-3], [2.0, -1.0, 0.0])
