@@ -16,7 +16,7 @@ SCENES = catalogue_scenes()
 REPRESENTATIVE = ("rotor with film and friction", "mechanism PinInSlot")
 """Each family of elements, in few programs."""
 FINE = cj.Settings(rtol=1e-12)
-FEW_STAGES = cj.Settings(rtol=1e-8, solver=diffrax.Bosh3())
+FEW_STAGES = cj.Settings(rtol=1e-11, solver=diffrax.Bosh3())
 """Compiles in half the time."""
 CLOSE = 1e-9
 DERIVATIVES = cj.Settings(rtol=1e-12, landing_tolerance=1e-13)

@@ -53,7 +53,7 @@ def with_everything() -> tuple[cj.Scene, cj.State]:
 
 
 def with_film_and_friction() -> tuple[cj.Scene, cj.State]:
-    """A rotor that leaves the wall of its bearing, on which it rubs."""
+    """A rotor that a film carries off the wall of its bearing."""
     film, friction = cj.PinkusSternlichtFilm(films.VISCOSITY), cj.RegularisedCoulomb(0.1, 1e-3)
     return cj.rotor_in_bearing(film=film, friction=friction)
 
