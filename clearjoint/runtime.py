@@ -27,6 +27,9 @@ program compiled in 2.4 instead of 58 s. XLA reads the variable when JAX first c
 so that `configure` sets it in time if it is called before. These options can't be passed to
 `jax.jit`. Calls of `simulate`, `sweep` and `sensitivities` outside of transformations don't need
 them.
+
+>>> "xla_cpu_small_while_loop_byte_threshold" in cj.XLA_FLAGS
+True
 """
 _EXTRA = "--xla_backend_extra_options"
 _KEEP = "CLEARJOINT_KEEP_PROGRAMS"

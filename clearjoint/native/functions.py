@@ -22,7 +22,7 @@ from ..compilation.tracing import collector_at_rest, program_of
 from .cells import Cells
 from .kept import kept
 from .llvm_text import llvm_text
-from .lowering import Lowering, Region, aval_of, tangents_of
+from .lowering import Lowering, Region, UnsupportedPrimitiveError, aval_of, tangents_of
 from .machine_code import compiled
 from .operations import Number, Operations
 from .primitives import RULES
@@ -227,7 +227,7 @@ def evaluated(
     function: Callable[..., ArrayLike], calls: Sequence[tuple[ArrayLike, ...]]
 ) -> list[Number] | None:
     """The scalars that a function of small arrays gives for the arguments of several calls;
-    ``None`` if it has a loop, say.
+    ``None`` if it has a loop, say, or a primitive without a rule.
 
     Each operation is rounded by itself, in Python: JAX would compile a program for each kind of
     operation first, which takes 20 ms.
@@ -235,8 +235,11 @@ def evaluated(
     closed = jax.make_jaxpr(function)(*calls[0])
     lowering, found = Lowering(Operations(), RULES), []
     for arguments in calls:
-        consts = [lowering.constant(const) for const in closed.consts]
-        [out] = lowering.run(closed.jaxpr, consts, [*map(lowering.constant, arguments)])
+        try:
+            consts = [lowering.constant(const) for const in closed.consts]
+            [out] = lowering.run(closed.jaxpr, consts, [*map(lowering.constant, arguments)])
+        except UnsupportedPrimitiveError:
+            return None
         number = lowering.do.number(out) if isinstance(out, int) else None
         if number is None:
             return None
