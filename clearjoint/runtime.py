@@ -40,7 +40,7 @@ _NATIVE = "CLEARJOINT_NATIVE"
 Setting = bool | float | str | None
 """The value of a setting of a process."""
 _threads: int | None = None
-"""Threads of sweeps, if `configure` has been told, or this process works for another."""
+"""Number of threads of sweeps, if set by `configure` or by the process that this one works for."""
 
 
 def default_cache() -> Path:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import update_wrapper
-from typing import Generic, Literal, ParamSpec, TypeVar
+from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
 
@@ -11,11 +11,8 @@ from .tracing import collector_at_rest, is_tracing
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-Donated = Literal["all", "all-except-first", "warn", "warn-except-first", "none"]
-"""Arguments whose memory the result may take, as of `equinox.filter_jit`."""
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options. LLVM's first level compiles in less time than its third, and no run takes
-longer."""
+"""XLA's compiler options: LLVM's first level of optimisation takes less time than its third."""
 
 
 class Compiled(Generic[Arguments, Result]):
@@ -27,12 +24,12 @@ class Compiled(Generic[Arguments, Result]):
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result], donate: Donated = "none"):
+    def __init__(self, function: Callable[Arguments, Result]):
         traced = begins_a_program(function)
         # JAX takes options for outermost programs alone.
-        self._part = eqx.filter_jit(traced, donate=donate)
+        self._part = eqx.filter_jit(traced)
         self._outermost = eqx.filter_jit(  # pyright: ignore
-            traced, donate=donate, compiler_options=OPTIONS
+            traced, compiler_options=OPTIONS
         )
         update_wrapper(self, function)
 

@@ -127,11 +127,7 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
     offsets = [k for k in range(len(shape)) if k not in numbers.collapsed_slice_dims]
     block = [sizes[k] for k in offsets]
     strides = _strides(shape)
-    inside = sum(
-        np.arange(size).reshape([-1 if j == k else 1 for j in range(len(block))]) * strides[axis]
-        for k, (axis, size) in enumerate(zip(offsets, block, strict=True))
-    )
-    inside = np.broadcast_to(np.asarray(inside, dtype=int), block).ravel()
+    inside = _cells_of_block(block, [strides[axis] for axis in offsets])
     depth = aval_of(equation.invars[1]).shape[-1]
     memory: InMemory | None = array if isinstance(array, InMemory) else None
     small = None if memory is not None else lower.values(array)
@@ -163,14 +159,10 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
         flat = lower.values(indices)
         rows = [rows_at(flat[k * depth : (k + 1) * depth]) for k in range(count)]
         values = np.array(rows, dtype=np.int64).reshape([*batch, *block])
-        offset = set(numbers.offset_dims)
-        order = [k for k in range(values.ndim) if k not in offset]
-        own = [0] * values.ndim
-        for k, axis in enumerate(order):
-            own[axis] = k
-        for k, axis in enumerate(numbers.offset_dims):
-            own[axis] = len(batch) + k
-        return [lower.array(values.transpose(own).ravel().tolist(), tuple(out.shape))]
+        # The axes of a block stand at `offset_dims` of the result, those of the batch between.
+        behind = range(len(batch), values.ndim)
+        values = np.moveaxis(values, behind, numbers.offset_dims)
+        return [lower.array(values.ravel().tolist(), tuple(out.shape))]
     if tuple(numbers.offset_dims) != tuple(range(len(batch), len(out.shape))):
         raise UnsupportedPrimitiveError("gather of large transposed arrays")
     table = lower.in_memory(indices, aval_of(equation.invars[1]).shape)
@@ -188,6 +180,15 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
 
     lower.do.repeat(count, visit)
     return [result]
+
+
+def _cells_of_block(sizes: list[int], strides: list[int]) -> np.ndarray:
+    """The cells of a block of an array, from its first one on, in order."""
+    cells = np.zeros(sizes, int)
+    for axis, (size, stride) in enumerate(zip(sizes, strides, strict=True)):
+        shape = [-1 if k == axis else 1 for k in range(len(sizes))]
+        cells += stride * np.arange(size).reshape(shape)
+    return cells.ravel()
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:

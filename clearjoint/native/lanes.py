@@ -138,6 +138,7 @@ class LaneLoop(AbstractLaneLoop):
             count, goes = carries[0], looked(carries[1:])[names.index("goes")]
             assert isinstance(goes, int) and isinstance(count, int)
             do.mark_uniform(count)
+            # All lanes stop together, as soon as one of them waits for its host.
             waits = do.do("and", "b", occupied, do.do("not", "b", goes))
             calm = do.do("not", "b", do.do("any", "b", waits))
             return do.do("and", "b", calm, do.do("ilt", "b", count, limit))

@@ -50,7 +50,7 @@ OF_LINKS = {"visuals": "looks", "collisions": "shapes of collisions"}
 def not_carried_over(
     robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
 ) -> str:
-    """What is left out, and of which links and joints; empty if nothing is.
+    """Text that lists what was not read from a file, by link and joint; empty if all was.
 
     **Arguments:** `tags`: of all that the file says of the robot.
     """

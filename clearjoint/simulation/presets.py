@@ -46,8 +46,8 @@ as `horizon`. An onset found within 1e-13 m leaves no error in the derivative of
 1e-13
 """
 identification = replace(derivatives, derivative_tolerance=1e3)
-"""For fits, whose slopes need three digits: what `identify` and `identify_many` take unless told
-otherwise. A fifth fewer steps than `derivatives`, states as accurate.
+"""For fits, whose slopes need three digits: the default of `identify` and `identify_many`. A fifth
+fewer steps than `derivatives`, states as accurate.
 
 >>> cj.presets.identification.derivative_tolerance
 1000.0

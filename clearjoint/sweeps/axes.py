@@ -270,8 +270,8 @@ def _admissible(scene: Scene, state: State, columns: Columns) -> np.ndarray:
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Whether all checks of the modules hold that have changed leaves; ``None`` if that can't be
-    told while JAX traces their numbers."""
+    """Whether all checks hold of the modules with changed leaves; ``None`` if a check needs the
+    values of numbers, which are unknown while JAX traces them."""
     tree, own = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
     if conditions is not None and any(changed[own:]):

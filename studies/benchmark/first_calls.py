@@ -65,7 +65,7 @@ class Mechanism:
 
 MECHANISMS = {
     "pendulum": Mechanism(lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
-    "pendulum with a law of one's own": Mechanism(own_law, "shoulder", "arm 2"),
+    "pendulum with a user's law": Mechanism(own_law, "shoulder", "arm 2"),
     "four-bar": Mechanism(four_bar, "crank pin", "coupler"),
     "eight bodies": Mechanism(lambda: chain(RODS), "joint 1", f"rod {RODS}"),
 }
@@ -87,7 +87,7 @@ CALLS = (
     *QUICK,
     FirstCall("pendulum", "sweep", 3.0, 0.5),
     FirstCall("pendulum", "sensitivities", 5.0, 0.5),
-    FirstCall("pendulum with a law of one's own", "simulate", 2.0, 2.0),
+    FirstCall("pendulum with a user's law", "simulate", 2.0, 2.0),
     FirstCall("four-bar", "simulate", 4.0, 0.5),
     FirstCall("four-bar", "sweep", 6.0, 0.5),
     FirstCall("four-bar", "sensitivities", 10.0, 0.5),
