@@ -1,12 +1,12 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
 The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
-1. `simulation/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
+1. `simulation/run/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
    of its arrays (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
 3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
-4. `model/plays/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
-   `model/plays/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
+   `model/clearance_joints/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
    (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
 5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
@@ -82,6 +82,20 @@ from .model.bodies import Motion as Motion
 from .model.bodies import State as State
 from .model.bodies import Wrench as Wrench
 from .model.bodies import body_state as body_state
+from .model.clearance_joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
+from .model.clearance_joints.axial import EndPlay as EndPlay
+from .model.clearance_joints.axial import FixedAxially as FixedAxially
+from .model.clearance_joints.axial import FreeAxially as FreeAxially
+from .model.clearance_joints.backlash import Backlash as Backlash
+from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
+from .model.clearance_joints.carried_journal import CarriedJournal as CarriedJournal
+from .model.clearance_joints.carried_journal import carried_journal as carried_journal
+from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
+from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
+from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
+from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
+from .model.clearance_joints.pin_in_slot import PinInSlot as PinInSlot
+from .model.clearance_joints.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.contact.bounded_damping import ElastoGap as ElastoGap
 from .model.contact.bounded_damping import FloresKelvinVoigt as FloresKelvinVoigt
 from .model.contact.bounded_damping import ImpactFunction as ImpactFunction
@@ -175,7 +189,6 @@ from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
-from .model.joints.massless_link import MasslessLink as MasslessLink
 from .model.joints.planar_joint import PlanarJoint as PlanarJoint
 from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
@@ -198,30 +211,17 @@ from .model.mechanisms.slider_crank import slider_crank as slider_crank
 from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.orientations import rotation as rotation
 from .model.pen import Marker as Marker
-from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
-from .model.plays.axial import EndPlay as EndPlay
-from .model.plays.axial import FixedAxially as FixedAxially
-from .model.plays.axial import FreeAxially as FreeAxially
-from .model.plays.backlash import Backlash as Backlash
-from .model.plays.ball_in_socket import BallInSocket as BallInSocket
-from .model.plays.carried_journal import CarriedJournal as CarriedJournal
-from .model.plays.carried_journal import carried_journal as carried_journal
-from .model.plays.clearance import ClearanceJoint as ClearanceJoint
-from .model.plays.gear_backlash import GearBacklash as GearBacklash
-from .model.plays.lubricated import LubricatedJoint as LubricatedJoint
-from .model.plays.pin_in_slot import PinInSlot as PinInSlot
-from .model.plays.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
-from .parametrisation.places import parameters as parameters
-from .parametrisation.places import put as put
+from .parametrisation.paths import parameters as parameters
+from .parametrisation.paths import put as put
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .parametrisation.scales import Bounded as Bounded
 from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .quantities.accelerometer import Accelerometer as Accelerometer
 from .quantities.accelerometer import accelerometer as accelerometer
-from .results import RESULTS as RESULTS
+from .result_codes import RESULTS as RESULTS
 from .runtime import XLA_FLAGS as XLA_FLAGS
 from .runtime import configure as configure
 from .scene_files.files import load as load
@@ -230,38 +230,38 @@ from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import JointLimits as JointLimits
 from .scene_files.urdf import load_urdf as load_urdf
 from .scene_files.urdf import urdf_limits as urdf_limits
-from .simulation.batch.dissipated_energy import DissipatedEnergy as DissipatedEnergy
-from .simulation.batch.dissipated_energy import MeanPowerLost as MeanPowerLost
-from .simulation.batch.impact_count import ImpactCount as ImpactCount
-from .simulation.batch.quantiles import Quantiles as Quantiles
-from .simulation.batch.reductions import AbstractReduction as AbstractReduction
-from .simulation.batch.reductions import Peak as Peak
-from .simulation.batch.reductions import Statistics as Statistics
-from .simulation.batch.wear import ArchardWear as ArchardWear
-from .simulation.impact_table import Impacts as Impacts
-from .simulation.interruptions import RunInterrupted as RunInterrupted
-from .simulation.law_ranges import beyond_law_ranges as beyond_law_ranges
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
-from .simulation.nonsmooth.solution import ContactTotals as ContactTotals
-from .simulation.nonsmooth.solution import NonsmoothSolution as NonsmoothSolution
-from .simulation.observe import MotionMode as MotionMode
-from .simulation.observe import Observation as Observation
-from .simulation.observe import observe as observe
-from .simulation.saving import Saving as Saving
-from .simulation.sections import Crossings as Crossings
-from .simulation.sections import Section as Section
-from .simulation.sensitivities import Sensitivities as Sensitivities
-from .simulation.sensitivities import sensitivities as sensitivities
-from .simulation.settings import Settings as Settings
-from .simulation.settle import Settled as Settled
-from .simulation.settle import Settling as Settling
-from .simulation.settle import settle as settle
-from .simulation.simulate import simulate as simulate
-from .simulation.solution import SimulationError as SimulationError
-from .simulation.solution import Solution as Solution
-from .simulation.solution import Trajectory as Trajectory
-from .simulation.wall_impact import FreeImpact as FreeImpact
-from .simulation.wall_impact import free_impact as free_impact
+from .simulation.reductions.dissipated_energy import DissipatedEnergy as DissipatedEnergy
+from .simulation.reductions.dissipated_energy import MeanPowerLost as MeanPowerLost
+from .simulation.reductions.impact_count import ImpactCount as ImpactCount
+from .simulation.reductions.quantiles import Quantiles as Quantiles
+from .simulation.reductions.reductions import AbstractReduction as AbstractReduction
+from .simulation.reductions.reductions import Peak as Peak
+from .simulation.reductions.reductions import Statistics as Statistics
+from .simulation.reductions.wear import ArchardWear as ArchardWear
+from .simulation.results.impact_table import Impacts as Impacts
+from .simulation.results.law_ranges import beyond_law_ranges as beyond_law_ranges
+from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
+from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
+from .simulation.results.observe import MotionMode as MotionMode
+from .simulation.results.observe import Observation as Observation
+from .simulation.results.observe import observe as observe
+from .simulation.results.solution import SimulationError as SimulationError
+from .simulation.results.solution import Solution as Solution
+from .simulation.results.solution import Trajectory as Trajectory
+from .simulation.run.interruptions import RunInterrupted as RunInterrupted
+from .simulation.run.saving import Saving as Saving
+from .simulation.run.sections import Crossings as Crossings
+from .simulation.run.sections import Section as Section
+from .simulation.run.sensitivities import Sensitivities as Sensitivities
+from .simulation.run.sensitivities import sensitivities as sensitivities
+from .simulation.run.settle import Settled as Settled
+from .simulation.run.settle import Settling as Settling
+from .simulation.run.settle import settle as settle
+from .simulation.run.simulate import simulate as simulate
+from .simulation.run.wall_impact import FreeImpact as FreeImpact
+from .simulation.run.wall_impact import free_impact as free_impact
+from .simulation.step.settings import Settings as Settings
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable

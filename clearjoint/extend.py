@@ -48,6 +48,7 @@ from .math.vectors import unpack as unpack
 from .model.bodies import NO_WRENCH as NO_WRENCH
 from .model.bodies import Motion as Motion
 from .model.bodies import Wrench as Wrench
+from .model.clearance_joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
 from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
 from .model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
@@ -81,12 +82,11 @@ from .model.joints.motion_subspaces import AbstractFreedom as AbstractFreedom
 from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist
-from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component
 from .quantities.base import Quantity as Quantity
 from .quantities.instant import Instant as Instant
-from .results import result_number as result_number
-from .results import result_numbers as result_numbers
-from .simulation.batch.reductions import AbstractReduction as AbstractReduction
+from .result_codes import result_number as result_number
+from .result_codes import result_numbers as result_numbers
+from .simulation.reductions.reductions import AbstractReduction as AbstractReduction

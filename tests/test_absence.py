@@ -33,12 +33,12 @@ from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.stabilisation import Unstabilised
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import unpack
-from clearjoint.simulation.landing import Landing
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin
-from clearjoint.simulation.step_state import Method
-from clearjoint.simulation.stepping import attempt
-from clearjoint.simulation.unseen_jumps import may_jump_unseen
+from clearjoint.simulation.run.segments import begin
+from clearjoint.simulation.step.discontinuity_monitor import may_jump_unseen
+from clearjoint.simulation.step.landing import Landing
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.step_state import Method
+from clearjoint.simulation.step.stepping import attempt
 from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)

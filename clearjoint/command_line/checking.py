@@ -11,13 +11,13 @@ from ..dynamics.journals import depths
 from ..fields.cautions import quiet
 from ..fields.checks import as_shown
 from ..model.bodies import State
-from ..model.plays.journal_bases import HasJournal
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..parametrisation.places import parameters
+from ..parametrisation.paths import parameters
 from ..quantities.base import check_quantity
 from ..scene_files.files import FilePath, save
-from ..simulation.run_checks import check_start
-from .places import written
+from ..simulation.run.run_checks import check_start
+from .paths import written
 from .study import Study
 from .sweeping import check_output, sweep_arguments
 

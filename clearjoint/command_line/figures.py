@@ -9,13 +9,13 @@ import numpy as np
 
 from .. import plot
 from ..identification.fit import Fit
-from ..model.plays.journal_bases import HasJournal
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..plot.cycle import section_points
 from ..plot.labels import scaled
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import Observation
-from ..simulation.solution import Solution
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Solution
 from .endings import say
 from .folders import OUTPUTS, Folder
 

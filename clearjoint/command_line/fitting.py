@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..datasets.labelled import Labelled, labelled_dataset
+from ..export.labelled import Labelled, labelled_dataset
 from ..identification.fit import Fit
 from ..identification.identify import FitInterrupted, identify
 from ..identification.levenberg_marquardt import Ending, Iteration

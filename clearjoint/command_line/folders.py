@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.provenance import Notes
-from ..datasets.tabular import write_netcdf
 from ..dynamics.formulation import Formulation
+from ..export.provenance import Notes
+from ..export.tabular import write_netcdf
 from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
-from ..results import RESULTS
+from ..result_codes import RESULTS
 from ..scene_files.files import load, save
-from ..simulation.impact_table import Impacts
-from ..simulation.sections import Crossings
-from ..simulation.solution import Solution, Trajectory
-from ..simulation.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.solution import Solution, Trajectory
+from ..simulation.results.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
+from ..simulation.run.sections import Crossings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,7 +95,7 @@ class Folder:
 
     def write_table(self, name: str, table: "xr.Dataset", csv: bool = True) -> None:
         """Write a dataset as netCDF, and as CSV."""
-        from ..datasets.frames import to_frame
+        from ..export.frames import to_frame
 
         write_netcdf(table, self / f"{name}.nc")
         if csv:

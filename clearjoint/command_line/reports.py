@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ..datasets.frames import to_frame
+from ..export.frames import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import observe
-from ..simulation.solution import Solution
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import observe
+from ..simulation.results.solution import Solution
 from ..sweeps.store.store import open_sweep
 from ..views.viewing import view
 from . import figures, pages

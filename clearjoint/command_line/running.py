@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import numpy as np
 
-from ..datasets.labelled import Labelled, labelled_dataset
+from ..export.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
 from ..math.vectors import Scalar
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
 from ..quantities.instant import Instant
-from ..results import RESULTS
-from ..simulation.batch.reductions import AbstractReduction, Peak
-from ..simulation.dense_output import require_dense
-from ..simulation.interruptions import RunInterrupted
-from ..simulation.method import Scheme
-from ..simulation.observe import Observation, observe
-from ..simulation.quantity_values import values_along
-from ..simulation.saving import Saving
-from ..simulation.settings import Settings
-from ..simulation.simulate import simulate
-from ..simulation.solution import Solution
-from ..simulation.state_tables import contact_label
+from ..result_codes import RESULTS
+from ..simulation.reductions.reductions import AbstractReduction, Peak
+from ..simulation.results.observe import Observation, observe
+from ..simulation.results.quantity_values import values_along
+from ..simulation.results.solution import Solution
+from ..simulation.results.state_tables import contact_label
+from ..simulation.run.interruptions import RunInterrupted
+from ..simulation.run.saving import Saving
+from ..simulation.run.simulate import simulate
+from ..simulation.step.dense_output import require_dense
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder
 from .reports import write_run_report

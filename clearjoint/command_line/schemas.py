@@ -1,7 +1,7 @@
 """JSON Schemas of scene files and of study files."""
 
 from ..scene_files.schema import Catalogue, Schema, scene_properties, scene_schema
-from ..simulation.settings import Settings
+from ..simulation.step.settings import Settings
 from .study_parts import (
     AxisPart,
     ColumnPart,

@@ -14,11 +14,11 @@ from ..scene_files.complaints import FilePlace, Keys, listed
 from ..scene_files.files import scene_of_document
 from ..scene_files.formats import Document, read_document
 from ..scene_files.reading import Reader
-from ..simulation import presets
-from ..simulation.channels import Channels
-from ..simulation.sections import Section
-from ..simulation.settings import Settings
-from .places import FoundPlace, find_place, keys_of
+from ..simulation.results.channels import Channels
+from ..simulation.run.sections import Section
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings
+from .paths import FoundPlace, find_place, keys_of
 from .study_parts import FitPart, RunPart, StudyParts, SweepPart
 from .vocabulary import CLASSES
 

@@ -9,8 +9,8 @@ from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
 from ..parametrisation.scales import AbstractScale, Linear
 from ..quantities.base import AbstractQuantity
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.settings import Settings
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
 SPACINGS = "linear", "geometric"

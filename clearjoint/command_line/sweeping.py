@@ -10,9 +10,9 @@ import numpy as np
 
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
-from ..results import result_numbers
+from ..result_codes import result_numbers
 from ..scene_files.complaints import FilePlace
-from ..simulation.saving import Saving
+from ..simulation.run.saving import Saving
 from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output, check_outputs
 from ..sweeps.store.store import open_sweep

@@ -12,8 +12,8 @@ from ..dynamics.stabilisation import Baumgarte, Projection, Unstabilised
 from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
 from ..parametrisation.scales import Bounded, Linear, Log
-from ..simulation.batch import reductions, wear
-from ..simulation.batch.reductions import AbstractReduction
+from ..simulation.reductions import reductions, wear
+from ..simulation.reductions.reductions import AbstractReduction
 from ..sweeps.outputs import ImpactTable
 
 METHODS = (AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised)

@@ -3,7 +3,7 @@
 A contact exists where its penetration, measured from where the force begins, is positive. Its
 memory is set at the end of the step that lands on its begin, by one Newton step back to the instant
 where the gap is zero, so that value and derivative are those of the event. The steps that land
-there are in `clearjoint.simulation.landing`.
+there are in `clearjoint.simulation.step.landing`.
 """
 
 from collections.abc import Callable

@@ -24,7 +24,13 @@ from .contact_forces import (
 )
 from .coordinates import AbstractMechanics, MotionVariables
 from .energy import ledger_powers, mechanical_energy
-from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
+from .equations_of_motion import (
+    Dynamics,
+    applied_wrenches,
+    constraint_rows,
+    flattened,
+    solved,
+)
 from .formulation import Formulation
 from .grouping.condensing import whole
 from .grouping.coordinates import grouped

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
-from ..results import RESULTS
+from ..result_codes import RESULTS
 from .cautions import warns
 from .checks import as_shown
 from .declarations import check_declared, name_conversions

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..datasets.labelled import Labelled, labelled_dataset, texts
-from ..datasets.tabular import AbstractTabular
+from ..export.labelled import Labelled, labelled_dataset, texts
+from ..export.tabular import AbstractTabular
 from ..information import fisher_information as information
 from ..information.horizon import Horizon
 from ..measurements.series import Measurements
@@ -23,7 +23,13 @@ from . import likelihood, rivals
 from .advice import Evidence
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending
-from .report import correlation_table, estimates_table, numbered, searches_table, series_table
+from .report import (
+    correlation_table,
+    estimates_table,
+    numbered,
+    searches_table,
+    series_table,
+)
 from .residuals import RunMisfit
 from .screening.screening import Screened
 from .searches import Search

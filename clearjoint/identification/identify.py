@@ -14,16 +14,24 @@ from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
-from ..results import RESULTS
-from ..simulation import presets
-from ..simulation.progress_bars import ProgressBar, telling_of_compiling
-from ..simulation.settings import Settings, settings_or
+from ..result_codes import RESULTS
+from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from .checking import check
 from .checking import lowest as lowest_of
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .report import numbered
-from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
+from .residuals import (
+    Experiment,
+    RunMisfit,
+    Samples,
+    check_start,
+    experiment,
+    run_misfit,
+    samples,
+)
 from .screening.passes import LOOSER, Passes, lowest
 from .screening.screening import Screened, Screening
 from .searches import Search, WindowSearch

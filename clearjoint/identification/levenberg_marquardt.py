@@ -2,7 +2,7 @@
 
 The caller computes residuals and Jacobian at each point that optimistix proposes, and optimistix
 sees their linear model in the place of the function. So a step is compiled once for each number of
-parameters, apart from the runs (`clearjoint.simulation.sensitivities`).
+parameters, apart from the runs (`clearjoint.simulation.run.sensitivities`).
 
 Where this differs from `optimistix.LevenbergMarquardt`: coordinates are scaled by the columns of
 the first Jacobian, so that damping means the same for all; the damping falls where the model did

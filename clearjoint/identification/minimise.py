@@ -15,8 +15,8 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..quantities.base import Quantity
-from ..results import RESULTS
-from ..simulation.settings import Settings
+from ..result_codes import RESULTS
+from ..simulation.step.settings import Settings
 from .residuals import experiment
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Residuals, predictions less measurements, as functions of the parameters' coordinates.
 
 A run gives values and all their derivatives at once, error-controlled
-(`clearjoint.simulation.sensitivities`). `predictions` hands both to JAX by a rule of
+(`clearjoint.simulation.run.sensitivities`). `predictions` hands both to JAX by a rule of
 differentiation, so that `jax.linearize`, `jax.grad` and every optimiser built on them see these
 derivatives at the cost of one run.
 
@@ -31,14 +31,14 @@ from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parame
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..parametrisation.variations import MadeByFunction, SeriesDelay, unchanged
 from ..quantities.base import Quantity
-from ..results import RESULTS
-from ..simulation import presets
-from ..simulation.derivative_runs import derivative_scheme
-from ..simulation.method import Scheme
-from ..simulation.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
-from ..simulation.sensitivities import check_outputs
-from ..simulation.settings import Settings, settings_or
-from ..simulation.spans import check_span, checked_times
+from ..result_codes import RESULTS
+from ..simulation.run.derivative_runs import derivative_scheme
+from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
+from ..simulation.run.sensitivities import check_outputs
+from ..simulation.step import presets
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings, settings_or
+from ..simulation.step.spans import check_span, checked_times
 
 APART = 1e-7
 """Distance, s, of the instants whose difference tells how fast a delayed output changes: short

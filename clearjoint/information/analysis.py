@@ -15,9 +15,9 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.scales import AbstractScale
-from ..simulation import presets
-from ..simulation.sensitivities import Sensitivities, sensitivities
-from ..simulation.settings import Settings, settings_or
+from ..simulation.run.sensitivities import Sensitivities, sensitivities
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from . import fisher_information as information
 from .fisher_information import Combination
 from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of

@@ -17,9 +17,9 @@ from ..fields.checks import require, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
-from ..simulation import presets
-from ..simulation.sensitivities import Sensitivities
-from ..simulation.settings import Settings, settings_or
+from ..simulation.run.sensitivities import Sensitivities
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from . import descent_paths
 from . import error_growth as growth
 from .analysis import Identifiability

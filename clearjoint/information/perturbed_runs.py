@@ -10,8 +10,8 @@ import numpy as np
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
-from ..simulation.sensitivities import Sensitivities, sensitivities
-from ..simulation.settings import Settings
+from ..simulation.run.sensitivities import Sensitivities, sensitivities
+from ..simulation.step.settings import Settings
 from . import error_growth as growth
 from .analysis import Identifiability, identifiability_from
 from .sensors import Sensor, outputs_of, times_of

@@ -7,13 +7,7 @@ import jax
 import numpy as np
 
 from ..fields.cautions import LooseBodyWarning, caution
-from ..fields.checks import (
-    caution_above,
-    caution_unless,
-    concrete,
-    named,
-    require,
-)
+from ..fields.checks import caution_above, caution_unless, concrete, named, require
 from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
 from ..fields.suggestions import nearest
@@ -22,7 +16,12 @@ from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.rotation import AbstractDrive
-from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+from .joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
 
 
 def unconnected_bodies(

@@ -8,7 +8,7 @@ import numpy as np
 from ..fields.checks import require, require_names
 from ..model.bodies import State
 from ..model.scene import Scene
-from .places import Place, value_at
+from .paths import Place, value_at
 from .scales import AbstractScale, Linear
 from .variations import (
     AbstractVariation,

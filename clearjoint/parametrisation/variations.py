@@ -12,7 +12,7 @@ from ..fields.checks import as_number, require
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from .places import Number, Place, numbers_at, put_numbers, require_fits, unit_at
+from .paths import Number, Place, numbers_at, put_numbers, require_fits, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 """From a scene, its initial state and a value to both with that value in them."""

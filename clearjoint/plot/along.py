@@ -9,8 +9,8 @@ import xarray as xr
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity, Quantity
-from ..simulation.quantity_values import rates_along, values_along
-from ..simulation.solution import Solution, Trajectory
+from ..simulation.results.quantity_values import rates_along, values_along
+from ..simulation.results.solution import Solution, Trajectory
 
 
 def series(

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.sections import Crossings, Section
+from ..simulation.run.sections import Crossings, Section
 from .journal import clearance_circle
 from .labels import fitting_unit
 from .outcomes import require_names

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from ..simulation.observe import Observation
+from ..simulation.results.observe import Observation
 from .labels import fitting_unit, time_unit
 from .style import DARK, TimeSpan, dress, lines, show
 

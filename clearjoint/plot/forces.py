@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from . import observed
 from .labels import fitting_unit, time_unit
 from .style import TimeSpan, axes_or_new, dress, inside, lines, show

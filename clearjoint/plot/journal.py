@@ -9,8 +9,8 @@ from matplotlib.ticker import MaxNLocator
 from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..fields.types import ArrayLike
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from .labels import fitting_unit, time_unit
 from .observed import contact, contacts, without_twins
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines

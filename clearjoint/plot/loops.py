@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..fields.checks import require
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import Observation
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import Observation
 from . import observed
 from .labels import fitting_unit
 from .style import axes_or_new, dress, inside, lines

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.observe import Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Trajectory
 from .observed import acceleration_of, centre_of
 from .style import TimeSpan, axes_or_new, dress, inside, lines, show
 

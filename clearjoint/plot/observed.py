@@ -6,8 +6,8 @@ import numpy as np
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.observe import ContactObservation, Load, Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import ContactObservation, Load, Observation
+from ..simulation.results.solution import Trajectory
 
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
 """Differences up to which curves lie on each other, over their values and over the largest one."""

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 
 from ..model.scene import Scene
 from ..quantities.base import Quantity
-from ..simulation.solution import Solution, Trajectory
+from ..simulation.results.solution import Solution, Trajectory
 from .along import rate_series, series
 from .labels import scaled
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside

@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .labels import fitting_unit
 from .observed import contact, without_twins

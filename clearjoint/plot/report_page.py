@@ -15,9 +15,9 @@ from ..fields.checks import require
 from ..fields.drawn_text import literal, shown
 from ..model.scene import Scene
 from ..quantities.base import Quantity
-from ..simulation.observe import Observation, observe
-from ..simulation.settings import Settings
-from ..simulation.solution import Solution, Trajectory
+from ..simulation.results.observe import Observation, observe
+from ..simulation.results.solution import Solution, Trajectory
+from ..simulation.step.settings import Settings
 from .along import series, trajectory_of
 from .report_panels import (
     LINE,

@@ -7,10 +7,10 @@ from matplotlib.figure import SubFigure
 from matplotlib.transforms import ScaledTranslation
 
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import HasJournal
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..simulation.observe import Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Trajectory
 from .energies import energy_ledger
 from .forces import contact_forces, joint_forces
 from .journal import journal_orbit

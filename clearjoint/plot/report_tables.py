@@ -7,10 +7,10 @@ import numpy as np
 
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.scene import Scene
-from ..results import RESULTS
-from ..simulation.impact_table import Impacts
-from ..simulation.settings import Settings
-from ..simulation.solution import Solution
+from ..result_codes import RESULTS
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.solution import Solution
+from ..simulation.step.settings import Settings
 from .labels import fitting_unit
 
 Cells = Sequence[str]

@@ -8,7 +8,7 @@ from scipy import signal
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..quantities.base import Quantity
-from ..simulation.solution import Solution
+from ..simulation.results.solution import Solution
 from .along import series
 from .labels import fitting_unit, scaled
 from .style import BLUE, axes_or_new, dress

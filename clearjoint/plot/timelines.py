@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ..fields.drawn_text import shown
-from ..simulation.observe import ContactObservation, Observation
+from ..simulation.results.observe import ContactObservation, Observation
 from . import observed
 from .labels import time_unit
 from .style import BLUE, DARK, TimeSpan, axes_or_new, dress

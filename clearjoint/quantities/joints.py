@@ -11,8 +11,8 @@ from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
 from ..model.bodies import NO_WRENCH, Wrench
+from ..model.clearance_joints.journal_bases import BASES, HasJournal
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
-from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .base import (
     AbstractQuantity,

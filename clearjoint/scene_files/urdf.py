@@ -14,9 +14,9 @@ from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
 from ..model.bodies import GROUND, BodyState, State, body_state
+from ..model.clearance_joints.backlash import Backlash
+from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.joints.ideal import RevoluteJoint
-from ..model.plays.backlash import Backlash
-from ..model.plays.clearance import ClearanceJoint
 from ..model.scene import Scene
 from .complaints import FilePlace, listed
 from .expectations import Expectation, arguments

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from jaxtyping import PyTree
 
+from ..model.clearance_joints.axial import FixedAxially
+from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
-from ..model.plays.axial import FixedAxially
-from ..model.plays.clearance import ClearanceJoint
 from .complaints import FilePlace, listed
 from .urdf_frames import Frame, euler_parameters, transform
 

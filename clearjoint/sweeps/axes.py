@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ..datasets.provenance import describe
 from ..dynamics.assembly import check_names
+from ..export.provenance import describe
 from ..fields.cautions import quiet
 from ..fields.checks import (
     as_number,
@@ -28,7 +28,7 @@ from ..model.bodies import State
 from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
 from ..native import NativeFunction, UnsupportedPrimitiveError
-from ..parametrisation.places import Place
+from ..parametrisation.paths import Place
 from ..parametrisation.variations import (
     AbstractVariation,
     Change,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from ..simulation.batch.scheduler import Running
+from ..simulation.lanes.scheduler import Running
 from .executors import AbstractSubmitter, run_chunks
 from .layout import PENDING, RESULT, LaneArrays
 from .progress import STORED, lane_progress, show_running

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 import jax
 
-from ..datasets.provenance import described, versions
+from ..export.provenance import described, versions
 from ..model.scene import Scene
 from ..native import is_native
-from ..simulation.settings import Settings
+from ..simulation.step.settings import Settings
 from .axes import Axis, Lanes
 from .outputs import Output
 from .store.notes import number_notes, structure_note

@@ -10,10 +10,10 @@ from ..fields.checks import as_number, require, require_count
 from ..fields.types import ArrayLike
 from ..model.scene import Scene
 from ..quantities.base import require_known
-from ..simulation.batch.reductions import AbstractReduction, check_reductions
-from ..simulation.channels import Channels, check_channels, check_quantities
-from ..simulation.sections import Section
-from ..simulation.windows import Instants, Window
+from ..simulation.reductions.reductions import AbstractReduction, check_reductions
+from ..simulation.reductions.windows import Instants, Window
+from ..simulation.results.channels import Channels, check_channels, check_quantities
+from ..simulation.run.sections import Section
 
 
 class AbstractSaved(abc.ABC):

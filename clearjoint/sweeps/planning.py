@@ -9,15 +9,15 @@ import numpy as np
 from ..fields.checks import require
 from ..math.vectors import structured
 from ..model.scene import Scene
-from ..simulation.batch.lane import Plan, impact_log
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.batch.tasks import Common, Task
-from ..simulation.dense_output import require_dense
-from ..simulation.impact_recorder import ImpactRecorder
-from ..simulation.method import Scheme
-from ..simulation.sections import Section
-from ..simulation.settings import Settings
-from ..simulation.spans import check_span, checked_times
+from ..simulation.lanes.lane import Plan, impact_log
+from ..simulation.lanes.tasks import Common, Task
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.run.impact_recorder import ImpactRecorder
+from ..simulation.run.sections import Section
+from ..simulation.step.dense_output import require_dense
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings
+from ..simulation.step.spans import check_span, checked_times
 from .axes import Axis, Lanes, variable_leaves
 from .outputs import AbstractSaved, ImpactTable, Output
 from .store.identity import Identity, row_digests, run_digests

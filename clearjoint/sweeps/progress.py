@@ -5,8 +5,8 @@ from contextlib import AbstractContextManager
 
 from tqdm import tqdm
 
-from ..simulation.batch.scheduler import Running
-from ..simulation.progress_bars import ProgressBar, telling_of_compiling
+from ..simulation.lanes.scheduler import Running
+from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
 
 STORED = "stored"
 """Description of a bar."""

@@ -9,7 +9,7 @@ import numpy as np
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
 from ..model.bodies import BodyState
-from ..results import result_numbers
+from ..result_codes import result_numbers
 from .axes import Lanes
 from .layout import RESULT
 

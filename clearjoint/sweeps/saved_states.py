@@ -11,8 +11,8 @@ from ..fields.checks import require, require_array_names
 from ..math.vectors import pack
 from ..model.scene import Scene
 from ..quantities.instant import Instant
-from ..simulation.saving import Saving
-from ..simulation.state_tables import STATE_PARTS
+from ..simulation.results.state_tables import STATE_PARTS
+from ..simulation.run.saving import Saving
 from .outputs import AbstractSaved, Output
 
 SAVED = "saved"

@@ -9,11 +9,11 @@ from ..fields.checks import require, require_array_names, require_count
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..simulation import presets
-from ..simulation.method import Scheme
-from ..simulation.run_checks import check_numbers, check_precision
-from ..simulation.saving import Saving, saving_or_nothing
-from ..simulation.settings import Settings, settings_or
+from ..simulation.run.run_checks import check_numbers, check_precision
+from ..simulation.run.saving import Saving, saving_or_nothing
+from ..simulation.step import presets
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings, settings_or
 from .axes import Axis, lanes_of
 from .computing import computed
 from .descriptions import decisive, informative

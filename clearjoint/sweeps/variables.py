@@ -6,11 +6,11 @@ import numpy as np
 
 from ..fields.checks import require
 from ..model.scene import Scene
-from ..results import result_numbers
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.impact_table import IMPACT_UNITS
-from ..simulation.sections import Section
-from ..simulation.state_tables import LABELS, STATE_PARTS, contact_label
+from ..result_codes import result_numbers
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.results.impact_table import IMPACT_UNITS
+from ..simulation.results.state_tables import LABELS, STATE_PARTS, contact_label
+from ..simulation.run.sections import Section
 from .layout import RESULT, Coordinate, Variable
 from .outputs import AbstractSaved, ImpactTable, Output
 from .saved_states import StatesOfLanes

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..results import RESULTS, result_number
-from ..simulation.batch.scheduler import Batch, Ended, Running
-from ..simulation.batch.tasks import Common, Task
-from ..simulation.state_tables import STATE_PARTS
+from ..result_codes import RESULTS, result_number
+from ..simulation.lanes.scheduler import Batch, Ended, Running
+from ..simulation.lanes.tasks import Common, Task
+from ..simulation.results.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"

@@ -23,17 +23,17 @@ from ..native.functions import NativeProgram
 from ..native.lanes import LaneLoop
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.parametrised_scene import AbstractFamily, parametrised
-from ..simulation import presets
-from ..simulation.derivative_runs import derivative_scheme
-from ..simulation.method import Scheme
-from ..simulation.rates import rates_of
-from ..simulation.run_checks import check_precision, check_start
-from ..simulation.run_ends import begin_run
-from ..simulation.settings import Settings, settings_or
-from ..simulation.step_state import Method, Step, Variables
-from ..simulation.stepping import attempt
-from ..simulation.systems import SystemFamily
-from ..simulation.variational import start_with_tangents
+from ..simulation.run.derivative_runs import derivative_scheme
+from ..simulation.run.run_checks import check_precision, check_start
+from ..simulation.run.run_ends import begin_run
+from ..simulation.step import presets
+from ..simulation.step.method import Scheme
+from ..simulation.step.rates import rates_of
+from ..simulation.step.settings import Settings, settings_or
+from ..simulation.step.step_state import Method, Step, Variables
+from ..simulation.step.stepping import attempt
+from ..simulation.step.systems import SystemFamily
+from ..simulation.step.variational import start_with_tangents
 
 FIRST_STEP, END = 1e-6, 1e9
 """Of the run that a program is taken from, s."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..simulation.observe import MotionMode, Observation
+from ..simulation.results.observe import MotionMode, Observation
 from . import meshes
 from .meshes import pose_at
 from .parts import FORCE, LOAD, DrawnPart, between, recoloured

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ..model.clearance_joints.journal_bases import BASES, SIDES
 from ..model.pen import Marker
-from ..model.plays.journal_bases import BASES, SIDES
 from .motion import BodyPoses
 from .parts import frames
 

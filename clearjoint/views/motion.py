@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from ..fields.checks import require
 from ..model.bodies import GROUND, BodyState, State
-from ..simulation.solution import Trajectory
+from ..simulation.results.solution import Trajectory
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import numpy as np
 from ..fields.checks import require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..simulation.nonsmooth.solution import NonsmoothSolution
-from ..simulation.observe import MotionMode, Observation, observe
-from ..simulation.solution import Solution, Trajectory
+from ..simulation.results.nonsmooth_solution import NonsmoothSolution
+from ..simulation.results.observe import MotionMode, Observation, observe
+from ..simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode
 from .camera import Camera, camera
 from .meshes import Mesh, MeshLike, given_mesh

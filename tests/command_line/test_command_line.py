@@ -19,14 +19,14 @@ from clearjoint.command_line import fitting, reports, running
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.examples import MECHANISMS
 from clearjoint.command_line.folders import Folder, scene_and_solution
-from clearjoint.command_line.places import find_place, keys_of, written
+from clearjoint.command_line.paths import find_place, keys_of, written
 from clearjoint.command_line.program import clearjoint
 from clearjoint.command_line.reports import lane_table
 from clearjoint.command_line.schemas import study_schema
 from clearjoint.command_line.study import read_study
 from clearjoint.command_line.sweeping import sweep_arguments
 from clearjoint.scene_files.complaints import FilePlace
-from clearjoint.simulation import host_run, interruptions
+from clearjoint.simulation.run import host_run, interruptions
 from tests.support.dropped_rod import dropped_rod
 
 STUDY = """

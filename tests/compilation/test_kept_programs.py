@@ -17,7 +17,7 @@ from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
 from clearjoint.dynamics.grouping import condensing
 from clearjoint.native import Native, NativeFunction
-from clearjoint.simulation.batch import scheduler
+from clearjoint.simulation.lanes import scheduler
 from studies.benchmark.chain import chain
 
 

@@ -8,7 +8,7 @@ import clearjoint as cj
 from clearjoint.compilation import package_code
 from clearjoint.fields import declarations
 from clearjoint.model.contact import laws
-from clearjoint.simulation import step_length, stepping
+from clearjoint.simulation.step import step_length, stepping
 
 
 @pytest.fixture

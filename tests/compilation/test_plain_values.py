@@ -18,7 +18,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation.plain_values import NotPlainError, described
 from clearjoint.math.groups import Several
-from clearjoint.simulation.motion_modes import MotionMode
+from clearjoint.simulation.results.motion_modes import MotionMode
 
 
 def test_data_differ_by_type_and_value():

@@ -8,11 +8,15 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.datasets.provenance import setting_notes
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.simulation.nonsmooth.solution import ContactTotals
-from clearjoint.simulation.observe import AccelerationSeries, ContactObservation, Load
-from clearjoint.simulation.sections import with_units
+from clearjoint.export.provenance import setting_notes
+from clearjoint.simulation.results.nonsmooth_solution import ContactTotals
+from clearjoint.simulation.results.observe import (
+    AccelerationSeries,
+    ContactObservation,
+    Load,
+)
+from clearjoint.simulation.run.sections import with_units
 
 COUNT = 5
 TIMES = np.linspace(0.0, 0.3, COUNT) / 3.0

@@ -22,14 +22,14 @@ from clearjoint.dynamics.grouping.coordinates import Views, folded
 from clearjoint.dynamics.system import System
 from clearjoint.math.groups import Several, by_group, by_name, each
 from clearjoint.math.vectors import Vector, structured, unpack
-from clearjoint.simulation import host_run as running
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
-from clearjoint.simulation.step_state import Variables
-from clearjoint.simulation.stepping import attempt, start
+from clearjoint.simulation.run import host_run as running
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.step_state import Variables
+from clearjoint.simulation.step.stepping import attempt, start
 from studies.benchmark.chain import chain
 
-SIMULATE = sys.modules["clearjoint.simulation.simulate"]
+SIMULATE = sys.modules["clearjoint.simulation.run.simulate"]
 """The module, whose name is also that of its function."""
 ROUGH = cj.RegularisedCoulomb(0.1)
 STOPS = cj.EndPlay(1e-3, cj.Hertz(1e9))

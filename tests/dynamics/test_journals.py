@@ -9,8 +9,8 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.journals import depths, slid_out, warn_of_journals_outside
 from clearjoint.fields.checks import as_number
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.run_checks import check_structure
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.run_checks import check_structure
 from clearjoint.sweeps.axes import lanes_of
 
 CLEARANCE, HALF = 0.5e-3, 0.25

@@ -13,7 +13,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import extend
 from clearjoint.fields.checks import as_shown
-from clearjoint.results import RESULTS
+from clearjoint.result_codes import RESULTS
 from tests.support.public_names import MODULES
 
 

@@ -8,8 +8,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.simulation.sections import Section
-from clearjoint.simulation.spans import checked_times
+from clearjoint.simulation.run.sections import Section
+from clearjoint.simulation.step.spans import checked_times
 from clearjoint.sweeps.layout import Layout, Variable
 from clearjoint.sweeps.outputs import Saved
 

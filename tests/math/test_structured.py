@@ -11,7 +11,14 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import EulerParameters, Matrix, Vector, pack, structured, unpack
+from clearjoint.math.vectors import (
+    EulerParameters,
+    Matrix,
+    Vector,
+    pack,
+    structured,
+    unpack,
+)
 
 
 def test_exact_zeros_and_ones_of_vectors_are_structural():

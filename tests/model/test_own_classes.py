@@ -13,7 +13,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.conversion import AbstractConverting
-from clearjoint.simulation.host_run import segment_compiled
+from clearjoint.simulation.run.host_run import segment_compiled
 
 ABSTRACT = {
     name: getattr(owner, name)

@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.fields.checks import recheck, recheck_changes
 from clearjoint.fields.declarations import quantity
-from clearjoint.parametrisation.places import unit_at
+from clearjoint.parametrisation.paths import unit_at
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.conversion import on_device, with_arrays
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.run_checks import BY_NUMPY, starts
-from clearjoint.simulation.sampling import sampled_compiled
-from clearjoint.simulation.simulate import begin_compiled
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+from clearjoint.simulation.run.sampling import sampled_compiled
+from clearjoint.simulation.run.simulate import begin_compiled
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3

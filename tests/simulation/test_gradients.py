@@ -15,9 +15,9 @@ from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, structured, unpack
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
-from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.loops import PLAIN, CheckpointedLoops, loops_for
+from clearjoint.simulation.step.method import Scheme
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
 GRAVITY, CLEARANCE, RESTITUTION = 9.81, 5e-4, 0.9

@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
-from clearjoint.simulation.decisions import decides_by_time
+from clearjoint.simulation.step.discontinuity_analysis import decides_by_time
 from tests.support.planes import Plane
 
 Q = cj.quantities

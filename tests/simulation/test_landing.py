@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.contact_events import Reach, initial_memory
 from clearjoint.model.contact.laws import UNKNOWN_ENTRY_SPEED
-from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.step.landing import Landing
 
 LANDING = Landing(1e-12)
 

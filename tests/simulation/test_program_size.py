@@ -11,12 +11,12 @@ import clearjoint as cj
 from clearjoint.math.vectors import structured
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation import program_size
-from clearjoint.simulation.derivative_runs import derivative_scheme
-from clearjoint.simulation.program_size import LARGE, shapes_of
-from clearjoint.simulation.segments import begin
-from clearjoint.simulation.systems import SystemFamily
-from clearjoint.simulation.variational import start_with_tangents
+from clearjoint.simulation.run.derivative_runs import derivative_scheme
+from clearjoint.simulation.run.segments import begin
+from clearjoint.simulation.step import program_size
+from clearjoint.simulation.step.program_size import LARGE, shapes_of
+from clearjoint.simulation.step.systems import SystemFamily
+from clearjoint.simulation.step.variational import start_with_tangents
 
 SPAN = (0.0, 1.0, 1e-6)
 

@@ -9,9 +9,9 @@ from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
 from clearjoint.compilation import Compiled, seconds_of_compiling
-from clearjoint.simulation import host_run, progress_bars, sampling
-from clearjoint.simulation.batch.scheduler import Running
-from clearjoint.simulation.progress_bars import compiling_bar
+from clearjoint.simulation.lanes.scheduler import Running
+from clearjoint.simulation.run import host_run, progress_bars, sampling
+from clearjoint.simulation.run.progress_bars import compiling_bar
 from clearjoint.sweeps.progress import lane_progress, show_running
 
 LONG, TICK = 0.25, 0.02

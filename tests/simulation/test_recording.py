@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation import sampling as module
-from clearjoint.simulation.contact_step import ContactInstant, end_in_step, peak_in_step
-from clearjoint.simulation.impact_recorder import (
+from clearjoint.simulation.run import sampling as module
+from clearjoint.simulation.run.impact_recorder import (
     ContactRecord,
     ImpactRow,
     OpenContact,
     impacts_of,
     most,
 )
-from clearjoint.simulation.tables import Table
+from clearjoint.simulation.step.contact_step import (
+    ContactInstant,
+    end_in_step,
+    peak_in_step,
+)
+from clearjoint.simulation.step.row_buffer import Table
 from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 

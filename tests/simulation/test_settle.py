@@ -9,7 +9,7 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
-from clearjoint.simulation.recurrence import (
+from clearjoint.simulation.run.recurrence import (
     Strobe,
     columns,
     section_strobe,

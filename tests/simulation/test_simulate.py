@@ -9,12 +9,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.landing import Landing
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
-from clearjoint.simulation.solvers import default_controller, ready_solver
-from clearjoint.simulation.step_state import Method
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.landing import Landing
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.solvers import default_controller, ready_solver
+from clearjoint.simulation.step.step_state import Method
 
 END = 0.05
 FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())

@@ -9,11 +9,11 @@ import clearjoint as cj
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
-from clearjoint.simulation.host_run import _Waiting
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import SavedStates
-from clearjoint.simulation.step_state import Variables
-from clearjoint.simulation.stepping import attempt, start
+from clearjoint.simulation.run.host_run import _Waiting
+from clearjoint.simulation.run.segments import SavedStates
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.step_state import Variables
+from clearjoint.simulation.step.stepping import attempt, start
 from studies.endurance import runs as endurance
 from studies.endurance.__main__ import main
 

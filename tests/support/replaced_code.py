@@ -10,12 +10,12 @@ from clearjoint.dynamics import contact_forces, system
 from clearjoint.dynamics.joint_coordinates import branches
 from clearjoint.dynamics.joint_coordinates import spatial_inertia as inertia
 from clearjoint.dynamics.system import System
+from clearjoint.model.clearance_joints import axial, bearing_surfaces, clearance
 from clearjoint.model.contact.friction import RegularisedCoulomb
 from clearjoint.model.joints import motion_subspaces as freedoms
-from clearjoint.model.plays import axial, bearing_surfaces, clearance
 from clearjoint.parametrisation.parametrised_scene import AbstractFamily
-from clearjoint.simulation import stepping
-from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.step import stepping
+from clearjoint.simulation.step.landing import Landing
 
 FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     {

@@ -10,10 +10,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.math.vectors import structured
-from clearjoint.simulation import impact_recorder
-from clearjoint.simulation.batch.lane import Plan
-from clearjoint.simulation.impact_recorder import ImpactRecorder
-from clearjoint.simulation.method import Scheme
+from clearjoint.simulation.lanes.lane import Plan
+from clearjoint.simulation.run import impact_recorder
+from clearjoint.simulation.run.impact_recorder import ImpactRecorder
+from clearjoint.simulation.step.method import Scheme
 from clearjoint.sweeps.store.program import RUN, programs
 from clearjoint.sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin

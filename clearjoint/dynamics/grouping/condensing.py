@@ -24,8 +24,8 @@ from jaxtyping import PyTree
 from ...math.groups import Several, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
+from ...model.clearance_joints.alike_contacts import SeveralContactJoints
 from ...model.joints.base import AbstractContactJoint
-from ...model.plays.alike_contacts import SeveralContactJoints
 from ...model.scene import Scene
 
 SMALLEST = 4

@@ -11,7 +11,13 @@ from ...math.rotations import composed, conjugate, euler_parameter_rates, normal
 from ...math.vectors import EulerParameters, Matrix, Vector, add
 from ...model.bodies import BodyState, Motion
 from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Relative, Twist
-from ..coordinates import MotionVariables, Speeds, body_with_speeds, free_motion, settled_body
+from ..coordinates import (
+    MotionVariables,
+    Speeds,
+    body_with_speeds,
+    free_motion,
+    settled_body,
+)
 from .links import Link, free_link, jointed_link
 
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)

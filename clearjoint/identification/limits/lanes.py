@@ -12,9 +12,9 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
 from ...quantities.base import Quantity
-from ...results import RESULTS, result_number
-from ...simulation.batch.reductions import AbstractReduction, Peak
-from ...simulation.settings import Settings
+from ...result_codes import RESULTS, result_number
+from ...simulation.reductions.reductions import AbstractReduction, Peak
+from ...simulation.step.settings import Settings
 from ...sweeps.axes import Axis
 from ...sweeps.sweep import sweep
 

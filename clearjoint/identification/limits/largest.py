@@ -6,15 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import as_shown, require, require_count, require_positive, require_range
+from ...fields.checks import (
+    as_shown,
+    require,
+    require_count,
+    require_positive,
+    require_range,
+)
 from ...fields.conversion import as_numbers
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import PASS_PARAMETERS, Parameter
 from ...quantities.base import Quantity, check_quantity
-from ...simulation import presets
-from ...simulation.batch.reductions import AbstractReduction
-from ...simulation.settings import Settings, settings_or
+from ...simulation.reductions.reductions import AbstractReduction
+from ...simulation.step import presets
+from ...simulation.step.settings import Settings, settings_or
 from ...sweeps.axes import Axis
 from .lanes import LaneMargins, LaneProblem, as_reduction
 

@@ -1,7 +1,7 @@
 """Runs at many parameters without derivatives, side by side: chi squared over the record.
 
 Such a run costs a small part of one with derivatives, since lanes run side by side
-(`clearjoint.simulation.batch.scheduler`). Of each only the chi squared over time is kept.
+(`clearjoint.simulation.lanes.scheduler`). Of each only the chi squared over time is kept.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from jaxtyping import Float, PyTree
 from ...compilation import Compiled
 from ...math.vectors import structured
 from ...model.bodies import State
-from ...simulation.batch.lane import Plan
-from ...simulation.batch.scheduler import Batch, Ended
-from ...simulation.batch.tasks import Common, Task
+from ...simulation.lanes.lane import Plan
+from ...simulation.lanes.scheduler import Batch, Ended
+from ...simulation.lanes.tasks import Common, Task
 from ..residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"

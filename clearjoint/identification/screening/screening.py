@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fields.checks import require, require_count
-from ...simulation.progress_bars import ProgressBar, telling_of_compiling
+from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from ..starts import half_widths
 from .level_sets import among, apart, level, reach
 from .misfit_curves import SideBySide

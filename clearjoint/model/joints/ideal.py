@@ -11,7 +11,12 @@ from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import AbstractConstraint, Motions, Row
-from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
+from .constraint_rows import (
+    coincident_points,
+    perpendicular,
+    point_in_plane,
+    turning_about_axes,
+)
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
 from .pairs import AbstractPairAtPoints
 

@@ -1,21 +1,9 @@
 """The motion that a universal joint leaves free."""
 
 from ...math.functions import cosine, polar_angle, sine
-from ...math.rotations import (
-    composed,
-    rotation_matrix,
-    transverse_axes,
-    within_two_turns,
-)
+from ...math.rotations import composed, rotation_matrix, transverse_axes, within_two_turns
 from ...math.vectors import ZERO, EulerParameters, Scalar, Vector, add
-from .motion_subspaces import (
-    AbstractFreedom,
-    Hinge,
-    JointState,
-    Relative,
-    Twist,
-    aligning,
-)
+from .motion_subspaces import AbstractFreedom, Hinge, JointState, Relative, Twist, aligning
 
 Angles = tuple[Scalar, Scalar]
 """Of the cross about the parent's arm, and of the child about its own, rad."""

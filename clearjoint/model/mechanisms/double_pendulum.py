@@ -2,12 +2,12 @@
 
 from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
+from ..clearance_joints.axial import AbstractAxialPolicy
+from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
-from ..plays.axial import AbstractAxialPolicy
-from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import steel_law
 

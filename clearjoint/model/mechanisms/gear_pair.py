@@ -4,10 +4,10 @@ import math
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.gear_backlash import GearBacklash
 from ..contact.damping_factors import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
-from ..plays.gear_backlash import GearBacklash
 from ..scene import Scene
 from .common import ORIGIN, Z_AXIS
 

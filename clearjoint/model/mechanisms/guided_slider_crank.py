@@ -4,6 +4,8 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.clearance import ClearanceJoint
+from ..clearance_joints.slider_in_guide import SliderInGuide
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import AbstractFriction, RegularisedCoulomb
@@ -11,8 +13,6 @@ from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractContactJoint
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
-from ..plays.clearance import ClearanceJoint
-from ..plays.slider_in_guide import SliderInGuide
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.pin_in_slot import PinInSlot
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction
@@ -14,7 +15,6 @@ from ..contact.stiffness import GivenStiffness
 from ..drives.rotation import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import PointInPlaneJoint
-from ..plays.pin_in_slot import PinInSlot
 from ..scene import Scene
 from .common import ORIGIN, Y_AXIS, Z_AXIS
 

@@ -4,12 +4,12 @@ import numpy as np
 
 from ...math.vectors import EulerParameters, Scalar, pack
 from ..bodies import GROUND, Body, State
+from ..clearance_joints.backlash import Backlash
 from ..contact.damping_factors import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..drives.rotation import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractContactJoint
 from ..joints.ideal import RevoluteJoint
-from ..plays.backlash import Backlash
 from ..scene import Scene
 from .common import ORIGIN, Z_AXIS
 from .puma_560 import ARM, BASE, FLANGES, LINKS, QUARTER, Components, arm_states, lumps

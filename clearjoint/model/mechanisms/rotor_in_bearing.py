@@ -5,14 +5,14 @@ import numpy as np
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.axial import FixedAxially
+from ..clearance_joints.clearance import ClearanceJoint
+from ..clearance_joints.lubricated import LubricatedJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..drives.rotation import PrescribedRotation
 from ..film.laws import AbstractFilm
-from ..plays.axial import FixedAxially
-from ..plays.clearance import ClearanceJoint
-from ..plays.lubricated import LubricatedJoint
 from ..scene import Scene
 from .common import Z_AXIS, steel_law
 

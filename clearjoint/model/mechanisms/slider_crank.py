@@ -7,13 +7,13 @@ import numpy as np
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..drives.rotation import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
-from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 

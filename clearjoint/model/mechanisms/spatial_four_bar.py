@@ -4,11 +4,11 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.ball_in_socket import BallInSocket
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint, SphericalJoint
-from ..plays.ball_in_socket import BallInSocket
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
 

@@ -16,11 +16,11 @@ from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Structured, pack, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
-from ...results import RESULTS
-from ..step_state import choose
+from ...result_codes import RESULTS
+from ..results.nonsmooth_solution import ContactTotals
+from ..step.step_state import choose
 from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
-from .solution import ContactTotals
 
 DRIVER_TOLERANCE = 1e-5
 """Relative, by which the changes of a driver in a step may differ from those by its rates."""

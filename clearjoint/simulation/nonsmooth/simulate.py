@@ -14,14 +14,20 @@ from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, structured
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...results import RESULTS
-from ..run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
-from ..saving import Saving, saving_or_nothing
-from ..solution import Trajectory, raise_failure
-from ..spans import check_span
+from ...result_codes import RESULTS
+from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
+from ..results.solution import Trajectory, raise_failure
+from ..run.run_checks import (
+    check_numbers,
+    check_precision,
+    check_start,
+    in_domain,
+    is_traced,
+)
+from ..run.saving import Saving, saving_or_nothing
+from ..step.spans import check_span
 from .restitution import require_restitution
 from .run import RigidOutcome, run_compiled
-from .solution import ContactTotals, NonsmoothSolution
 
 MOST_STEPS = 1e9
 """Steps that a run may have: more take hours, and nothing else bounds them."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Int, PyTree
 
 from ...fields.types import ArrayLike
-from ...simulation.batch.tasks import Task
+from ...simulation.lanes.tasks import Task
 from ..axes import Lanes
 
 _BLOCK = 4096

@@ -3,9 +3,9 @@
 import jax
 from jaxtyping import PyTree
 
-from ...datasets.provenance import describe
+from ...export.provenance import describe
 from ...model.scene import Scene
-from ...parametrisation.places import parameters
+from ...parametrisation.paths import parameters
 
 
 def number_notes(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:

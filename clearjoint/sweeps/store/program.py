@@ -16,9 +16,9 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
-from ...simulation.batch.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
-from ...simulation.dense_output import Snapshot
-from ...simulation.impact_table import IMPACT_UNITS
+from ...simulation.lanes.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
+from ...simulation.results.impact_table import IMPACT_UNITS
+from ...simulation.step.dense_output import Snapshot
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
@@ -35,7 +35,7 @@ def programs(
 ) -> dict[str, str]:
     """Digests of the run's program (`RUN`), and of that of each variable of the outputs.
 
-    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.batch.tasks.Common`;
+    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.lanes.tasks.Common`;
     `form` and `state`: scene and initial state of a lane; `start_time`: s.
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.

@@ -1,0 +1,1 @@
+"""Results as labelled arrays with units, data frames, CSV and netCDF files."""

@@ -1,0 +1,1 @@
+"""Joints with clearance: journals in bearings, balls, slots, guides and backlash."""

@@ -1,0 +1,295 @@
+"""One lane of a batch: a run that takes one step a turn, reduces and records what is asked for.
+
+Everything here is scalar arithmetic without loops; `clearjoint.native.lanes` and `.xla_lanes` add
+the lanes and the loop around the turns.
+"""
+
+from collections.abc import Mapping
+from functools import reduce
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ...dynamics.absolute_coordinates import AbsoluteCoordinates
+from ...dynamics.assembly import ACCEPTED_VIOLATION, REPRESENTED
+from ...dynamics.equations_of_motion import flattened
+from ...dynamics.formulation import Formulation
+from ...dynamics.multipliers import row_rate
+from ...dynamics.system import System
+from ...math.vectors import Condition, EulerParameters, Scalar, unpack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...result_codes import RESULTS
+from ..reductions.reductions import AbstractReduction
+from ..results.state_tables import contact_label
+from ..run.advance import Recorder, Stride, advance, latest_bracket
+from ..run.impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
+from ..run.run_ends import begin_run, final_result, final_state
+from ..run.sections import Crossing
+from ..step.dense_output import Bracket, Snapshot, on_constraints
+from ..step.method import Scheme
+from ..step.step_state import Attempt, Method, Step, choose
+from ..step.stepping import attempt, running
+from ..step.time_map import FromBegin
+from ..step.types import Integers, Numbers
+from .recording import ROWS, CrossingRecord, CrossingRecorder, Ring
+
+WINDOW = ROWS + 1
+"""Times to save at that a lane knows: one more than a ring has rows."""
+LATEST = ""
+"""Name of the record of the latest step; outputs have others."""
+
+
+class Plan(eqx.Module):
+    """What all lanes of a batch have in common beside their scene.
+
+    - `reductions`, `sections` and `impacts`: by name.
+    - `saves`: whether states are saved at chosen times.
+    - `max_steps`: largest number of steps tried in a lane.
+    """
+
+    scheme: Scheme
+    reductions: dict[str, AbstractReduction]
+    sections: dict[str, Crossing]
+    saves: bool = eqx.field(static=True)
+    max_steps: Integers
+    impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
+
+    @property
+    def method(self) -> Method:
+        """Solver, step-size controller and landing of all lanes."""
+        return self.scheme.method
+
+
+class Orders(eqx.Module):
+    """What the host asks of a lane until it looks at it again.
+
+    `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at, infinite behind
+    the last. `wanted`: rows still to be recorded, by log.
+    """
+
+    end_time: Scalar
+    first_step: Scalar
+    window: Numbers
+    wanted: Mapping[str, Scalar | Numbers]
+
+
+class Lane(eqx.Module):
+    """A run between two turns: its step, what is recorded of it by the names of the outputs, and
+    the states saved."""
+
+    step: Step
+    tallies: dict[str, PyTree]
+    crossings: dict[str, CrossingRecord]
+    impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
+    bracket: Bracket | None
+    saved: Ring[Snapshot] | None
+
+    def runs(self, plan: Plan, end_time: Scalar) -> Condition:
+        """Whether another step is to be tried."""
+        return running(self.step, end_time, plan.max_steps)
+
+    def rings(self) -> dict[str, Ring]:
+        """The rings of crossings and of impacts, by the log that each fills."""
+        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
+        for name, record in self.impacts.items():
+            for joint, family in record.items():
+                for contact, one in family.items():
+                    rings[impact_log(name, joint, contact)] = one.rows
+        return rings
+
+
+def impact_log(name: str, joint: str, contact: str) -> str:
+    """Name of the log of a contact's impacts, which no output has."""
+    return f"{name}/{contact_label(joint, contact)}"
+
+
+class Outcome(eqx.Module):
+    """How a lane's run ended, and what it comes to."""
+
+    time: Scalar
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+    final: State
+    results: dict[str, dict[str, Scalar]]
+
+
+def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, orders: Orders) -> Lane:
+    """The lane before its first step."""
+    fits = _is_assembled(plan, scene, state, start_time)
+    system = plan.scheme.system(scene)
+    step = begin_run(plan.method, system, state, start_time, orders.end_time, orders.first_step)
+    step = eqx.tree_at(
+        lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
+    )
+    row = Snapshot(step.t, step.y, step.memory)
+    now = row.instant(system)
+    hits = Ring.empty(ImpactRow.none())
+    lane = Lane(
+        step,
+        {name: reduction.start(now) for name, reduction in plan.reductions.items()},
+        {
+            name: CrossingRecord(section.level(now), Ring.empty(row))
+            for name, section in plan.sections.items()
+        },
+        {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
+        _empty_bracket(plan, system, step, orders) if plan.saves else None,
+        Ring.empty(row) if plan.saves else None,
+    )
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
+
+
+def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
+    """Take one step, unless the lane is at its end or waits for the host."""
+    system = plan.scheme.system(scene)
+    step, records = advance(
+        plan.method,
+        system,
+        lane.step,
+        orders.end_time,
+        _records(lane),
+        _recorders(plan, orders),
+        goes=_goes(plan, lane, orders),
+    )
+    lane = Lane(
+        step,
+        {name: records[name] for name in lane.tallies},
+        {name: records[name] for name in lane.crossings},
+        {name: records[name] for name in lane.impacts},
+        records.get(LATEST),
+        lane.saved,
+    )
+    return _with_save(plan, system, lane, orders)
+
+
+def _records(lane: Lane) -> dict[str, PyTree]:
+    latest = {} if lane.bracket is None else {LATEST: lane.bracket}
+    return {**lane.tallies, **lane.crossings, **lane.impacts, **latest}
+
+
+def _recorders(plan: Plan, orders: Orders) -> dict[str, Recorder]:
+    return {
+        **{name: _updating(reduction) for name, reduction in plan.reductions.items()},
+        **{
+            name: CrossingRecorder(section, orders.wanted[name])
+            for name, section in plan.sections.items()
+        },
+        **{name: _tabling(recorder, name, orders) for name, recorder in plan.impacts.items()},
+        LATEST: latest_bracket,
+    }
+
+
+def _updating(reduction: AbstractReduction) -> Recorder:
+    """The recorder of a reduction's tally."""
+
+    def after(tally: PyTree, stride: Stride) -> PyTree:
+        return choose(stride.kept, reduction.update(tally, stride.now), tally)
+
+    return after
+
+
+def _tabling(recorder: ImpactRecorder, name: str, orders: Orders) -> Recorder:
+    """The recorder of an output's impacts."""
+
+    def after(record: ImpactRecord[Ring[ImpactRow]], stride: Stride) -> PyTree:
+        wanted = {
+            joint: {contact: orders.wanted[impact_log(name, joint, contact)] for contact in family}
+            for joint, family in record.items()
+        }
+        return recorder.after(record, stride, wanted)
+
+    return after
+
+
+def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
+    """What is known of a lane now; final if it has ended."""
+    system = plan.scheme.system(scene)
+    step = lane.step
+    now = Snapshot(step.t, step.y, step.memory).instant(system)
+    return Outcome(
+        step.t,
+        final_result(step, end_time),
+        step.attempts,
+        step.accepted,
+        final_state(system, step),
+        {
+            name: reduction.results(lane.tallies[name], now)
+            for name, reduction in plan.reductions.items()
+        },
+    )
+
+
+def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
+    """Whether a turn would do anything: the lane neither ended nor waits for the host."""
+    goes = _goes(plan, lane, orders)
+    if lane.saved is None:
+        return goes
+    return goes | (_save_is_due(lane, orders) & jnp.logical_not(lane.saved.full()))
+
+
+def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
+    goes = lane.runs(plan, orders.end_time)
+    if lane.saved is not None:
+        more = orders.window[ROWS] < jnp.inf
+        goes = goes & jnp.logical_not(_save_is_due(lane, orders))
+        goes = goes & jnp.logical_not(lane.saved.full() & more)
+    for log, ring in lane.rings().items():
+        goes = goes & jnp.logical_not(ring.waits(orders.wanted[log]))
+    return goes
+
+
+def _next_save(lane: Lane, orders: Orders) -> Scalar:
+    """The first time, s, at which no state is saved yet; infinite if all are."""
+    assert lane.saved is not None
+    return lane.saved.next_of(orders.window)
+
+
+def _save_is_due(lane: Lane, orders: Orders) -> Condition:
+    """Whether the run has come past a time that is not saved at yet."""
+    if lane.saved is None:
+        return jnp.asarray(False)
+    return _next_save(lane, orders) <= lane.step.t
+
+
+def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
+    if lane.saved is None:
+        return lane
+    assert lane.bracket is not None
+    due = _save_is_due(lane, orders) & jnp.logical_not(lane.saved.full())
+    row = lane.bracket.at(plan.method, _next_save(lane, orders))
+    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
+    return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
+
+
+def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:
+    """A bracket of length zero at the start."""
+    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
+    row = Snapshot(step.t, step.y, step.memory)
+    stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
+    grading = None if shapes.grading is None else FromBegin(step.proposal.begins_contact)
+    return Bracket(row, row, stages, grading)
+
+
+def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
+    """Whether position and velocity satisfy all ideal joints, and the coordinates can hold them."""
+    bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
+    motions = absolute.motions(absolute.encode(bodies))
+    fits: Condition = jnp.asarray(True)
+    for row in flattened(absolute.rows(motions, t)):
+        violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
+        fits = fits & (violation <= ACCEPTED_VIOLATION)
+    own = System(scene, plan.scheme.formulation)
+    for name, held in own.decode(own.encode(bodies)).items():
+        fits = fits & (_apart(held.orientation, bodies[name].orientation) < REPRESENTED)
+    return fits
+
+
+def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
+    """Largest difference of the Euler parameters of two orientations, whose sign means nothing."""
+    pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
+    alike = [jnp.abs(one - other) for one, other in pairs]
+    opposite = [jnp.abs(one + other) for one, other in pairs]
+    return jnp.minimum(reduce(jnp.maximum, alike), reduce(jnp.maximum, opposite))

@@ -1,0 +1,480 @@
+"""Lanes side by side, each refilled as soon as its lane ends; one thread a core or accelerator."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...compilation.clock import begins_a_program, program_is_made_inside
+from ...math.vectors import pack
+from ...native import Native, UnsupportedPrimitiveError, is_native
+from ...native.cells import Cells
+from ...native.compiled import report_fallback
+from ...native.functions import BoundFunction
+from ...native.kept import kept
+from ...native.lanes import LaneLoop
+from ...runtime import threads_of_sweeps
+from ..run.impact_recorder import ImpactRow
+from ..run.interruptions import interruptions_deferred
+from ..step.dense_output import Snapshot
+from ..step.types import Numbers
+from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, moves, outcome, turn
+from .tasks import Columns, Common, Task
+from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
+
+PERIOD = 0.2
+"""Seconds between two reports of progress, and of lanes that have ended."""
+KNOWN_SHARE = 0.01
+"""Of all work, from which on the time left is estimated."""
+BLOCK_ROWS = 256
+"""Recorded rows that are read at once."""
+OnCells = BoundFunction | XlaFunction
+"""A function of cells (n, cells) of n lanes."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Lanes that have ended: their numbers (n,), and with n in front what came of them, and by log
+    and name what was recorded (n, rows, ...) and how many rows of it (host arrays); NaN behind."""
+
+    lanes: np.ndarray
+    outcome: Outcome
+    logs: dict[str, tuple[dict[str, np.ndarray], np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Running:
+    """How far the lanes are that have begun and not ended.
+
+    `lanes`: their number; `earliest` and `latest`: the times, s, that they have reached;
+    `seconds_left`: estimated time until all lanes have ended, also those that wait; ``None`` as
+    long as nothing is known of any.
+    """
+
+    lanes: int
+    earliest: float
+    latest: float
+    seconds_left: float | None
+
+
+class Batch:
+    """Runs lanes: in native code on CPUs, unless it can't, and by XLA elsewhere.
+
+    **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
+    arrays); `threads`: how many compute at the same time, as many as `clearjoint.configure` says
+    unless given.
+    """
+
+    def __init__(self, common: Common, tasks: Task, threads: int | None = None):
+        self.common = jax.tree.map(
+            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
+        )
+        self.tasks, self._threads = tasks, threads or threads_of_sweeps()
+        self.lengths = dict(common.capacity)
+        if tasks.save_at is not None:
+            self.lengths[common.saved] = tasks.save_at.shape[1]
+        self.turns = 0
+        """Turns given so far, of lanes that advanced and of empty columns."""
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[Running], None] = lambda running: None,
+    ) -> None:
+        """Run the lanes of the given numbers, which begin in this order.
+
+        `on_ended` gets lanes soon after they have ended, while others run; `on_progress` is called
+        several times a second.
+
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads rest and `on_ended` has got
+        all lanes that had ended.
+        """
+        if not lanes:
+            return
+        programs = self._programs()
+        shared = _Shared(self, programs, deque(lanes))
+        count = min(self._threads, -(-len(lanes) // programs.loop.width))
+        groups = [_Group(shared, number) for number in range(count)]
+        threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
+        with interruptions_deferred() as stopped:
+            try:
+                for thread in threads:
+                    thread.start()
+                _deliver(shared, groups, on_ended, on_progress, stopped)
+            finally:
+                shared.stops = True
+                for thread in threads:
+                    thread.join()
+                self.turns += sum(group.turns for group in groups)
+            if stopped():
+                raise KeyboardInterrupt
+
+    def _programs(self) -> "_Programs":
+        with program_is_made_inside():
+            if is_native():
+                try:
+                    return _Programs(self, native=True)
+                except UnsupportedPrimitiveError as error:
+                    report_fallback(error)
+            return _Programs(self, native=False)
+
+
+class _Programs:
+    """What a batch compiles, and how lanes lie in cells.
+
+    - `own`: cells of what each lane has for itself (lanes, cells): its task, and behind it what is
+      asked of it, which are kept at `orders`.
+    - `begin`, `outcome`, `columns[log]`: what makes such a function for a thread; `outcome_cells`
+      and `column_cells[log]`: how its results lie in cells.
+    - `rings`: by log, the cells of a ring's rows in a column, (rows, numbers), and of their count;
+      `blocks`: rows that are read at once, and the numbers of each.
+    """
+
+    def __init__(self, batch: Batch, native: bool):
+        common, tasks = batch.common, batch.tasks
+        bare = replace(tasks, save_at=None)
+        task = jax.tree.map(lambda leaf: np.asarray(leaf[0]), bare)
+        if native:
+            lane = _begun(common, task)
+        else:
+            lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
+        orders = self._first_orders(batch)
+        own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), orders)
+        self.loop = (
+            _LOOPS.loop(common, own, lane)
+            if native
+            else XlaLaneLoop(_turned, _looked_at, common, own, lane)
+        )
+        cells = Cells(own)
+        self.own = cells.rows((bare, orders))
+        self.task_cells = Cells(task).size
+        start = self.loop.own_cells.start
+        self.orders: Orders = jax.tree.map(lambda cell: cell + start, cells.places()[1])
+        places = jax.tree.map(
+            lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
+            Cells(lane).places(),
+        )
+        self.rings = {
+            name: (
+                np.concatenate([t.reshape(len(t), -1) for t in jax.tree.leaves(ring.rows)], axis=1)[
+                    :-1
+                ],
+                int(ring.count),
+            )
+            for name, ring in common.logs(places).items()
+        }
+
+        def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
+            if native:
+                return partial(BoundFunction, function.native, shared, *examples)
+            return partial(XlaFunction, function.__wrapped__, shared, *examples)
+
+        self.begin = bound(_begun, common, task)
+        self.outcome = bound(_outcome, common, task, lane)
+        self.columns: dict[str, Callable[[], OnCells]] = {}
+        self.blocks: dict[str, tuple[int, int]] = {}
+        for name, length in batch.lengths.items():
+            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.rings[name][0].shape[1]
+            row, rows = common.logs(lane)[name].example(), np.zeros(self.blocks[name])
+            self.columns[name] = bound(_columns, (common, name, row), task, rows)
+        self.outcome_cells = self.outcome().results
+        self.column_cells = {name: make().results for name, make in self.columns.items()}
+
+    @staticmethod
+    def _first_orders(batch: Batch) -> Orders:
+        """The first orders of all lanes: an `Orders` whose arrays have the lanes in front."""
+        common, tasks = batch.common, batch.tasks
+        count = len(tasks.end_time)
+        window = np.full((count, WINDOW), np.inf)
+        if tasks.save_at is not None:
+            first = tasks.save_at[:, :WINDOW]
+            window[:, : first.shape[1]] = first
+        wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
+        return Orders(tasks.end_time, tasks.first_step, window, wanted)
+
+
+@dataclass
+class _Seated:
+    """A lane in a column: its number, and by log the rows that its host has taken."""
+
+    number: int
+    rows: dict[str, list[np.ndarray]]
+
+    def recorded(self, log: str) -> int:
+        """The number of rows taken of a log."""
+        return sum(map(len, self.rows[log]))
+
+
+@dataclass
+class _Record:
+    """A lane that has ended: the cells of its outcome, and by log those of the blocks of what was
+    recorded (blocks, cells), and the number of rows."""
+
+    lane: int
+    outcome: np.ndarray
+    logs: dict[str, tuple[np.ndarray, int]]
+
+
+@dataclass
+class _Shared:
+    """What the groups of a batch share.
+
+    - `waiting`: numbers of the lanes that have not begun; `records`: of lanes that have ended;
+      `times`: where the lanes are that run, s, by number.
+    - `finished`: whether all groups have ended, or one with an error; `stops`: whether they are to.
+    """
+
+    batch: Batch
+    programs: _Programs
+    waiting: deque[int]
+    records: deque[_Record] = field(default_factory=deque)
+    times: dict[int, float] = field(default_factory=dict)
+    finished: threading.Event = field(default_factory=threading.Event)
+    stops: bool = False
+
+    def __post_init__(self) -> None:
+        self._lanes, self._begun = len(self.waiting), time.monotonic()
+
+    def next_lanes(self, count: int) -> list[int]:
+        """The numbers of up to so many lanes to begin."""
+        found: list[int] = []
+        try:
+            while len(found) < count:
+                found.append(self.waiting.popleft())
+        except IndexError:
+            pass
+        return found
+
+    def running(self) -> Running:
+        """How far the lanes are."""
+        times, start = dict(self.times), float(self.batch.common.start_time)
+        ends = self.batch.tasks.end_time
+        begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
+        ended = self._lanes - len(self.waiting) - len(times)
+        share, seconds = (ended + begun) / self._lanes, time.monotonic() - self._begun
+        left = seconds * (1.0 - share) / share if share > KNOWN_SHARE else None
+        earliest, latest = (f(times.values(), default=start) for f in (min, max))
+        return Running(len(times), earliest, latest, left)
+
+
+class _Group:
+    """Lanes side by side, and the thread that runs them."""
+
+    def __init__(self, shared: _Shared, number: int):
+        self._shared, self._number = shared, number
+        self._programs, self._loop = shared.programs, shared.programs.loop
+        self._seated: list[_Seated | None] = [None] * self._loop.width
+        self.turns, self.error, self.ended = 0, None, False
+
+    def run(self) -> None:
+        """Run lanes until none is left or the groups are to stop."""
+        try:
+            with _on_device(self._number):
+                programs = self._programs
+                self._columns = self._loop.columns(self._shared.batch.common)
+                self._begin, self._outcome = programs.begin(), programs.outcome()
+                self._read = {name: make() for name, make in programs.columns.items()}
+                while not self._shared.stops and self._filled():
+                    self.turns += self._loop.width * self._loop.run(self._columns)
+                    self._look()
+        except BaseException as error:
+            self.error = error
+        self.ended = True
+        self._shared.finished.set()
+
+    def _filled(self) -> bool:
+        """Begin waiting lanes in empty columns; whether any column has a lane."""
+        empty = [place for place, seated in enumerate(self._seated) if seated is None]
+        numbers = self._shared.next_lanes(len(empty))
+        if numbers:
+            own = self._programs.own[numbers]
+            states = self._begin(own[:, : self._programs.task_cells])
+            for place, number, cells, state in zip(empty, numbers, own, states, strict=False):
+                self._seated[place] = _Seated(number, {name: [] for name in self._programs.rings})
+                self._loop.put(self._columns, place, cells, state)
+        return len(numbers) > 0 or len(empty) < len(self._seated)
+
+    def _look(self) -> None:
+        """Take the rows of lanes that wait for it, and what came of those that have ended."""
+        status = self._loop.status_of(self._columns)
+        times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
+        ended: list[int] = []
+        for place, seated in enumerate(self._seated):
+            if seated is None:
+                continue
+            self._shared.times[seated.number] = times[place]
+            if goes[place]:
+                continue
+            self._take_rows(place, seated)
+            if not runs[place] and self._next_saves(seated)[0] > times[place]:
+                ended.append(place)
+        if ended:
+            self._end(ended)
+
+    def _take_rows(self, place: int, seated: _Seated) -> None:
+        """Take the rows out of a column's rings, and ask for the next ones."""
+        floats, whole = self._columns.floats, self._columns.whole
+        taken = False
+        for name, (cells, counter) in self._programs.rings.items():
+            if count := whole[counter, place]:
+                seated.rows[name].append(floats[cells[:count], place])
+                whole[counter, place], taken = 0, True
+        if taken:
+            orders, common = self._programs.orders, self._shared.batch.common
+            floats[orders.window, place] = self._next_saves(seated)
+            for name, cell in orders.wanted.items():
+                whole[int(cell), place] = common.capacity[name] - seated.recorded(name)
+
+    def _next_saves(self, seated: _Seated) -> np.ndarray:
+        """The next times to save at, s, and infinity behind the last."""
+        window, batch = np.full(WINDOW, np.inf), self._shared.batch
+        if batch.tasks.save_at is not None:
+            first = seated.recorded(batch.common.saved)
+            following = batch.tasks.save_at[seated.number, first : first + WINDOW]
+            window[: len(following)] = following
+        return window
+
+    def _end(self, places: list[int]) -> None:
+        """Hand over what came of the lanes in some columns, and empty these."""
+        seated = [one for place in places if (one := self._seated[place])]
+        tasks = self._programs.own[[one.number for one in seated], : self._programs.task_cells]
+        states = self._columns.floats[self._loop.state_cells, places].T
+        outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
+        for place, one, task, cells in zip(places, seated, tasks, outcomes, strict=True):
+            logs = {name: self._log(name, one.rows[name], task) for name in self._read}
+            self._shared.records.append(_Record(one.number, cells, logs))
+            del self._shared.times[one.number]
+            self._loop.leave(self._columns, place)
+            self._seated[place] = None
+
+    def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
+        """The cells of what is reported of the rows of a log, block by block, and their number."""
+        rows_a_block, numbers = self._programs.blocks[name]
+        count = sum(map(len, rows))
+        blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
+        if rows:
+            np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
+        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
+        return self._read[name](given), count
+
+
+def _deliver(
+    shared: _Shared,
+    groups: Sequence[_Group],
+    on_ended: Callable[[Ended], None],
+    on_progress: Callable[[Running], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Hand over lanes that have ended, until all groups have."""
+    going = True
+    while going:
+        shared.finished.wait(PERIOD)
+        shared.finished.clear()
+        shared.stops = shared.stops or stopped()
+        going = not all(group.ended for group in groups)
+        records = [shared.records.popleft() for _ in range(len(shared.records))]
+        if records:
+            on_ended(_ended(shared, records))
+        for group in groups:
+            if group.error is not None:
+                raise group.error
+        on_progress(shared.running())
+
+
+def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
+    """Lanes that have ended, from their cells."""
+    programs, logs = shared.programs, {}
+    for name, length in shared.batch.lengths.items():
+        found = [record.logs[name] for record in records]
+        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
+        ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
+        columns = {}
+        for key, blocks in read.items():
+            columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
+            parts = np.split(blocks, ends)
+            for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
+                table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in found])
+    outcomes = programs.outcome_cells.trees(np.stack([record.outcome for record in records]))
+    return Ended(np.array([record.lane for record in records]), outcomes, logs)
+
+
+def _on_device(number: int) -> AbstractContextManager[object]:
+    """A context in which a thread computes on its accelerator, if there are any."""
+    if jax.default_backend() == "cpu":
+        return nullcontext()
+    return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
+
+
+@Native
+def _begun(common: Common, task: Task) -> Lane:
+    """A lane before its first step."""
+    orders = Orders(task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity)
+    scene = common.scene(task)
+    return begin_lane(common.plan, scene, task.state, common.start_time, orders)
+
+
+@Native
+def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
+    """What came of a lane, its state in packed form."""
+    return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
+
+
+@Native
+def _columns(
+    shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
+) -> Columns:
+    """What is reported of rows of a log."""
+    common, name, example = shared
+    return common.columns_of(name, example, task, rows)
+
+
+class _Loops:
+    """The native loops of a process, each compiled once."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._loops: dict[Hashable, LaneLoop] = {}
+
+    def loop(self, common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
+        """The loop for lanes of a structure."""
+        trees = common, own, lane
+        leaves, structure = jax.tree.flatten(trees)
+        key = (
+            structure,
+            tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
+        )
+        with self._lock:
+            if key not in self._loops:
+                traced = begins_a_program(_turned)
+                self._loops[key] = kept(
+                    _turned, trees, lambda: LaneLoop(traced, _looked_at, *trees)
+                )
+            return self._loops[key]
+
+
+_LOOPS = _Loops()
+
+
+def _turned(common: Common, own: tuple[Task, Orders], lane: Lane) -> Lane:
+    task, orders = own
+    return turn(common.plan, common.scene(task), lane, orders)
+
+
+def _looked_at(common: Common, own: tuple[Task, Orders], lane: Lane) -> dict[str, PyTree]:
+    _, orders = own
+    return {
+        "goes": moves(common.plan, lane, orders),
+        "runs": lane.runs(common.plan, orders.end_time),
+        "time": lane.step.t,
+    }

@@ -1,0 +1,83 @@
+"""What the lanes of a batch share, and what each has for itself."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...fields.types import Single
+from ...math.vectors import Scalar, Structured, unpack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...quantities.base import Quantity
+from ..run.impact_recorder import ImpactRow
+from ..step.dense_output import Snapshot
+from ..step.types import Numbers
+from .lane import Lane, Plan
+from .recording import Ring
+
+Columns = dict[str, Scalar]
+"""What is reported of a row, or of each of many, by name."""
+
+
+class Task(eqx.Module):
+    """A lane to run: what of its scene varies, its initial state (packed), and its end.
+
+    `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
+    """
+
+    varied: PyTree
+    state: State
+    end_time: Numbers
+    first_step: Numbers
+    save_at: jax.Array | np.ndarray | None
+
+
+class Common(eqx.Module):
+    """What all lanes of a batch share.
+
+    - `form`: the scene, what varies in it left as in the base; `start_time`: s.
+    - `capacity`: rows to record, by log of a section or of a contact's impacts.
+      `channels[log][name]`: quantities to report of each recorded state; `saved` is the name of the
+      log of saved states.
+    - `tables`: logs of the contacts of each table of impacts, by the table's name.
+    - `programs`: digests of what is computed, if they are known. Compiled programs are kept for
+      equal ones only, so that none is run that was traced from code since changed.
+    """
+
+    plan: Plan
+    form: Structured
+    start_time: Single
+    capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
+    channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
+    saved: str = eqx.field(default="", static=True)
+    programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
+    tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
+
+    def logs(self, lane: Lane) -> dict[str, Ring]:
+        """The rings of a lane by the log that they fill."""
+        saved = {} if lane.saved is None else {self.saved: lane.saved}
+        return saved | lane.rings()
+
+    def scene(self, task: Task) -> Scene:
+        """The scene of a lane, in scalar form."""
+        tree = eqx.combine(task.varied, self.form.tree)
+        return unpack(Structured(tree, self.form.patterns))
+
+    def columns_of(
+        self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array
+    ) -> Columns:
+        """What is reported of rows (rows, numbers) of a log, whose rows are like the example."""
+        leaves, structure = jax.tree.flatten(example)
+        system = self.plan.scheme.system(self.scene(task))
+        ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+        def at(row: jax.Array) -> Columns:
+            parts = zip(jnp.split(row, ends), leaves, strict=True)
+            here: Snapshot | ImpactRow = jax.tree.unflatten(
+                structure, [part.reshape(leaf.shape) for part, leaf in parts]
+            )
+            return here.columns(system, self.channels.get(name, {}))
+
+        return jax.lax.map(at, rows)

@@ -1,0 +1,1 @@
+"""Reductions: numbers of a run, updated at every accepted step."""

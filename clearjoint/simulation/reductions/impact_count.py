@@ -1,0 +1,80 @@
+"""How often contacts begin."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...math.vectors import Condition, Scalar
+from ...model.scene import Scene
+from ...quantities.base import require_known
+from ...quantities.instant import Instant
+from .reductions import AbstractReduction
+from .windows import Instants, Window, optional_time
+
+
+class CountTally(NamedTuple):
+    """How many contacts have begun, which touch, and the latest instant, s, if it is needed."""
+
+    count: Scalar
+    touching: dict[str, Condition]
+    time: Scalar | None
+
+
+class ImpactCount(AbstractReduction):
+    """Number of contacts that began, of all contacts of a joint.
+
+    **Arguments:** `joint`: its name; `after`, `until`: s, the window of time in which they began,
+    as for `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
+
+    >>> cj.ImpactCount("shoulder")
+    ImpactCount(joint='shoulder')
+    """
+
+    joint: str = eqx.field(static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+
+    def __check_init__(self):
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that it has contacts."""
+        require_known("joint", self.joint, scene.contact_joints())
+
+    def _touching(self, now: Instant) -> dict[str, Condition]:
+        return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
+
+    def start(self, now: Instant) -> CountTally:
+        """No contact has begun; and which touch at the start."""
+        time = None if self._window().is_whole else now.time
+        return CountTally(jnp.zeros(()), self._touching(now), time)
+
+    def update(self, tally: CountTally, now: Instant) -> CountTally:
+        """One more for each contact that did not touch before."""
+        count, after = tally.count, self._touching(now)
+        for label, touches in after.items():
+            begins = touches & ~tally.touching[label]
+            if tally.time is not None:
+                begins = begins & self._window().holds(self._onset(label, tally.time, now))
+            count = count + jnp.where(begins, 1.0, 0.0)
+        return CountTally(count, after, None if tally.time is None else now.time)
+
+    def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
+        """When a contact began in the step that ends now, s, by its depth and the rate of it."""
+        reach = now.reaches[self.joint][label]
+        since = reach.depth / jnp.where(reach.rate > 0.0, reach.rate, jnp.inf)
+        return now.time - jnp.clip(since, 0.0, now.time - before)
+
+    def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
+        """The number of contacts that began, up to the end of the run or of the window."""
+        return {"": self._window().if_reached(tally.count, now.time)}
+
+    def units(self) -> dict[str, str]:
+        """The count is a number without unit."""
+        return {"": "1"}

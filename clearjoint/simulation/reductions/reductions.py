@@ -1,0 +1,286 @@
+"""What a lane of a sweep keeps of its run: reductions, updated at every accepted step.
+
+A reduction of one's own subclasses `AbstractReduction`. Its tally is a PyTree of scalars, so that
+memory does not grow with the steps.
+"""
+
+import abc
+import math
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ...compilation import traced_once
+from ...fields.checks import require
+from ...fields.conversion import AbstractConverting
+from ...math.interpolation import Parabola, Point, highest_after
+from ...math.vectors import Scalar
+from ...model.scene import Scene
+from ...quantities.base import Quantity, check_quantity, require_quantity
+from ...quantities.instant import Instant
+from .windows import Instants, Window, optional_time
+
+
+class AbstractReduction(AbstractConverting):
+    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class TimeAbove(cj.AbstractReduction):
+        joint: str
+        force: float  # N
+
+        def start(self, now):
+            return now.time, jnp.zeros(())
+
+        def update(self, tally, now):
+            before, above = tally
+            largest = cj.quantities.ContactForce(self.joint)(now)
+            step = now.time - before
+            return now.time, above + jnp.where(largest > self.force, step, 0.0)
+
+        def results(self, tally, now):
+            return {"": tally[1]}
+
+        def units(self):
+            return {"": "s"}
+
+    outputs = {"overload": TimeAbove("shoulder", force=500.0)}
+    ```
+    """
+
+    needs_ledger: ClassVar[bool] = False
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has what the reduction names: what its quantities do, unless a
+        subclass tells more.
+
+        **Raises:** `ValueError` that lists what there is.
+        """
+        for name, value in vars(self).items():
+            check_quantity(name, value, scene)
+
+    @abc.abstractmethod
+    def start(self, now: Instant) -> PyTree:
+        """What is remembered from step to step, at the start of the run."""
+
+    @abc.abstractmethod
+    def update(self, tally: PyTree, now: Instant) -> PyTree:
+        """The tally after an accepted step that ends now."""
+
+    @abc.abstractmethod
+    def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
+        """What is reported at the end, by name; the name "" stands for the reduction's own."""
+
+    @abc.abstractmethod
+    def units(self) -> dict[str, str]:
+        """Unit of each result, by the names that `results` has."""
+
+
+def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
+    """Check the reductions among some outputs: that the scene has what they name, and that the run
+    keeps the energy `ledger` if one needs it.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    for name, output in outputs.items():
+        if not isinstance(output, AbstractReduction):
+            continue
+        expected = f"True for outputs[{name!r}]"
+        fine = ledger or not output.needs_ledger
+        require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
+        try:
+            output.check(scene)
+        except ValueError as error:
+            raise ValueError(f"Output {name!r}: {error}") from error
+
+
+class PeakTally(NamedTuple):
+    """The highest value so far and its time, s; the value at the latest instant and that, s; both
+    at the instant before."""
+
+    highest: Scalar
+    time: Scalar
+    last: Scalar
+    now: Scalar
+    last_before: Scalar
+    before: Scalar
+
+
+class Peak(AbstractReduction):
+    """Largest value of a quantity, and when: "" and "time".
+
+    Within a step it is the largest value along the solver's dense output. Of a contact force at
+    usual tolerances it is then that of the table of impacts to 1e-6.
+
+    ```python
+    import clearjoint as cj
+
+    force = cj.quantities.ContactForce("shoulder")
+    outputs = {"force": cj.Peak(force, "N", after=0.5)}  # "force", and "force_time" in s
+    ```
+
+    **Arguments:**
+
+    - `quantity`: a scalar function of an `Instant`; `unit`: its unit.
+    - `after`, `until`: s, the window of time in which it is looked for, to the instant and not to
+      the step; from the start to the end of the run unless given. Both results are NaN for a run
+      that ended before.
+
+    **Raises:** `ValueError` for a window that does not end after its begin.
+
+    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    >>> peak.units()
+    {'': 'N', 'time': 's'}
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+
+    def __check_init__(self):
+        require_quantity("quantity", self.quantity)
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+    def start(self, now: Instant) -> PeakTally:
+        """The value at the start, the highest so far if it is in the window."""
+        value, window = self._value(now), self._window()
+        highest = value
+        if not window.is_whole:
+            highest = jnp.where(window.holds(now.time), value, -jnp.inf)
+        return PeakTally(highest, now.time, value, now.time, value, now.time)
+
+    def update(self, tally: PeakTally, now: Instant) -> PeakTally:
+        """The highest value of the step's part in the window, if it is higher than those before."""
+        length = now.time - tally.now
+        earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
+        before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
+        end = Point(1.0, self._value(now))
+        value_of = traced_once(self._value)
+        first, last, window = start, end, self._window()
+        if not window.is_whole:
+            a, b = window.places(tally.now, now.time)
+            first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
+            last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
+        peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
+        time = tally.now + peak.place * length
+        rises = peak.value > tally.highest
+        if not window.is_whole:
+            rises = rises & (last.place > first.place)
+        return PeakTally(
+            jnp.where(rises, peak.value, tally.highest),
+            jnp.where(rises, time, tally.time),
+            end.value,
+            now.time,
+            start.value,
+            tally.now,
+        )
+
+    def _value(self, now: Instant) -> Scalar:
+        return jnp.asarray(self.quantity(now), dtype=float)
+
+    def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
+        """The largest value and its time, s."""
+        del now
+        if self._window().is_whole:
+            return {"": tally.highest, "time": tally.time}
+        found = tally.highest > -jnp.inf
+        results = {"": tally.highest, "time": tally.time}
+        return {name: jnp.where(found, value, jnp.nan) for name, value in results.items()}
+
+    def units(self) -> dict[str, str]:
+        """The quantity's unit for the peak, and s for its time."""
+        return {"": self.unit, "time": "s"}
+
+
+_GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
+_GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
+
+
+Triplet = tuple[Scalar, Scalar, Scalar]
+StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
+"""The latest instant, s, and the value there; the duration inside the window, s, and the integrals
+of the value and its square; the smallest and the largest value."""
+
+
+class Statistics(AbstractReduction):
+    """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
+
+    In each step the quantity is that of the parabola through both ends and the middle.
+
+    **Arguments:** `quantity`, `unit`, `after` and `until` as for `Peak`.
+
+    **Raises:** `ValueError` as `Peak`.
+
+    >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
+    >>> list(speed.units())
+    ['mean', 'rms', 'smallest', 'largest']
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
+
+    def __check_init__(self):
+        require_quantity("quantity", self.quantity)
+        self._window()
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+    def start(self, now: Instant) -> StatisticsTally:
+        """The instant and the value there, zero duration and integrals, and the extremes so far."""
+        value = jnp.asarray(self.quantity(now), dtype=float)
+        zero = jnp.zeros_like(value)
+        window = self._window()
+        inside = (now.time >= window.start) & (now.time <= window.end)
+        extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
+        return (now.time, value), (zero, zero, zero), extremes
+
+    def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
+        """The tally with the part of the step added that is inside the window."""
+        (t0, u), (duration, first, second), (smallest, largest) = tally
+        t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
+        arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
+        length = jnp.where(t1 > t0, t1 - t0, 1.0)
+        a, b = self._window().places(t0, t1)
+        inside = b > a
+        h = jnp.where(inside, (b - a) * length, 0.0)
+        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in _GAUSS_NODES]
+        pairs = list(zip(_GAUSS_WEIGHTS, values, strict=True))
+        sums = (
+            duration + h,
+            first + h * sum(weight * value for weight, value in pairs),
+            second + h * sum(weight * value * value for weight, value in pairs),
+        )
+        low, high = arc.extremes(a, b)
+        smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
+        largest = jnp.where(inside, jnp.maximum(largest, high), largest)
+        return (t1, v), sums, (smallest, largest)
+
+    def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
+        """The four statistics; NaN if the run ended before the window."""
+        del now
+        _, (duration, first, second), (smallest, largest) = tally
+        reached = duration > 0.0
+        length = jnp.where(reached, duration, jnp.nan)
+        return {
+            "mean": first / length,
+            "rms": jnp.sqrt(second / length),
+            "smallest": jnp.where(reached, smallest, jnp.nan),
+            "largest": jnp.where(reached, largest, jnp.nan),
+        }
+
+    def units(self) -> dict[str, str]:
+        """The quantity's unit for each of the four."""
+        return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)

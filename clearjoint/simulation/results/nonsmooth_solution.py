@@ -1,0 +1,133 @@
+"""What a run with rigid contacts returns."""
+
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import numpy as np
+
+from ...export.tabular import AbstractTabular
+from ...dynamics.formulation import Formulation
+from ...fields.checks import require
+from ...fields.readable import AbstractReadable
+from ...model.bodies import State
+from ...result_codes import RESULTS
+from ..step.types import Integers, Numbers
+from .solution import Trajectory, is_abstract, run_text
+from .state_tables import contact_label
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+RIGID = "rigid_contact"
+TOTAL_UNITS = {
+    "impacts": "1",
+    "impulse": "N s",
+    "dissipated": "J",
+    "hardest": "N s",
+    "fastest": "m/s",
+    "penetration": "m",
+}
+"""Of what `ContactTotals` have."""
+
+
+class ContactTotals(AbstractReadable):
+    """What a rigid contact did since the start.
+
+    - `impacts`: steps with an impulse that follow one without. A contact that rolls may hop, which
+      counts each time.
+    - `impulse`: sum of the normal impulses, N s. There is no peak force: an impact takes no time.
+    - `dissipated`: J, by restitution and friction.
+    - `hardest`: largest impulse of a step, N s. `fastest`: largest approach speed with one, m/s.
+    - `penetration`: deepest in the middle of a step, m.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
+    >>> bool(totals.impulse > 0.0)
+    True
+    """
+
+    impacts: Integers
+    impulse: Numbers
+    dissipated: Numbers
+    hardest: Numbers
+    fastest: Numbers
+    penetration: Numbers
+
+
+class NonsmoothSolution(AbstractReadable, AbstractTabular):
+    """The outcome of `clearjoint.simulate_nonsmooth`.
+
+    - `time`, `final`, `result`: as of `Solution`.
+    - `steps`: how many were taken.
+    - `saved`: the states at the requested times, and `history[joint][contact]` the `ContactTotals`
+      up to each of them, both ``None`` if none were requested. `saved_count` of them were reached;
+      the others repeat the last state.
+    - `contacts[joint][contact]`: the `ContactTotals` of the run.
+    - `residual`: largest violation of the contacts' laws in any step, over its largest velocity.
+    - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes
+      such a solution too, for all but forces.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states and the history.
+
+    >>> scene, state = cj.double_pendulum()
+    >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
+    >>> int(solution.steps)
+    200
+    """
+
+    time: Numbers
+    final: State
+    result: RESULTS
+    steps: Integers
+    saved: Trajectory | None
+    history: dict[str, dict[str, ContactTotals]] | None
+    saved_count: Integers | None
+    contacts: dict[str, dict[str, ContactTotals]]
+    residual: Numbers
+    formulation: Formulation
+    redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        """How the run ended, what it kept, and where the bodies are, in a few lines."""
+        if is_abstract(self):
+            return super().__repr__()
+        lines = [f"{self.steps} steps"]
+        if self.saved is not None:
+            lines.append(f"saved: {self.saved}")
+        for joint, family in self.contacts.items():
+            counts = (f"{one.impacts} at {contact!r}" for contact, one in family.items())
+            lines.append(f"impacts of {joint!r}: {', '.join(counts)}")
+        return run_text(self, self.final, self.redundant_constraints, lines)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` of the saved states that were reached, as of
+        `Trajectory.to_xarray`, and of the contacts' totals up to then, along "rigid_contact".
+
+        **Raises:** `ValueError` for a run that saved no states.
+        """
+        times = "pass times to simulate_nonsmooth()"
+        require(self.saved is not None, "solution", "without saved states", "with some", times)
+        assert self.saved is not None and self.history is not None
+        found = self.saved.to_xarray()
+        contacts = {
+            contact_label(joint, contact): totals
+            for joint, family in self.history.items()
+            for contact, totals in family.items()
+        }
+        dims = "time", RIGID
+        totals = {
+            name: (dims, np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1))
+            for name in TOTAL_UNITS
+            if contacts
+        }
+        for name, (_, values) in totals.items():
+            found[name] = (dims, values, {"units": TOTAL_UNITS[name]})
+        found = found.assign_coords({RIGID: list(contacts)}) if contacts else found
+        notes = {
+            "title": "motion of a mechanism with rigid contacts",
+            "result": RESULTS[self.result],
+            "time_reached": float(self.time),
+            "steps": int(self.steps),
+        }
+        reached = len(found["time"]) if self.saved_count is None else int(self.saved_count)
+        return found.isel(time=slice(reached)).assign_attrs(notes)

@@ -1,0 +1,103 @@
+"""Values of a quantity along a solution, and its rate of change there."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...dynamics.absolute_coordinates import AbsoluteCoordinates
+from ...dynamics.bristles import initial_bristles
+from ...dynamics.formulation import Formulation
+from ...dynamics.system import System
+from ...fields.conversion import with_arrays
+from ...math.vectors import Scalar, Structured, structured, unpack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...native import Native, over_rows
+from ...quantities.base import Quantity, check_quantity
+from ...quantities.instant import Instant
+from ..step.types import Numbers
+from .observe import in_chunks
+from .solution import Solution, Trajectory
+
+
+def values_along(
+    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
+) -> np.ndarray:
+    """A quantity at the states of a trajectory, (N,), in its unit.
+
+    **Arguments:** as of `observe`; `quantity`: a scalar function of an `Instant`.
+
+    **Raises:** `ValueError` for a quantity of something that the scene lacks.
+    """
+    form, absolute, rows = _prepared(scene, solution, quantity, trajectory)
+    return in_chunks(lambda part: values_compiled(form, absolute, quantity, *part), rows)
+
+
+def rates_along(
+    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
+) -> np.ndarray:
+    """The rate of change of a quantity at the states of a trajectory, (N,), in its unit over s.
+
+    By differentiation along the motion, of whatever positions, velocities and the time decide;
+    entry speeds and bristles are held.
+
+    **Arguments**, **Raises:** as of `values_along`.
+    """
+    form, absolute, rows = _prepared(scene, solution, quantity, trajectory)
+    return in_chunks(lambda part: rates_compiled(form, absolute, quantity, *part), rows)
+
+
+def _prepared(
+    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
+) -> tuple[Structured, Formulation, tuple[np.ndarray, State]]:
+    check_quantity("quantity", quantity, scene)
+    ran = solution.formulation
+    absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
+    rows = np.asarray(trajectory.times), trajectory.states
+    return structured(with_arrays(scene)), absolute, rows
+
+
+@Native
+def values_compiled(
+    form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+) -> Numbers:
+    """A quantity at times (N,) s and states with N in front."""
+    system = System(unpack(form), absolute)
+
+    def at(t: Scalar, state: State) -> Numbers:
+        return _Place(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
+
+    return over_rows(at, times, states)
+
+
+@Native
+def rates_compiled(
+    form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+) -> Numbers:
+    """The rate of a quantity at times (N,) s and states with N in front."""
+    system = System(unpack(form), absolute)
+
+    def at(t: Scalar, state: State) -> Numbers:
+        place = _Place(system, state)
+        variables = system.encode(unpack(state.bodies))
+        rates, _ = system.rates(variables, state.memory, t, bristles=place.bristles)
+        t, variables, rates = jax.tree.map(
+            lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
+        )
+        along = jnp.ones(()), rates
+        return jax.jvp(lambda *x: place.value(quantity, *x), (t, variables), along)[1]
+
+    return over_rows(at, times, states)
+
+
+class _Place:
+    """What a state holds beside the motion."""
+
+    def __init__(self, system: System, state: State):
+        self._system, self._memory, self._work = system, state.memory, unpack(state.work)
+        self.bristles = initial_bristles(system.scene, unpack(state.bristles))
+
+    def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:
+        """The quantity at a time, s, and the variables of a motion."""
+        now = Instant(self._system, t, variables, self._memory, self._work, self.bristles)
+        return jnp.asarray(quantity(now), dtype=float)

@@ -1,0 +1,54 @@
+"""Runs that a user stops: what they have computed is kept."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from ..results.solution import FinishedRun
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """A run that was stopped by Ctrl-C (SIGINT); `solution` holds all that it had computed, a
+    `Solution` whose `time` and `final` tell where it stood and from which it can be continued.
+
+    ```python
+    import clearjoint as cj
+
+    scene, state = cj.double_pendulum()
+    try:
+        solution = cj.simulate(scene, state, 0.01)
+    except cj.RunInterrupted as stopped:
+        solution = stopped.solution
+    ```
+    """
+
+    def __init__(self, solution: FinishedRun):
+        super().__init__(f"The run was interrupted at t = {float(solution.time):.9g} s.")
+        self.solution = solution
+
+
+@contextmanager
+def interruptions_deferred() -> Iterator[Callable[[], bool]]:
+    """A context in which the first Ctrl-C only counts: what it gives tells whether there was one.
+
+    A second one interrupts at once. Outside of the main thread, and where a program handles the
+    signal itself, nothing changes.
+    """
+    asked = threading.Event()
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield asked.is_set
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        asked.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,0 +1,104 @@
+"""Progress on the error stream: a bar in a terminal, a line every half minute in a log file.
+
+While a program is compiled the text says for how long. A thread beside the call looks once a
+second, since the call itself is inside JAX meanwhile.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import TextIO
+from weakref import WeakSet
+
+from tqdm import tqdm
+
+from ...compilation import seconds_of_compiling
+
+TICK = 1.0
+"""Seconds between two looks, and of compiling before it is said."""
+LINE_PERIOD = 30.0
+"""Seconds between two lines where the error stream is no terminal."""
+WATCH = "clearjoint: compiling"
+"""Name of the thread."""
+
+
+class ProgressBar(tqdm):
+    """A bar of tqdm where the error stream is a terminal or a notebook, and elsewhere, as in log
+    files, the same text as a line every `LINE_PERIOD` seconds.
+
+    `seconds_left`: the time left, s, if it is known otherwise than from the rate; the field
+    ``{left}`` of a `bar_format`.
+    """
+
+    # Locks of tqdm's own are semaphores of the system, which killed processes leave behind.
+    _lock = threading.RLock()
+    # Else tqdm adds these and a monitor to the class, which then counts as changed code (see
+    # `compilation`).
+    _instances = WeakSet()
+    monitor_interval = 0
+    seconds_left: float | None = None
+    _latest_line: float | None = None
+
+    @property
+    def format_dict(self) -> dict[str, object]:
+        """What the text is made of."""
+        fields = super().format_dict
+        left = self.seconds_left
+        return {**fields, "left": "?" if left is None else self.format_interval(left)}
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+        """Show the text; in a log file, if the latest line is old enough."""
+        if is_live(sys.stderr):
+            return bool(super().display(msg, pos))
+        now = time.time()
+        latest = self._latest_line or getattr(self, "start_t", now)
+        if msg == "" or now - latest < LINE_PERIOD:
+            return False
+        self._latest_line = now
+        print(str(self) if msg is None else msg, file=sys.stderr, flush=True)
+        return True
+
+
+def is_live(stream: TextIO) -> bool:
+    """Whether text on a stream can be written over: in terminals and notebooks."""
+    return stream.isatty() or type(stream).__module__.startswith("ipykernel")
+
+
+@contextmanager
+def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
+    """The bar, as a context: while a program is compiled its description is "compiling, 12 s".
+
+    Beside a bar that is disabled no thread begins.
+    """
+    with bar:
+        if bar.disable:
+            yield bar
+            return
+        over = threading.Event()
+        watch = threading.Thread(target=_tell, args=(bar, over), name=WATCH, daemon=True)
+        try:
+            watch.start()
+            yield bar
+        finally:
+            over.set()
+            watch.join()
+
+
+def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
+    """A bar for a call of which nothing is known until it ends: shown while it compiles."""
+    bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
+    return telling_of_compiling(bar)
+
+
+def _tell(bar: tqdm, over: threading.Event) -> None:
+    usual, told = bar.desc, False
+    while not over.wait(TICK):
+        seconds = seconds_of_compiling()
+        if seconds >= TICK:
+            bar.delay = 0.0  # Or tqdm would not clear what is shown before its delay is over.
+            bar.set_description_str(f"compiling, {seconds:.0f} s")
+        elif told:
+            bar.set_description_str(usual)
+        told = seconds >= TICK

@@ -1,0 +1,244 @@
+"""Error-controlled forward sensitivities: derivatives of what is measured along a motion.
+
+Plain differentiation through an adaptive loop gives the derivative of the discretisation, which
+near impacts is another function than that of the motion. Here the variational equations are
+integrated beside the state and judged with it, the memory of an impact is differentiated at its
+true onset, and steps land on onsets within 1e-13 m. `studies.speed_accuracy` measures how right
+they are, and `studies.benchmark` what they cost.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...export.labelled import Labelled, labelled_dataset, texts
+from ...export.provenance import Notes, setting_notes
+from ...export.tabular import AbstractTabular
+from ...fields.checks import require, require_names
+from ...fields.types import ArrayLike
+from ...math.vectors import pack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...parametrisation.parameter import Parameter, check_parameters, coordinates_of
+from ...parametrisation.parametrised_scene import parametrised
+from ...quantities.base import Quantity, check_quantity
+from ...result_codes import RESULTS
+from ..results.impact_table import Impacts
+from ..results.solution import Trajectory, raise_failure
+from ..step import presets
+from ..step.settings import Settings, settings_or
+from ..step.spans import check_span, checked_times
+from .derivative_runs import derivative_scheme
+from .impact_recorder import impacts_of
+from .progress_bars import compiling_bar
+from .sampling import Sampled, padded, recorded_run
+from .saving import Saving, saving_or_nothing
+from .sections import Crossings, crossings_of, with_units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Sensitivities(AbstractTabular):
+    """Quantities along a motion and their derivatives.
+
+    - `times`: (N,) s, those asked for that were reached.
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
+      `Log` scale: to the logarithm), in the order of `parameters`.
+    - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
+    - `attempts`, `accepted`: steps tried and accepted.
+    - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
+      ``None`` unless asked for.
+    - `sections[name]`: the `Crossings` of each section asked for.
+    - `units[name]`: of the quantities that have one; `scales`: the labels of the parameters'
+      coordinates, such as "log clearance"; `settings`: for a reader, as of `Solution`.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give values and derivatives.
+
+    >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
+    >>> found.values["x"].shape, found.derivatives["x"].shape
+    ((30,), (30, 1))
+    """
+
+    parameters: tuple[str, ...]
+    times: np.ndarray
+    values: dict[str, np.ndarray]
+    derivatives: dict[str, np.ndarray]
+    time: float
+    result: RESULTS
+    attempts: int
+    accepted: int
+    saved: Trajectory | None = None
+    impacts: Impacts | None = None
+    sections: Mapping[str, Crossings] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: tuple[str, ...] = ()
+    settings: Notes = ()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """An `xarray.Dataset` along "time" and "parameter": each quantity by its name, and its
+        derivatives as "<name>_derivative", in the quantity's unit by unit of the coordinate, which
+        "coordinate" names; see `AbstractTabular`."""
+        variables = {}
+        for name, row in self.values.items():
+            unit, text = self.units.get(name), f"derivative of {name} by a parameter's coordinate"
+            slopes = self.derivatives[name]
+            variables[name] = Labelled(("time",), row, unit)
+            variables[f"{name}_derivative"] = Labelled(("time", "parameter"), slopes, unit, text)
+        labels = {
+            "time": Labelled(("time",), self.times, "s", "time"),
+            "parameter": Labelled(("parameter",), texts(self.parameters)),
+        }
+        if self.scales:
+            labels["coordinate"] = Labelled(("parameter",), texts(self.scales))
+        notes = {
+            "result": RESULTS[self.result],
+            "time_reached": self.time,
+            "attempts": self.attempts,
+            "accepted": self.accepted,
+            **dict(self.settings),
+        }
+        return labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
+
+
+def sensitivities(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    times: ArrayLike,
+    settings: Settings | None = None,
+    save: Saving | None = None,
+    *,
+    start_time: float = 0.0,
+    throw: bool = True,
+    progress: bool = True,
+) -> Sensitivities:
+    """Integrate a scene with the derivatives of its motion along parameters.
+
+    Derivatives are finite at the centred journal, at zero depth, slip and entry speed: there they
+    are those of free flight (a contact has depth), of either side of the friction law, and of the
+    damping at the law's `entry_speed_floor`. By the position of a journal that touches the wall at
+    the start they say nothing: contact at the start counts as elastic, so the motion jumps there.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`; the parameters' values are
+      those of the scene.
+    - `parameters`: what to differentiate along, by name; see `Parameter`.
+    - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
+    - `times`: (N,) s, rising, at which they are evaluated.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
+    - `save`: states at times of their own, impacts and sections, to keep beside.
+    - `throw`: raise `SimulationError`, with what was reached, if the run fails.
+    - `progress`: say, while it compiles, for how long.
+
+    **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
+    something with time but declare no `breakpoints`: derivatives would lack the jumps there;
+    `SimulationError` for a run that fails. A force of a class of one's own that jumps where the
+    motion decides ends the run there, with `RESULTS.force_jumped`.
+
+    >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
+    >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
+    >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))
+    True
+    """
+    check_outputs(outputs, scene)
+    check_parameters(parameters)
+    settings = settings_or(settings, presets.derivatives)
+    scheme = derivative_scheme(scene, state, settings, start_time)
+    check_span(start_time, end_time)
+    asked = checked_times(start_time, end_time, times, "times")
+    save = saving_or_nothing(save)
+    save.require_no_steps("of a run with derivatives", "take simulate() for them")
+    save.require_no_outputs("of a run with derivatives", "take simulate() for them")
+    save.check(scene, settings.ledger)
+    saved = save.times_between(start_time, end_time)
+    looked_at = asked if saved is None else np.union1d(asked, saved)
+    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
+    span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
+    arguments = (
+        scheme,
+        family,
+        dict(outputs),
+        padded(looked_at, end_time),
+        *(np.asarray(t, float) for t in span),
+        np.asarray(settings.max_steps, int),
+    )
+    keeps = saved is not None, save.impacts, save.section_recorders()
+    with compiling_bar(progress):
+        sampled = recorded_run(arguments, *keeps)
+    result = replace(
+        _found(sampled, tuple(parameters), looked_at, asked, saved, start_time),
+        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
+        scales=tuple(p.scale.called(name) for name, p in parameters.items()),
+        settings=setting_notes(settings),
+    )
+    result = replace(result, sections=with_units(result.sections, save.sections))
+    if throw:
+        raise_failure(result)
+    return result
+
+
+def _found(
+    sampled: Sampled,
+    parameters: tuple[str, ...],
+    looked_at: Float[np.ndarray, " all"],
+    asked: Float[np.ndarray, " some"],
+    saved: np.ndarray | None,
+    start_time: float,
+) -> Sensitivities:
+    """What is told of a run: outputs at the times `asked` and states at those `saved`, of all times
+    that were looked at."""
+    rows = _rows_reached(sampled, looked_at, asked)
+    return Sensitivities(
+        parameters=parameters,
+        times=asked[: len(rows)],
+        values={name: values[rows] for name, values in sampled.values.items()},
+        derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
+        time=float(sampled.time),
+        result=sampled.result,
+        attempts=int(sampled.attempts),
+        accepted=int(sampled.accepted),
+        saved=None if saved is None else _trajectory(sampled, looked_at, saved),
+        impacts=None if sampled.impacts is None else impacts_of(sampled.impacts, start_time),
+        sections=crossings_of(sampled.sections),
+    )
+
+
+def _rows_reached(
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Int[np.ndarray, " reached"]:
+    """Where among all times that were looked at those of `times` are that the run came to."""
+    rows = np.searchsorted(looked_at, times)
+    return rows[sampled.reached[rows]]
+
+
+def _trajectory(
+    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Trajectory:
+    """The states at those of `times` that the run came to."""
+    rows = _rows_reached(sampled, looked_at, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
+    return Trajectory(times[: len(rows)], pack(states))
+
+
+def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
+    """Check that outputs are functions by name, and that the scene has what they name.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
+    require_names("outputs", outputs, example)
+    require(len(outputs) > 0, "outputs", {}, "not empty", example)
+    for name, output in outputs.items():
+        expected = "a scalar function of an Instant"
+        require(callable(output), f"outputs[{name!r}]", output, expected, example)
+        check_quantity(f"Output {name!r}", output, scene)

@@ -1,0 +1,194 @@
+"""Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import numpy as np
+
+from ...dynamics.journals import warn_of_journals_outside
+from ...export.provenance import setting_notes
+from ...fields.cautions import LawRangeWarning, caution
+from ...fields.checks import require
+from ...fields.conversion import on_device, with_arrays
+from ...math.vectors import Scalar, structured
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...native import Native
+from ...result_codes import RESULTS
+from ..results.impact_table import ImpactCollector
+from ..results.law_ranges import beyond_law_ranges
+from ..results.solution import Solution, raise_failure
+from ..step import presets
+from ..step.dense_output import require_dense
+from ..step.loops import loops_for
+from ..step.method import Scheme
+from ..step.settings import Settings, settings_or
+from ..step.spans import check_span
+from ..step.types import Numbers
+from .host_run import HostLoop, OnePiece
+from .interruptions import RunInterrupted
+from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
+from .saving import Saving, saving_or_nothing
+from .segments import begin
+
+RECORD_ROWS = 16_384
+LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
+
+
+def simulate(
+    scene: Scene,
+    state: State,
+    end_time: Scalar,
+    settings: Settings | None = None,
+    save: Saving | None = None,
+    *,
+    start_time: Scalar = 0.0,
+    adjoint: diffrax.RecursiveCheckpointAdjoint | None = None,
+    throw: bool = True,
+    progress: bool = True,
+) -> Solution:
+    """Integrate the equations of motion of a scene.
+
+    Compiled once for each structure of the scene and choice of method: no change of a number
+    compiles anew, unless a component of a vector becomes zero or one or ceases to be. Works under
+    `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and `jax.vjp`; then no run that
+    fails raises an error, and each runs in one piece. Put `jax.jit` around the outermost of them,
+    or each call compiles anew. A number that raises an error otherwise, such as a clearance
+    that is NaN, ends a traced run before its first step with the result `domain`.
+
+    These derivatives are those of the computed steps, not of the motion: their error is far above
+    that of the states, and falls slowly with the tolerance; see `clearjoint.sensitivities`. Take
+    `clearjoint.presets.derivatives`.
+
+    **Arguments:**
+
+    - `scene`, `state`: what moves, and from where. The state must satisfy the constraints (see
+      `assemble`). Memory and ledger in it are continued.
+    - `end_time`, `start_time`: s.
+    - `settings`: how to integrate; `clearjoint.presets.default` unless given, beside which there
+      are others.
+    - `save`: what to keep beside the final state: states at times, every step, impacts,
+      sections, whose crossings are in `solution.sections`, and reductions such as `Peak`, whose
+      results are in `solution.outputs`. Under a transformation: states at times alone.
+    - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
+      mode is then shut. The state after some steps is kept, and what lies between computed anew.
+      Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
+      36 000 steps. Any number serves any run. Nothing changes where nothing is differentiated.
+    - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
+    - `progress`: show a bar on runs that take longer than two seconds, and while it compiles.
+
+    **Returns:** a `Solution`.
+
+    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` that
+    holds what was computed, if a user stops it.
+
+    **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
+    bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
+    is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
+    the wall of a bearing.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> solution = cj.simulate(scene, state, 0.1 * np.pi, progress=False)
+    >>> print(f"{solution.final.bodies['ball'].position[0]:.4f} m")
+    -0.1000 m
+    """
+    settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
+    check_precision(settings.allow_float32)
+    _check_adjoint(adjoint)
+    scene, state = with_arrays((scene, state))
+    traced = is_traced((scene, state, end_time, start_time, settings.numbers))
+    redundant: tuple[str, ...] = ()
+    times: Numbers | None = save.times
+    admissible = None
+    if traced:
+        save.require_times_alone("under a transformation of JAX", LEAVE_OUT)
+        admissible = in_domain(
+            lambda: _check_numbers(scene, state, start_time, end_time, settings, save)
+        )
+    else:
+        check_span(start_time, end_time)
+        times = save.times_between(start_time, end_time)
+        redundant = check_start(scene, state, start_time, settings.coordinates)
+        save.check(scene, settings.ledger)
+    form = structured(scene)
+    scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
+    first_step = settings.length_of_first_step(start_time, end_time)
+    span = start_time, end_time, first_step
+    start, end, length = (_array(number, traced) for number in span)
+    if save.sections or save.outputs:
+        require_dense(scheme.method.solver)
+    rows = RECORD_ROWS if save.records else None
+    saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
+    now = begin_compiled(scheme, form, state, start, end, length, saves, rows, *kept)
+    if traced:
+        if admissible is not None:
+            result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
+            now = eqx.tree_at(lambda progress: progress.step.result, now, result)
+        run = OnePiece(form, scheme, end, redundant)
+        save_at = None if times is None else on_device(times)
+        return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
+    host = HostLoop(form, scheme, end, redundant)
+    collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
+    solution = host.solution(
+        now,
+        times,
+        settings.max_steps,
+        collector,
+        save.steps,
+        progress,
+        save.sections,
+        setting_notes(settings),
+    )
+    _warn(scene, solution, host.left_bearing)
+    if host.interrupted:
+        raise RunInterrupted(solution)
+    if throw:
+        raise_failure(solution)
+    return solution
+
+
+begin_compiled = Native(begin)
+
+
+def _array(number: Numbers, traced: bool) -> Any:
+    """The number as an array: of numpy, which costs the host less, unless JAX traces the run."""
+    return on_device(number) if traced else np.asarray(number, float)
+
+
+def _check_numbers(
+    scene: Scene,
+    state: State,
+    start_time: Scalar,
+    end_time: Scalar,
+    settings: Settings,
+    save: Saving,
+) -> None:
+    """Check every number of a run, but not whether they fit the constraints."""
+    check_numbers(scene, state)
+    check_span(start_time, end_time)
+    settings.check_numbers()
+    save.times_between(start_time, end_time)
+
+
+def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
+    """Warn of journals that are outside their bearings in what is kept, and of laws beyond their
+    range."""
+    kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
+    if kept or left_bearing:
+        warn_of_journals_outside(scene, solution.time, solution.final, kept)
+    if solution.impacts is not None:
+        for sentence in beyond_law_ranges(scene, solution.impacts):
+            caution(sentence, LawRangeWarning)
+
+
+def _check_adjoint(adjoint: object) -> None:
+    require(
+        adjoint is None or isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint),
+        "adjoint",
+        adjoint,
+        "a diffrax.RecursiveCheckpointAdjoint or None",
+        "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp",
+    )

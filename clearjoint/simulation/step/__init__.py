@@ -1,0 +1,1 @@
+"""One step: trial, acceptance, landing on events, and derivatives beside the state."""

@@ -1,0 +1,60 @@
+"""Derivatives beside the state: where they start, and what they are inside a step.
+
+Runge-Kutta methods commute with differentiation: the derivative of a step along a parameter is the
+same step of the variational equations, error estimate included. So `attempt` differentiates the
+solver's step, for all parameters at once, and judges its error over state and derivatives.
+"""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.bristles import initial_bristles
+from ...dynamics.contact_forces import Memory
+from ...dynamics.system import System
+from ...math.vectors import Scalar
+from ...parametrisation.parametrised_scene import Coordinates
+from .dense_output import dense_time
+from .step_state import Attempt, Method, Step, Tangents, Variables, choose
+from .stepping import start
+from .systems import SystemFamily
+from .trial_step import term_of
+from .types import SolverState
+
+
+def start_with_tangents(
+    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """`start` for a family of systems, with the derivatives of the initial state."""
+
+    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, Memory], None]:
+        state = family.start(values)
+        motion = system.encode(state.bodies)
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        return jax.tree.map(jnp.asarray, (y, state.memory)), None
+
+    count = len(family.values)
+    (y, memory), _, (y_along, memory_along) = family.pushed(
+        initial, (family.values,), (jnp.eye(count),)
+    )
+    system = family.system()
+    step = start(method, system, t0, t_end, first_step, y, memory, derivatives=True)
+
+    def solver_state(system: System, y: Variables, memory: Memory) -> tuple[SolverState, None]:
+        return method.solver.init(term_of(method), t0, t_end, y, (system, memory)), None
+
+    none = jnp.zeros(count)
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+    memory_along = memory_along or jax.tree.map(lambda _: none, step.memory)
+    _, _, state_along = family.pushed(solver_state, (step.y, step.memory), (y_along, memory_along))
+    return replace(step, tangents=Tangents(y_along, memory_along, state_along))
+
+
+def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, Memory]:
+    """Derivatives of what `look_inside` gives, before it is projected."""
+    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and last is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
+    y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
+    return y, choose(t >= end, last.memory, inside.memory_start)
