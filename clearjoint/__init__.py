@@ -54,8 +54,8 @@ from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
-from .identification.limits.largest import Largest as Largest
-from .identification.limits.largest import largest as largest
+from .identification.limits.largest import LargestFeasible as LargestFeasible
+from .identification.limits.largest import largest_feasible as largest_feasible
 from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
 from .identification.screening.screening import Screened as Screened
@@ -63,8 +63,8 @@ from .identification.screening.screening import Screening as Screening
 from .identification.starts import Starts as Starts
 from .information.analysis import Identifiability as Identifiability
 from .information.analysis import identifiability as identifiability
-from .information.horizon import Horizon as Horizon
-from .information.horizon import horizon as horizon
+from .information.horizon import FitHorizon as FitHorizon
+from .information.horizon import fit_horizon as fit_horizon
 from .information.sensors import Sensor as Sensor
 from .math.smoothing import norm_and_direction as norm_and_direction
 from .math.vectors import Vector as Vector
@@ -214,7 +214,7 @@ from .model.pen import Marker as Marker
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
 from .parametrisation.paths import parameters as parameters
-from .parametrisation.paths import put as put
+from .parametrisation.paths import set_value as set_value
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .parametrisation.scales import Bounded as Bounded
 from .parametrisation.scales import Linear as Linear

@@ -78,7 +78,7 @@ from .model.joints.constraint_rows import perpendicular as perpendicular
 from .model.joints.constraint_rows import point_in_plane as point_in_plane
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.constraint_rows import turning_angle as turning_angle
-from .model.joints.motion_subspaces import AbstractFreedom as AbstractFreedom
+from .model.joints.motion_subspaces import AbstractMotionSubspace as AbstractMotionSubspace
 from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist

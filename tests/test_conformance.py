@@ -75,7 +75,7 @@ class Pulling(AbstractHertzianLaw):
     stiffness: cj.AbstractStiffness
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Any = optional_quantity("m")
-    has_memory = True
+    uses_entry_speed = True
 
     def damping_factor(self) -> Any:
         return 0.5
@@ -87,7 +87,7 @@ class Pulling(AbstractHertzianLaw):
 class SpikedDerivative(Pulling):
     """A derivative that is infinite at the onset."""
 
-    has_memory = False
+    uses_entry_speed = False
 
     def force(self, gap, entry_speed):
         return self.elastic_force(gap)
@@ -144,9 +144,9 @@ class Buffer(cj.AbstractContactLaw):
     damping: Any = quantity("N s/m")
     preload: Any = quantity("N", default=0.0)
     ahead: Any = quantity("m", default=0.0)
-    has_memory = False
+    uses_entry_speed = False
 
-    def reach(self):
+    def onset_offset(self):
         return self.ahead
 
     def force(self, gap, entry_speed):
@@ -180,7 +180,7 @@ class Pushing(Buffer):
 class Stepped(Pulling):
     """Harder on the way in from a depth on: a jump where no step lands."""
 
-    has_memory = False
+    uses_entry_speed = False
 
     def force(self, gap, entry_speed):
         harder = (gap.depth > 3e-7) & (gap.rate > 0.0)
@@ -363,7 +363,7 @@ def test_forgotten_time_dependence_is_refused(forgotten):
     class Forgetful(Swing):
         def rows(self, motions, t):
             row = super().rows(motions, t)["angle"]
-            bias = super().turn(motions).bias if forgotten == "bias" else row.bias
+            bias = super().relative_angle(motions).bias if forgotten == "bias" else row.bias
             time_rate = 0.0 if forgotten == "time_rate" else row.time_rate
             return {"angle": Row(row.value, row.jacobian, bias, time_rate)}
 

@@ -185,7 +185,7 @@ ERRORS = {
         "'clearance'",
         "a ClearanceJoint",
         "does not change",
-        "cj.put(",
+        "cj.set_value(",
     ),
     "a mechanism with its state": (
         lambda: run(scene=cj.double_pendulum()),
@@ -275,15 +275,15 @@ ERRORS = {
         "assemble(scene, state)",
     ),
     "a journal to be seated by a text": (
-        lambda: cj.assemble(SCENE, STATE, seated="pin"),
-        "`seated`",
+        lambda: cj.assemble(SCENE, STATE, resting="pin"),
+        "`resting`",
         "'pin'",
         "a list",
         '["pin"]',
     ),
     "a journal to be seated that is none": (
-        lambda: cj.assemble(SCENE, STATE, seated=["Pin"]),
-        "`seated`",
+        lambda: cj.assemble(SCENE, STATE, resting=["Pin"]),
+        "`resting`",
         "'Pin'",
         "['pin']",
         "did you mean 'pin'?",
@@ -296,7 +296,7 @@ ERRORS = {
         "did you mean 'pin'?",
     ),
     "an attribute that is none": (
-        lambda: cj.put(SCENE, lambda scene: scene.joints["pin"].play, 1.0),
+        lambda: cj.set_value(SCENE, lambda scene: scene.joints["pin"].play, 1.0),
         "`place`",
         "'play'",
         "leads to numbers",

@@ -161,6 +161,6 @@ def _summary(study: Study, found: Fit, seconds: float) -> dict[str, str | int | 
         "ended": found.ending.value,
         "samples": found.samples,
         "chi_squared": found.chi_squared,
-        "degrees_of_freedom": found.freedom,
+        "degrees_of_freedom": found.degrees_of_freedom,
         "seconds": round(seconds, 2),
     }

@@ -160,7 +160,7 @@ def _state(scene: Scene, tables: Mapping) -> State:
         name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies
     }
-    memory = _by_contact(scene, tables.get("entry_speed"), CONTACTS)
+    entry_speeds = _by_contact(scene, tables.get("entry_speed"), CONTACTS)
     bristles = _by_contact(scene, tables.get("bristle_deflection"), BRISTLES)
     ledger = tables.get("ledger")
     work = (
@@ -168,7 +168,7 @@ def _state(scene: Scene, tables: Mapping) -> State:
         if ledger is None
         else {str(n): ledger.sel(integral=n).values for n in ledger.integral.values}
     )
-    return State(bodies, memory, work, bristles)
+    return State(bodies, entry_speeds, work, bristles)
 
 
 def _by_contact(

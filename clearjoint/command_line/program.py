@@ -89,7 +89,7 @@ OUT = click.option(
 )
 END = click.option("--end", metavar="SECONDS", help="End of the run, such as 2 or 500ms.")
 PRESET = click.option(
-    "--preset", help="Named settings: look, default, study, reference (clearjoint.presets)."
+    "--preset", help="Named settings: preview, default, accurate, reference (clearjoint.presets)."
 )
 
 
@@ -132,7 +132,7 @@ def check(file: Path, changes: tuple[str, ...], places: bool, assemble: Path | N
 @command(
     "run",
     "clearjoint run four_bar.toml --end 2",
-    "clearjoint run four_bar.toml --end 500ms --save-every 0.1ms --preset study",
+    "clearjoint run four_bar.toml --end 500ms --save-every 0.1ms --preset accurate",
     "clearjoint run study.toml --set joints.pin.clearance=0.2mm --out results/wide",
 )
 @FILE

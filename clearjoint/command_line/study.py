@@ -101,7 +101,7 @@ def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
 
     [run]
     end = "2 s"
-    preset = "study"
+    preset = "accurate"
     outputs.rocker = { kind = "Angle", body = "rocker", about = [0, 0, 1] }
 
     [sweep]

@@ -69,12 +69,14 @@ def check_names(scene: Scene, state: State) -> None:
                 "Euler parameters of about unit norm, scalar part first",
                 "make states with body_state(...), which checks them",
             )
-    for part in ("memory", "work", "bristles"):
+    for part in ("entry_speeds", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
 
 
-def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[str] = ()) -> State:
+def assemble(
+    scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
+) -> State:
     """The state nearest to a guess, in the metric of the masses, that satisfies the constraints and
     has each journal in its bearing.
 
@@ -85,7 +87,7 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
 
     - `state`: the guess; velocities may be rough as well.
     - `t`: s, for constraints that depend on time.
-    - `seated`: names of clearance joints whose journals shall lie along the wall, where gravity and
+    - `resting`: names of clearance joints whose journals shall lie along the wall, where gravity and
       the scene's forces press them while nothing moves yet.
 
     **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them; for
@@ -99,15 +101,15 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
     known = sorted(centring_joints(scene, scene.contact_joints()))
-    require(not isinstance(seated, str), "seated", seated, "a list of names", 'pass ["pin"]')
-    for name in seated:
+    require(not isinstance(resting, str), "seated", resting, "a list of names", 'pass ["pin"]')
+    for name in resting:
         remedy = nearest(name, known, "leave out the others")
         require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
-    held = centring_joints(scene, seated)
+    held = centring_joints(scene, resting)
     state = _in_bearings(scene, held, state, t)
-    if not seated:
+    if not resting:
         return state
-    held |= seating_joints(scene, held, seated, state, t)
+    held |= seating_joints(scene, held, resting, state, t)
     return _in_bearings(scene, held, state, t)
 
 
@@ -140,7 +142,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
-    return State(bodies, state.memory, state.work, state.bristles)
+    return State(bodies, state.entry_speeds, state.work, state.bristles)
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:

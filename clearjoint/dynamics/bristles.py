@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from ..math.vectors import Scalar, Vector
 from ..model.joints.base import Motions
 from ..model.scene import Scene
-from .contact_events import Reaches
+from .contact_events import ContactGaps
 from .contact_forces import Bristles
 from .equations_of_motion import Dynamics
 
@@ -47,7 +47,12 @@ def full_deflections(scene: Scene) -> Bristles:
 
 
 def updated_bristles(
-    scene: Scene, bristles: Bristles, motions: Motions, before: Reaches, after: Reaches, lands: bool
+    scene: Scene,
+    bristles: Bristles,
+    motions: Motions,
+    before: ContactGaps,
+    after: ContactGaps,
+    lands: bool,
 ) -> Bristles:
     """Deflections after an accepted step that ends with such motions: set where a contact began, if
     steps land there, and zero where it is open."""

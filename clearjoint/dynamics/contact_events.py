@@ -13,12 +13,12 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import least, some
+from ..math.groups import any_, min_
 from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
 from ..model.joints.base import ByLabel, Motions
 from ..model.scene import Scene
-from .contact_forces import Closed, Memory
+from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
 """m/s: the smallest entry speed on record."""
@@ -28,43 +28,43 @@ TOUCHING = 1e-12
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
-class Reach:
+class ContactGap:
     """Penetration of a contact from where its force begins, m, and its rate, m/s."""
 
     depth: Scalar
     rate: Scalar
 
 
-Reaches: TypeAlias = ByLabel[Reach]
+ContactGaps: TypeAlias = ByLabel[ContactGap]
 
 
-def reaches(scene: Scene, motions: Motions) -> Reaches:
+def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
     """Depth and rate of each contact, by joint and contact."""
-    depths_and_rates: Reaches = {}
+    depths_and_rates: ContactGaps = {}
     for name, joint in scene.contact_joints().items():
         laws = joint.laws()
         depths_and_rates[name] = {
-            label: Reach(contact.gap.depth + laws[label].reach(), contact.gap.rate)
+            label: ContactGap(contact.gap.depth + laws[label].onset_offset(), contact.gap.rate)
             for label, contact in joint.contacts(motions).items()
         }
     return depths_and_rates
 
 
-def has_memory(scene: Scene) -> bool:
+def uses_entry_speed(scene: Scene) -> bool:
     """Whether any law of the scene keeps an impact memory."""
-    return any(law.has_memory for family in scene.laws().values() for law in family.values())
+    return any(law.uses_entry_speed for family in scene.laws().values() for law in family.values())
 
 
-def initial_memory(scene: Scene, start: Reaches) -> Memory:
+def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
     """Zero in flight. A contact that begins at the start has its rate as entry speed; one present
     before counts as elastic, since its impact is unknown."""
 
     def entry_speed(name: str, label: str) -> Scalar:
-        reach = start[name][label]
-        present = jnp.where(_at_the_wall(reach), _entry_speed(reach.rate), UNKNOWN_ENTRY_SPEED)
-        return jnp.where(reach.depth > 0.0, present, 0.0)
+        gap = start[name][label]
+        present = jnp.where(_at_the_wall(gap), _entry_speed(gap.rate), UNKNOWN_ENTRY_SPEED)
+        return jnp.where(gap.depth > 0.0, present, 0.0)
 
-    return _for_each_memory(scene, entry_speed)
+    return _for_each_entry_speed(scene, entry_speed)
 
 
 def _entry_speed(rate: Scalar) -> Scalar:
@@ -72,21 +72,21 @@ def _entry_speed(rate: Scalar) -> Scalar:
     return jnp.maximum(rate, SLOWEST)
 
 
-def _at_the_wall(reach: Reach) -> Condition:
+def _at_the_wall(gap: ContactGap) -> Condition:
     """Whether a contact is neither open nor closed but for rounding."""
-    return jnp.abs(reach.depth) <= TOUCHING
+    return jnp.abs(gap.depth) <= TOUCHING
 
 
-def _for_each_memory(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> Memory:
-    memory = {}
+def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> EntrySpeeds:
+    entry_speeds = {}
     for name, family in scene.laws().items():
-        labels = [label for label, law in family.items() if law.has_memory]
+        labels = [label for label, law in family.items() if law.uses_entry_speed]
         if labels:
-            memory[name] = {label: entry_speed(name, label) for label in labels}
-    return memory
+            entry_speeds[name] = {label: entry_speed(name, label) for label in labels}
+    return entry_speeds
 
 
-def closed(here: Reaches) -> Closed:
+def closed(here: ContactGaps) -> Closed:
     """Which contacts exist.
 
     Where steps land on their begin and end, a contact stays open or closed for a whole step. A
@@ -94,39 +94,39 @@ def closed(here: Reaches) -> Closed:
     smooth as in flight, and where it crosses is found at once.
     """
     return {
-        name: {label: reach.depth > 0.0 for label, reach in family.items()}
+        name: {label: gap.depth > 0.0 for label, gap in family.items()}
         for name, family in here.items()
     }
 
 
-def begins(before: Reaches, after: Reaches) -> jax.Array:
+def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
     """Whether any contact begins between two instants."""
     any_begins = jnp.asarray(False)
     for name, family in before.items():
         for label, start in family.items():
-            any_begins = any_begins | some((start.depth <= 0.0) & (after[name][label].depth > 0.0))
+            any_begins = any_begins | any_((start.depth <= 0.0) & (after[name][label].depth > 0.0))
     return any_begins
 
 
-def changes(before: Reaches, after: Reaches) -> Condition:
+def changes(before: ContactGaps, after: ContactGaps) -> Condition:
     """Whether any contact begins or ends between two instants."""
     any_changes: Condition = jnp.asarray(False)
     for name, family in before.items():
         for label, start in family.items():
-            any_changes |= some((start.depth > 0.0) != (after[name][label].depth > 0.0))
+            any_changes |= any_((start.depth > 0.0) != (after[name][label].depth > 0.0))
     return any_changes
 
 
-def touches(here: Reaches) -> Condition:
+def touches(here: ContactGaps) -> Condition:
     """Whether any contact exists."""
     any_touches: Condition = jnp.asarray(False)
     for family in here.values():
-        for reach in family.values():
-            any_touches = any_touches | some(reach.depth > 0.0)
+        for gap in family.values():
+            any_touches = any_touches | any_(gap.depth > 0.0)
     return any_touches
 
 
-def time_since_begin(before: Reaches, after: Reaches) -> Scalar:
+def time_since_begin(before: ContactGaps, after: ContactGaps) -> Scalar:
     """Time in s for which the latest of the contacts exists that begin between two instants."""
     latest: Scalar = jnp.inf
     for name, family in before.items():
@@ -134,31 +134,35 @@ def time_since_begin(before: Reaches, after: Reaches) -> Scalar:
             end = after[name][label]
             began = (start.depth <= 0.0) & (end.depth > 0.0)
             since = end.depth / jnp.where(end.rate > SLOWEST, end.rate, jnp.inf)
-            latest = jnp.minimum(latest, least(jnp.where(began, since, jnp.inf)))
+            latest = jnp.minimum(latest, min_(jnp.where(began, since, jnp.inf)))
     return jax.lax.stop_gradient(latest)
 
 
-def begins_at_once(here: Reaches) -> jax.Array:
+def begins_at_once(here: ContactGaps) -> jax.Array:
     """Whether any contact begins at the instant itself: closed, but at the wall."""
     any_begins = jnp.asarray(False)
     for family in here.values():
-        for reach in family.values():
-            any_begins = any_begins | some((reach.depth > 0.0) & _at_the_wall(reach))
+        for gap in family.values():
+            any_begins = any_begins | any_((gap.depth > 0.0) & _at_the_wall(gap))
     return any_begins
 
 
-def too_deep(scene: Scene, here: Reaches) -> jax.Array:
+def too_deep(scene: Scene, here: ContactGaps) -> jax.Array:
     """Whether any contact is deeper than its joint can make sense of."""
     deeper = jnp.asarray(False)
     for name, joint in scene.contact_joints().items():
         for label, limit in joint.deepest().items():
-            deeper = deeper | some(here[name][label].depth > limit)
+            deeper = deeper | any_(here[name][label].depth > limit)
     return deeper
 
 
-def updated_memory(
-    scene: Scene, memory: Memory, before: Reaches, after: Reaches, second_rates: ByLabel[Scalar]
-) -> Memory:
+def updated_entry_speeds(
+    scene: Scene,
+    entry_speeds: EntrySpeeds,
+    before: ContactGaps,
+    after: ContactGaps,
+    second_rates: ByLabel[Scalar],
+) -> EntrySpeeds:
     """Memory after an accepted step: set where a contact began, cleared where it ended.
 
     `second_rates[joint][contact]` are the second derivatives of the depths at the end of the step,
@@ -172,6 +176,6 @@ def updated_memory(
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
         entry = jnp.where(entry > 0.0, entry, _entry_speed(end.rate))
-        return jnp.where(end.depth > 0.0, jnp.where(began, entry, memory[name][label]), 0.0)
+        return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
 
-    return _for_each_memory(scene, update)
+    return _for_each_entry_speed(scene, update)

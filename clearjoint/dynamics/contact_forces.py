@@ -25,7 +25,7 @@ from ..model.contact.laws import (
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
-Memory: TypeAlias = ByLabel[Scalar]
+EntrySpeeds: TypeAlias = ByLabel[Scalar]
 """Entry speed of each contact whose law remembers it, m/s; zero in flight."""
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed."""
@@ -53,7 +53,7 @@ class LoadedContact:
 def contact_forces(
     scene: Scene,
     motions: Motions,
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
 ) -> ByLabel[LoadedContact]:
@@ -68,7 +68,7 @@ def contact_forces(
         laws, contacts = joint.laws(), joint.contacts(motions)
         forces[name] = {}
         for label, contact in contacts.items():
-            entry_speed = memory[name][label] if laws[label].has_memory else None
+            entry_speed = entry_speeds[name][label] if laws[label].uses_entry_speed else None
             pushes = None if closed is None else closed[name][label]
             if pushes is not None and entry_speed is not None:
                 # Unlike the present rate this is the same in all stages of a step.
@@ -138,7 +138,7 @@ def contact_force(
     normal = _held(normal_force, law, contact.gap, closed)
     elastic = _held(law.elastic_force, law, contact.gap, closed)
     if bristle_law := joint.bristle_laws().get(label):
-        exists = contact.gap.depth + law.reach() > 0.0 if closed is None else closed
+        exists = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
@@ -160,9 +160,11 @@ def _held(
         return force(gap)
     if not law.slope_jumps():
         return jnp.where(closed, force(gap), 0.0)
-    past = closed & (gap.depth + law.reach() < 0.0)
-    pushing = force(replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.reach(), gap.depth)))
-    at_wall = force(replace(gap, depth=INSIDE - law.reach())) if law.force_jumps else 0.0
+    past = closed & (gap.depth + law.onset_offset() < 0.0)
+    pushing = force(
+        replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
+    )
+    at_wall = force(replace(gap, depth=INSIDE - law.onset_offset())) if law.force_jumps else 0.0
     return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
 
 

@@ -3,7 +3,7 @@
 Those that a scene cannot have are left out, and so absent from the compiled program.
 """
 
-from ..math.groups import total
+from ..math.groups import sum_
 from ..math.vectors import Scalar, add, is_zero
 from ..model.joints.base import ByLabel
 from ..model.scene import Scene
@@ -18,7 +18,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     powers: dict[str, Scalar] = {}
 
     def book(name: str, power: Scalar) -> None:
-        powers[name] = add(powers.get(name, 0.0), total(power))
+        powers[name] = add(powers.get(name, 0.0), sum_(power))
 
     for family in dynamics.contact_forces.values():
         for force in family.values():
@@ -56,7 +56,7 @@ def bristle_energy(
             force, deflection = forces[name][label], to_first.direction(bristles[name][label])
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
-            stored.append(total(force.normal_force * law.stored_energy(across)))
+            stored.append(sum_(force.normal_force * law.stored_energy(across)))
     return sum(stored[1:], stored[0]) if stored else None
 
 
@@ -67,12 +67,12 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
-        energies["kinetic"] = energies["kinetic"] + total(0.5 * (linear + angular))
+        energies["kinetic"] = energies["kinetic"] + sum_(0.5 * (linear + angular))
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
             height = scene.gravity.dot(motions[name].position)
-            energies["gravity"] = energies["gravity"] - total(body.mass * height)
+            energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
         energies["springs"] = sum(stored[1:], stored[0])
@@ -80,5 +80,5 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():
             stored_energy = laws[label].stored_energy(contact.gap)
-            energies["contacts"] = add(energies.get("contacts", 0.0), total(stored_energy))
+            energies["contacts"] = add(energies.get("contacts", 0.0), sum_(stored_energy))
     return energies

@@ -8,18 +8,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import least
+from ..math.groups import min_
 from ..math.vectors import ZERO, Condition, Scalar, is_zero
 from ..model.bodies import BodyState, Motion
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
-from .contact_events import Reach, Reaches, reaches
+from .contact_events import ContactGap, ContactGaps, contact_gaps
 from .contact_forces import (
     NO_BRISTLES,
     Bristles,
     Closed,
+    EntrySpeeds,
     LoadedContact,
-    Memory,
     contact_forces,
 )
 from .coordinates import AbstractMechanics, MotionVariables
@@ -53,7 +53,7 @@ class System(eqx.Module):
     """A scene in scalar form and the formulation of its equations of motion.
 
     Variables are those of the formulation's coordinates. Times are in s, since the system's
-    `origin`; `memory` holds the entry speeds of the contacts, m/s.
+    `origin`; `entry_speeds` holds the entry speeds of the contacts, m/s.
 
     `origin`: s, the time at which a clock of its own shows zero, so that long after time zero steps
     are as short as they have to be; ``None`` for the clock of the scene.
@@ -124,7 +124,7 @@ class System(eqx.Module):
     def dynamics(
         self,
         variables: MotionVariables,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         t: Scalar,
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
@@ -132,7 +132,7 @@ class System(eqx.Module):
         """The equations of motion solved. Only `closed` contacts push, if they are given; otherwise
         those that penetrate. A scene with bristle laws needs its `bristles`."""
         mechanics = self.mechanics(variables)
-        forces = contact_forces(self.scene, mechanics.motions, memory, closed, bristles)
+        forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
         return self._solved(mechanics, forces, t)
 
     def dynamics_under(
@@ -155,13 +155,13 @@ class System(eqx.Module):
     def rates(
         self,
         variables: MotionVariables,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         t: Scalar,
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
         """Time derivatives of the variables, and of the energy ledger's integrals in W."""
-        dynamics = self.dynamics(variables, memory, t, closed, bristles)
+        dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
@@ -173,9 +173,9 @@ class System(eqx.Module):
         """Kinetic, gravitational and elastic energies, J, as far as the scene has them."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
-    def reaches(self, variables: MotionVariables) -> Reaches:
+    def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
         """Depth and rate of each contact from where its force begins, by joint and contact."""
-        return reaches(self.scene, self.motions(variables))
+        return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
         self, variables: MotionVariables, variable_rates: MotionVariables
@@ -185,18 +185,21 @@ class System(eqx.Module):
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
-                lambda reach: reach.rate,
-                self.reaches(variables),
-                is_leaf=lambda node: isinstance(node, Reach),
+                lambda gap: gap.rate,
+                self.contact_gaps(variables),
+                is_leaf=lambda node: isinstance(node, ContactGap),
             )
 
         return jax.jvp(rates, (variables,), (variable_rates,))[1]
 
     def contact_forces(
-        self, variables: MotionVariables, memory: Memory, bristles: Bristles = NO_BRISTLES
+        self,
+        variables: MotionVariables,
+        entry_speeds: EntrySpeeds,
+        bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
         """Geometry and forces of all contacts, by joint and contact."""
-        return contact_forces(self.scene, self.motions(variables), memory, bristles=bristles)
+        return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """The variables with positions, and then velocities, on the constraints."""
@@ -246,5 +249,5 @@ class System(eqx.Module):
         for joint in self.scene.contact_joints().values():
             for contact in joint.contacts(motions).values():
                 if contact.gap.clearance is not None:
-                    farthest = jnp.minimum(farthest, least(contact.gap.clearance))
+                    farthest = jnp.minimum(farthest, min_(contact.gap.clearance))
         return functools.reduce(jnp.maximum, values) > farthest

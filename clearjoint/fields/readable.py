@@ -50,7 +50,7 @@ class AbstractReadable(eqx.Module):
         except FrozenInstanceError as error:
             raise FrozenInstanceError(
                 f"{error}: a {type(self).__name__} does not change; take a copy with another "
-                f"number, cj.put(it, lambda it: it.{name}, value), or make another one."
+                f"number, cj.set_value(it, lambda it: it.{name}, value), or make another one."
             ) from None
 
     def __repr__(self) -> str:

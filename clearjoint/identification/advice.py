@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.variations import SeriesDelay, StateNumber
@@ -45,7 +45,7 @@ class Evidence:
     best: Search
     scatter: float
     screened: bool
-    horizon: Horizon | None
+    horizon: FitHorizon | None
 
     def advice(self) -> list[str]:
         """Sentences on what to try, the cheapest and likeliest first; none for a fit that ends
@@ -169,7 +169,7 @@ class Evidence:
         end = float(self.measurements.times()[-1])
         if self.horizon is None:
             return (
-                "Ask cj.horizon(scene, state, parameters, measurements, uncertainty=...) how long "
+                "Ask cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...) how long "
                 "a record a single run can fit."
             )
         if end > self.horizon.single_shot:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from ..export.labelled import Labelled, labelled_dataset, texts
 from ..export.tabular import AbstractTabular
 from ..information import fisher_information as information
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -56,7 +56,7 @@ class Fit(AbstractTabular):
     - `searches`: one from each start; `best`: the one with the smallest chi squared, of these and
       of those of `check`.
     - `screened`: the starts that each pass of a `Screening` left.
-    - `horizon`: that was given, or ``None``.
+    - `horizon`: the one given, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` without one.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
@@ -82,7 +82,7 @@ class Fit(AbstractTabular):
     searches: tuple[Search, ...]
     best: Search
     screened: tuple[Screened, ...] = ()
-    horizon: Horizon | None = None
+    horizon: FitHorizon | None = None
     check: LikelihoodCheck | None = None
 
     def to_xarray(self) -> "xr.Dataset":
@@ -106,7 +106,7 @@ class Fit(AbstractTabular):
         notes = {
             "ending": self.ending.value,
             "chi_squared": self.chi_squared,
-            "degrees_of_freedom": self.freedom,
+            "degrees_of_freedom": self.degrees_of_freedom,
             "p_value": self.p_value,
             "warnings": " ".join(self.warnings) or "none",
         }
@@ -201,14 +201,14 @@ class Fit(AbstractTabular):
         return self.best.best.chi_squared
 
     @property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Degrees of freedom: samples less parameters."""
         return self.samples - len(self.parameters)
 
     @property
     def p_value(self) -> float:
         """Probability of so large a chi squared if noise and model are right."""
-        return statistics.chi_squared_p(self.chi_squared, self.freedom)
+        return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
     def whiteness(self) -> dict[str, float]:
@@ -236,7 +236,11 @@ class Fit(AbstractTabular):
     def advice(self) -> list[str]:
         """Sentences on what to try, in order, with the numbers at hand, if the fit ends far above
         the noise; none if it does not."""
-        scatter = math.sqrt(self.chi_squared / self.freedom) if self.freedom > 0 else 0.0
+        scatter = (
+            math.sqrt(self.chi_squared / self.degrees_of_freedom)
+            if self.degrees_of_freedom > 0
+            else 0.0
+        )
         return Evidence(
             self.measurements,
             self.parameters,
@@ -257,7 +261,7 @@ class Fit(AbstractTabular):
             self._head(),
             *first,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
-            f"chi squared {self.chi_squared:.6g} with {self.freedom} degrees of freedom, "
+            f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of freedom, "
             f"p = {self.p_value:.2g}",
             series_table(self.residuals, self.rms, self.whiteness, self.normality),
         ]
@@ -414,9 +418,9 @@ class Fit(AbstractTabular):
         return warnings
 
     def _of_noise(self) -> Sequence[str]:
-        if self.freedom < 1:
+        if self.degrees_of_freedom < 1:
             return []
-        scatter = math.sqrt(self.chi_squared / self.freedom)
+        scatter = math.sqrt(self.chi_squared / self.degrees_of_freedom)
         if self.p_value < statistics.UNLIKELY:
             return [
                 f"Residuals are {scatter:.3g} times the stated noise: the noise is understated, or "

@@ -49,18 +49,18 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
     return information.covariance(jacobian, SINGULAR)
 
 
-def chi_squared_p(chi_squared: float, freedom: int) -> float:
+def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
     """Probability of so large a chi squared if noise and model are right; NaN without freedom."""
     from scipy.special import chdtrc
 
-    return float(chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
+    return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan
 
 
-def likely_chi_squared(freedom: int) -> float:
+def likely_chi_squared(degrees_of_freedom: int) -> float:
     """The largest chi squared that noise explains; infinite without freedom."""
     from scipy.special import chdtri
 
-    return float(chdtri(freedom, UNLIKELY)) if freedom > 0 else math.inf
+    return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -60,7 +60,7 @@ class FitInterrupted(KeyboardInterrupt):
             values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
             text = (
                 f"The fit was interrupted; the best so far has chi squared "
-                f"{fits[-1].chi_squared:.6g} of {fits[-1].freedom} expected, at {values}. It is in "
+                f"{fits[-1].chi_squared:.6g} of {fits[-1].degrees_of_freedom} expected, at {values}. It is in "
                 "the exception's `fits`, and a next fit may start from its estimates."
             )
         super().__init__(text)
@@ -80,7 +80,7 @@ def identify(
     grow: Sequence[float] = (),
     max_iterations: int = 100,
     tolerance: float = 1e-3,
-    horizon: Horizon | None = None,
+    horizon: FitHorizon | None = None,
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
@@ -103,12 +103,12 @@ def identify(
       a start far off finds no way down. In these windows each parameter is held near its value at
       the window's start, with its scale's stride as standard deviation, so that those that are not
       seen yet do not run away. The double pendulum's record of 187 ms, five times what a single run
-      can fit from a guess far off (`horizon`), is fitted so in 140 runs.
+      can fit from a guess far off (`clearjoint.fit_horizon`), is fitted so in 140 runs.
     - `settings`: how to integrate; `clearjoint.presets.identification` unless given. Their
       `max_steps` bound what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
-    - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
+    - `horizon`: from `clearjoint.fit_horizon`, to warn if the record is longer than a fit by a single
       run can use.
     - `check_runs`: how thoroughly the covariance is tested once the search has converged. Some
       twenty runs for each parameter compare chi squared, up to four standard errors around the
@@ -169,7 +169,7 @@ def identify_many(
     grow: Sequence[float] = (),
     max_iterations: int = 100,
     tolerance: float = 1e-3,
-    horizon: Horizon | None = None,
+    horizon: FitHorizon | None = None,
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
@@ -235,7 +235,7 @@ def _warn_of_poor(fits: Sequence[Fit]) -> None:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits end so. The first: "
         end = f"{poor[0].ending.value}, chi squared {poor[0].chi_squared:.3g} of "
         caution(
-            f"The fit ends far above the noise ({end}{poor[0].freedom} expected). {many}What to "
+            f"The fit ends far above the noise ({end}{poor[0].degrees_of_freedom} expected). {many}What to "
             f"try, in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )

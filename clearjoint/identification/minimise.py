@@ -92,7 +92,7 @@ def minimise(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     gradient = jax.jit(jax.value_and_grad(objective))
     at = jnp.asarray(coordinates_of(scene, state, parameters))
-    memory = optimiser.init(at)
+    entry_speeds = optimiser.init(at)
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
@@ -105,7 +105,7 @@ def minimise(
         history.append(float(value))
         best = at if float(value) <= min(history) else best
         along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
-        step, memory = optimiser.update(jnp.asarray(along), memory, at)
+        step, entry_speeds = optimiser.update(jnp.asarray(along), entry_speeds, at)
         at = jnp.asarray(optax.apply_updates(at, step))
     remedy = "start from parameters with which the scene runs to the last of the times"
     require(bool(history), "parameters", RESULTS[result], "such that the first run works", remedy)

@@ -13,7 +13,7 @@ import numpy as np
 from ..dynamics.formulation import Formulation
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..dynamics.system import System
-from ..math.vectors import Scalar, pack, structured, unpack
+from ..math.vectors import Scalar, fold_constants, pack, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -40,7 +40,7 @@ class _Push:
         for name, radius in self.radii:
             twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
             bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
-        system = System(unpack(structured(scene)), Formulation(JointCoordinates()))
+        system = System(unpack(fold_constants(scene)), Formulation(JointCoordinates()))
         compatible = system.decode(system.encode(unpack(bodies)))
         return scene, eqx.tree_at(lambda s: s.bodies, state, pack(compatible))
 

@@ -37,7 +37,7 @@ DERIVATIVE_ERROR = 0.1
 
 
 @dataclass(frozen=True)
-class Horizon:
+class FitHorizon:
     """How long a record may be for a fit by a single run, and what longer records would be worth.
 
     - `times`: (T,) s, those of the samples.
@@ -57,7 +57,7 @@ class Horizon:
     the record.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -152,7 +152,7 @@ def _until(time: float) -> str:
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
-def horizon(
+def fit_horizon(
     scene: Scene,
     state: State,
     parameters: Mapping[str, Parameter],
@@ -161,7 +161,7 @@ def horizon(
     *,
     uncertainty: Mapping[str, float],
     start_time: float = 0.0,
-) -> Horizon:
+) -> FitHorizon:
     """How long a record of the motion at these parameters may be for a fit by a single run.
 
     It makes two runs, one of them ten times looser, and `PLACES` shorter ones for each wrong
@@ -178,7 +178,7 @@ def horizon(
     parameters' own values fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -200,7 +200,7 @@ def horizon(
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
     onset = _first(times, touching)
     guesses = descent_paths.offsets(spread)
-    return Horizon(
+    return FitHorizon(
         times,
         sizes,
         growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),

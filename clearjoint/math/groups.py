@@ -1,7 +1,7 @@
 """Several alike elements in the place of one, and the names that stand for them.
 
 All kernels are arithmetic on scalars (`clearjoint.math.vectors`), so an element whose numbers are
-arrays of shape (n,) stands for n elements of the same structure. Its name is a `Several`.
+arrays of shape (n,) stands for n elements of the same structure. Its name is a `GroupName`.
 Dictionaries by name, such as the motions of bodies, are turned by `by_group` into dictionaries by
 such names, and back by `by_name`.
 """
@@ -16,7 +16,7 @@ from jaxtyping import PyTree
 from .vectors import Condition, Scalar
 
 
-class Several(str):
+class GroupName(str):
     """The name of several elements, each of which has a name of its own in `members`.
 
     It is a string, the same for the same members, so that it serves wherever names do.
@@ -24,7 +24,7 @@ class Several(str):
 
     members: tuple[str, ...]
 
-    def __new__(cls, members: Iterable[str]) -> "Several":
+    def __new__(cls, members: Iterable[str]) -> "GroupName":
         """The name of the elements with the given names, in this order."""
         members = tuple(members)
         name = super().__new__(cls, str(members))
@@ -72,7 +72,7 @@ def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str,
     """
     groups = {}
     for name in names:
-        if not isinstance(name, Several):
+        if not isinstance(name, GroupName):
             groups |= {name: by_member[name]} if name in by_member else {}
         elif name.members[0] in by_member:
             arrays = [jax.tree.map(jnp.asarray, by_member[member]) for member in name.members]
@@ -84,7 +84,7 @@ def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
     """The inverse of `by_group`: values by each element's own name."""
     by_member = {}
     for name, tree in groups.items():
-        if isinstance(name, Several):
+        if isinstance(name, GroupName):
             by_member |= {member: element(tree, k) for k, member in enumerate(name.members)}
         else:
             by_member[name] = tree
@@ -116,16 +116,16 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     return jax.tree.unflatten(shape, [next(rows) if leaf is None else leaf for leaf in shared])
 
 
-def total(value: Scalar) -> Scalar:
+def sum_(value: Scalar) -> Scalar:
     """The sum over several elements; of one, the value itself."""
     return value if np.ndim(value) == 0 else jnp.sum(value)
 
 
-def least(value: Scalar) -> Scalar:
+def min_(value: Scalar) -> Scalar:
     """The smallest of several elements' values; of one, the value itself."""
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
-def some(value: Condition) -> Condition:
+def any_(value: Condition) -> Condition:
     """Whether a condition holds for any of several elements; of one, the value itself."""
     return value if np.ndim(value) == 0 else jnp.any(value)

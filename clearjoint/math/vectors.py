@@ -4,7 +4,7 @@ Why not arrays: XLA's CPU compiler turns a stepping loop into one native functio
 elementwise arithmetic on scalars; a `stack`, a `dot` or a concatenation inside costs a kernel
 launch each, which is then nearly all the time of a run. ``vmap`` adds the lanes, so the same code
 is also the fast form of a batch. A component that is a Python ``0.0`` or ``1.0`` is *structural*:
-it drops out while tracing, so that a fixed ground or a unit vector costs nothing. `structured`
+it drops out while tracing, so that a fixed ground or a unit vector costs nothing. `fold_constants`
 finds such components in the numbers of a scene: an axis (1, 0, 0) then costs no arithmetic, and a
 program is compiled for each pattern of zeros and ones, not for each number.
 """
@@ -249,7 +249,7 @@ Pattern: TypeAlias = tuple[float | None, ...] | None
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Structured:
+class ConstantFolded:
     """A PyTree of numbers, and which components of its vectors and matrices are structural.
 
     `patterns` has for each leaf either ``None``, or the row of its components, of which 0.0 and 1.0
@@ -260,7 +260,7 @@ class Structured:
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
 
-def structured(tree: PyTree, varied: PyTree = None) -> Structured:
+def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     """The tree with its exact zeros and ones marked as structural.
 
     What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
@@ -270,7 +270,7 @@ def structured(tree: PyTree, varied: PyTree = None) -> Structured:
     tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
-    return Structured(
+    return ConstantFolded(
         tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
 
@@ -325,13 +325,13 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 
     Where all arrays have so many `leading` axes in front, scalars are arrays along these.
 
-    The tree may come as `Structured`: its structural components become Python numbers. Fields that
+    The tree may come as `ConstantFolded`: its structural components become Python numbers. Fields that
     are declared as tables keep their arrays.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
     """
-    packed = tree if isinstance(tree, Structured) else Structured(tree, ())
+    packed = tree if isinstance(tree, ConstantFolded) else ConstantFolded(tree, ())
     leaves, shape = jax.tree.flatten(packed.tree)
     patterns = packed.patterns or (None,) * len(leaves)
     rows = zip(leaves, patterns, _in_tables(shape), strict=True)

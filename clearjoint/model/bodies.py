@@ -288,14 +288,14 @@ class State(AbstractReadable):
     """
 
     bodies: dict[str, BodyState]
-    memory: dict[str, dict[str, Single]]
+    entry_speeds: dict[str, dict[str, Single]]
     work: dict[str, Single]
     bristles: dict[str, dict[str, Triple]]
 
     def __init__(
         self,
         bodies: Mapping[str, BodyState],
-        memory: dict[str, dict[str, Single]] | None = None,
+        entry_speeds: dict[str, dict[str, Single]] | None = None,
         work: dict[str, Single] | None = None,
         bristles: dict[str, dict[str, Triple]] | None = None,
     ):
@@ -304,7 +304,7 @@ class State(AbstractReadable):
         for name, body in self.bodies.items():
             kind, fine = type(body).__name__, isinstance(body, BodyState)
             require(fine, f"bodies[{name!r}]", kind, "a BodyState", remedy)
-        self.memory = {} if memory is None else memory
+        self.entry_speeds = {} if entry_speeds is None else entry_speeds
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles
 

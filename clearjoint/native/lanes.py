@@ -64,7 +64,7 @@ class AbstractLaneLoop(abc.ABC):
     def run(self, columns: Columns) -> int:
         """Take turns until lanes need their host, or for some time; the number of turns."""
 
-    def put(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+    def set_value(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
         """Occupy a column with the cells of what its lane has for itself, and of its state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
@@ -83,7 +83,7 @@ class AbstractLaneLoop(abc.ABC):
 
 
 class LaneLoop(AbstractLaneLoop):
-    """A loop in native code that applies `turn` to lanes side by side.
+    """A loop in native code that applies `relative_angle` to lanes side by side.
 
     **Arguments:** `turn(shared, own, state)` gives the state after a step; `status(shared, own,
     state)` a dictionary of scalars, of which `goes` says whether the lane can go on without its

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 
 from ..fields.conversion import with_arrays
 from ..fields.types import ArrayLike
-from ..math.vectors import Structured, structured, unpack
+from ..math.vectors import ConstantFolded, fold_constants, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
 from .parameter import Parameter
@@ -77,7 +77,7 @@ class ParametrisedScene(AbstractFamily):
     """A scene and its initial state in which `Parameter`s may change numbers.
 
     `base` is what the parameters change; `changes` and `scales` have an entry for each
-    parameter; `patterns` mark the scene's structural zeros and ones (see `structured`).
+    parameter; `patterns` mark the scene's structural zeros and ones (see `fold_constants`).
     """
 
     values: Coordinates
@@ -103,10 +103,12 @@ class ParametrisedScene(AbstractFamily):
         structure = jax.tree.structure(self.base[0])
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
-            put = {
+            set_value = {
                 number.leaf for setter in setters if setter.in_scene for number in setter.numbers
             }
-            return jax.tree.unflatten(structure, [k in put for k in range(structure.num_leaves)])
+            return jax.tree.unflatten(
+                structure, [k in set_value for k in range(structure.num_leaves)]
+            )
         is_traced: list[bool] = []
 
         def trace(values: jax.Array) -> jax.Array:
@@ -119,7 +121,7 @@ class ParametrisedScene(AbstractFamily):
 
     def scene(self, values: Coordinates) -> Scene:
         """The scene at coordinates (p,), in scalar form, with its structural zeros and ones."""
-        return unpack(Structured(self.scene_and_state(values)[0], self.patterns))
+        return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
         """The initial state at coordinates (p,), in scalar form."""
@@ -135,5 +137,5 @@ def parametrised(
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
-    patterns = structured(scene, family.varied()).patterns
+    patterns = fold_constants(scene, family.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)

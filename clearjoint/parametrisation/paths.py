@@ -83,21 +83,21 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
     ) from error
 
 
-def put(tree: PyTree, place: Place, value: Leaf) -> PyTree:
+def set_value(tree: PyTree, place: Place, value: Leaf) -> PyTree:
     """The tree with another value at a place; nothing is checked (see `fields.recheck`).
 
     **Raises:** `ValueError` if the value has another shape than what it replaces.
 
     >>> scene, _ = cj.double_pendulum()
-    >>> wider = cj.put(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
+    >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
     >>> float(wider.joints["shoulder"].clearance)
     0.001
     """
-    return put_numbers(tree, numbers_at(tree, place), value)
+    return set_values(tree, numbers_at(tree, place), value)
 
 
-def put_numbers(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """The tree with another value at each of the numbers; as `put`."""
+def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
+    """The tree with another value at each of the numbers; as `set_value`."""
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
     require_fits(leaves, numbers, value)

@@ -12,7 +12,7 @@ from ..fields.checks import as_number, require
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from .paths import Number, Place, numbers_at, put_numbers, require_fits, unit_at
+from .paths import Number, Place, numbers_at, require_fits, set_values, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 """From a scene, its initial state and a value to both with that value in them."""
@@ -160,8 +160,8 @@ class NumberSetter:
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
         """Scene and state with the value."""
         if self.in_scene:
-            return put_numbers(scene, list(self.numbers), value), state
-        return scene, put_numbers(state, list(self.numbers), value)
+            return set_values(scene, list(self.numbers), value), state
+        return scene, set_values(state, list(self.numbers), value)
 
 
 def _fitting(tree: PyTree, place: Place, example: Scalar) -> tuple[Number, ...]:

@@ -5,20 +5,20 @@ from matplotlib.axes import Axes
 
 from ..fields.drawn_text import shown
 from ..information.error_growth import DISTURBANCE
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from .style import DARK, GREY, axes_or_new, dress, lines
 
 
-def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
+def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Displacements of the bodies per unit of each parameter's coordinate, and per m/s of initial
     velocity, over time; with the times beyond which a fit by a single run fails.
 
-    **Arguments:** `horizon`: from `clearjoint.horizon`.
+    **Arguments:** `fit_horizon`: from `clearjoint.fit_horizon`.
 
     **Returns:** the axes; time in ms, displacements in m, logarithmic.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -39,15 +39,15 @@ def growth(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     return dress(axes, "time, ms", "displacement, m")
 
 
-def integration_error(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
+def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Error of the integration over the noise, and relative error of the derivatives, over time.
 
-    **Arguments:** `horizon`: from `clearjoint.horizon`.
+    **Arguments:** `fit_horizon`: from `clearjoint.fit_horizon`.
 
     **Returns:** the axes; time in ms, errors logarithmic.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -70,7 +70,7 @@ def integration_error(horizon: Horizon, *, axes: Axes | None = None) -> Axes:
     return dress(axes, "time, ms", "error")
 
 
-def _mark_limits(horizon: Horizon, axes: Axes) -> None:
+def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
     limits = {
         "guesses go astray": (horizon.convergence, DARK),
         "integration fails": (horizon.numerical, GREY),

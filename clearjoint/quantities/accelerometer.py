@@ -164,7 +164,7 @@ def accelerometer(
         )
     host = state.bodies[body]
     bodies = {**state.bodies, name: _resting(host, scene, place, direction, speed)}
-    start = State(bodies, state.memory, state.work, state.bristles)
+    start = State(bodies, state.entry_speeds, state.work, state.bristles)
     return Accelerometer(fixed, start, AccelerometerReading(name))
 
 

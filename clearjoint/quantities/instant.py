@@ -8,8 +8,8 @@ import jax
 from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
-from ..dynamics.contact_events import Reaches, reaches
-from ..dynamics.contact_forces import NO_BRISTLES, Bristles, LoadedContact, Memory
+from ..dynamics.contact_events import ContactGaps, contact_gaps
+from ..dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, LoadedContact
 from ..dynamics.coordinates import Motions
 from ..dynamics.energy import bristle_energy
 from ..dynamics.equations_of_motion import Dynamics
@@ -34,7 +34,7 @@ class Instant:
     >>> scene, state = extend.unpack(cj.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
-    >>> now = extend.Instant(system, 0.1, variables, memory={}, work={})
+    >>> now = extend.Instant(system, 0.1, variables, entry_speeds={}, work={})
     >>> height = cj.quantities.Position("arm 2", "x")
     >>> print(f"{height(now):.1f} m at {now.time} s")
     0.5 m at 0.1 s
@@ -45,20 +45,27 @@ class Instant:
         system: System,
         own_time: Scalar,
         variables: PyTree,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         work: dict[str, Scalar],
         bristles: Bristles = NO_BRISTLES,
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
         self._own_time = own_time
-        self._system, self._memory, self._variables = system, memory, variables
+        self._system, self._entry_speeds, self._variables = system, entry_speeds, variables
         self._bristles = bristles
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
         """What JAX sees of it."""
-        parts = self._system, self.time, self._variables, self._memory, self.work, self._bristles
+        parts = (
+            self._system,
+            self.time,
+            self._variables,
+            self._entry_speeds,
+            self.work,
+            self._bristles,
+        )
         return parts, None
 
     @classmethod
@@ -72,9 +79,9 @@ class Instant:
         return self._system.ungrouped()
 
     @cached_property
-    def memory(self) -> Memory:
+    def entry_speeds(self) -> EntrySpeeds:
         """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
-        return by_name(self._memory)
+        return by_name(self._entry_speeds)
 
     @cached_property
     def bristles(self) -> Bristles:
@@ -114,7 +121,7 @@ class Instant:
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
         """Geometry and forces of all contacts, by joint and contact."""
-        forces = self._system.contact_forces(self._variables, self._memory, self._bristles)
+        forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
         return by_name(forces)
 
     @cached_property
@@ -125,15 +132,15 @@ class Instant:
         return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
     @cached_property
-    def reaches(self) -> Reaches:
+    def contact_gaps(self) -> ContactGaps:
         """Depth of each contact, m, from where its force begins, and the rate of it, m/s."""
-        return by_name(reaches(self._system.scene, self._motions))
+        return by_name(contact_gaps(self._system.scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion solved: accelerations, constraint rows, multipliers."""
         solved = self._system.dynamics(
-            self._variables, self._memory, self._own_time, bristles=self._bristles
+            self._variables, self._entry_speeds, self._own_time, bristles=self._bristles
         )
         return replace(solved, contact_forces=by_name(solved.contact_forces))
 
@@ -146,4 +153,6 @@ class Instant:
         formulation = replace(formulation, coordinates=coordinates)
         absolute = System(self.scene, formulation, self._system.origin)
         variables = absolute.encode(by_name(self._system.decode(self._variables)))
-        return absolute.dynamics(variables, self.memory, self._own_time, bristles=self.bristles)
+        return absolute.dynamics(
+            variables, self.entry_speeds, self._own_time, bristles=self.bristles
+        )

@@ -147,7 +147,7 @@ class EntrySpeed(AbstractContactQuantity):
 
     def __call__(self, now: Instant) -> Scalar:
         """The entry speed, m/s; zero in flight."""
-        return now.memory[self.joint][self.contact]
+        return now.entry_speeds[self.joint][self.contact]
 
 
 class BristleDeflection(AbstractContactQuantity):
@@ -394,14 +394,14 @@ class JointAngle(AbstractJointQuantity):
 
     def __call__(self, now: Instant) -> Scalar:
         """The angle, rad within (-pi, pi]."""
-        return turning_elements(now.scene)[self.joint].turn(now.motions).value
+        return turning_elements(now.scene)[self.joint].relative_angle(now.motions).value
 
 
 @runtime_checkable
 class Turning(Protocol):
     """A joint or a force that has an angle."""
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The angle, rad."""
         ...
 

@@ -105,7 +105,9 @@ class JointAngularVelocity(AbstractJointTurning):
 
     def __call__(self, now: Instant) -> Scalar:
         """The rate of the angle, rad/s."""
-        return row_rate(turning_elements(now.scene)[self.joint].turn(now.motions), now.motions)
+        return row_rate(
+            turning_elements(now.scene)[self.joint].relative_angle(now.motions), now.motions
+        )
 
 
 class JointAngularAcceleration(AbstractJointTurning):
@@ -125,7 +127,7 @@ class JointAngularAcceleration(AbstractJointTurning):
 
     def __call__(self, now: Instant) -> Scalar:
         """The second rate of the angle, rad/s^2."""
-        row = turning_elements(now.scene)[self.joint].turn(now.motions)
+        row = turning_elements(now.scene)[self.joint].relative_angle(now.motions)
         total = row.bias
         for name, pair in row.jacobian.items():
             if name != GROUND:

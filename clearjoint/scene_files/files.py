@@ -145,7 +145,7 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
     class Quadratic(cj.AbstractContactLaw):
         stiffness: float = cj.quantity("N/m^2", positive=True)
-        has_memory = False
+        uses_entry_speed = False
         force_jumps = False
 
         def elastic_force(self, gap):

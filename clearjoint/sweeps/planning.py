@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from ..fields.checks import require
-from ..math.vectors import structured
+from ..math.vectors import fold_constants
 from ..model.scene import Scene
 from ..simulation.lanes.lane import Plan, impact_log
 from ..simulation.lanes.tasks import Common, Task
@@ -52,8 +52,11 @@ def common_values(
     }
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, found in logs.items() for log in found}
-    form, start = structured(lanes.scene, lanes.varied), np.asarray(start_time, dtype=float)
-    return Common(plan, form, start, capacity, channels, saved, tables=logs)
+    folded_scene, start = (
+        fold_constants(lanes.scene, lanes.varied),
+        np.asarray(start_time, dtype=float),
+    )
+    return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
 
 
 def lane_tasks(
@@ -121,9 +124,9 @@ def program_tracer(
 ) -> Callable[[], dict[str, str]]:
     """A function that returns digests of the programs that the lanes run, as the process that calls
     it traces them."""
-    form = structured(lanes.scene, variable_leaves(lanes, axes))
+    folded_scene = fold_constants(lanes.scene, variable_leaves(lanes, axes))
     start_time = float(common.start_time)
-    return partial(programs, common.plan, form, lanes.state, start_time, common.channels)
+    return partial(programs, common.plan, folded_scene, lanes.state, start_time, common.channels)
 
 
 def identity(of_programs: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:

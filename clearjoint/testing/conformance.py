@@ -58,7 +58,7 @@ def check_law(
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
     def force(depth: Scalar, rate: Scalar, entry: Scalar, law: AbstractContactLaw) -> jax.Array:
-        force = law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
+        force = law.force(Gap(depth, rate, *wall), entry if law.uses_entry_speed else None)
         return jnp.asarray(force)
 
     def elastic(depth: Scalar) -> Scalar:
@@ -70,7 +70,7 @@ def check_law(
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, entry, law)
     _require(jnp.isfinite(forces), "The force is not finite everywhere.")
     _require(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
-    outside = depth < -jnp.asarray(law.reach())
+    outside = depth < -jnp.asarray(law.onset_offset())
     _require(jnp.where(outside, forces, 0.0) == 0.0, "There is a force beyond the law's reach().")
     one = jnp.stack([force(d, r, e, law) for d, r, e in zip(depth[:9], rate, entry, strict=False)])
     _require(jnp.allclose(one, forces[:9]), "The force under vmap differs from that of one lane.")
@@ -81,7 +81,7 @@ def check_law(
     _check_derivatives(force, law, depth, rate, entry)
     for complaint in complaints_of_sensitivities(force, law):
         raise AssertionError(complaint)
-    if law.has_memory:
+    if law.uses_entry_speed:
         _check_unknown_entry(force, elastic, law)
     _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
 
@@ -103,7 +103,7 @@ def _check_jumps(force: Callable[..., Places], law: AbstractContactLaw) -> None:
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, places = jumps(lambda depth: force(depth, rate, entry, law), left, right)
-    reach = jnp.asarray(law.reach(), float)
+    reach = jnp.asarray(law.onset_offset(), float)
     at_edge = jnp.abs(places + reach) <= EDGE * jnp.maximum(reach, EDGE)
     inside = jnp.where(at_edge, 0.0, sizes)
     k = int(jnp.argmax(jnp.abs(inside)))

@@ -166,7 +166,7 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
         bristles[label] = Vector(0.5 * bristle_law.full_deflection(), 0.0, 0.0)
     found = {}
     for label, law in joint.laws().items():
-        contact, entry_speed = contacts[label], ENTRY_SPEED if law.has_memory else None
+        contact, entry_speed = contacts[label], ENTRY_SPEED if law.uses_entry_speed else None
         loaded = contact_force(joint, label, law, contact, entry_speed, None, motions, bristles)
         found[label] = loaded, law.stored_energy(contact.gap)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), found)

@@ -14,9 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike, PyTree
 
-from ..dynamics.contact_forces import Memory
+from ..dynamics.contact_forces import EntrySpeeds
 from ..dynamics.system import System
-from ..math.vectors import Scalar, Structured, structured
+from ..math.vectors import ConstantFolded, Scalar, fold_constants
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..native.functions import NativeProgram
@@ -66,14 +66,16 @@ class Stepper:
     def rates(self, step: Step) -> PyTree:
         """The right-hand side: rates of what is integrated."""
 
-        def rates(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
-            return rates_of(system, y, memory, step.t), None
+        def rates(
+            system: System, y: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[Variables, None]:
+            return rates_of(system, y, entry_speeds, step.t), None
 
         if self.family is None:
-            return rates(self.system, step.y, step.memory)[0]
+            return rates(self.system, step.y, step.entry_speeds)[0]
         assert step.tangents is not None
-        along = step.tangents.y, step.tangents.memory
-        value, _, derivatives = self.family.pushed(rates, (step.y, step.memory), along)
+        along = step.tangents.y, step.tangents.entry_speeds
+        value, _, derivatives = self.family.pushed(rates, (step.y, step.entry_speeds), along)
         return value, derivatives
 
     def solver_step(self, step: Step, length: float) -> tuple[Step, Scalar]:
@@ -115,7 +117,7 @@ class Stepper:
 
         def rates(t: ArrayLike, y: Variables, args: object) -> Variables:
             del args
-            rates = rates_of(self.system, y, step.memory, jnp.asarray(t))
+            rates = rates_of(self.system, y, step.entry_speeds, jnp.asarray(t))
             return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=float), rates)
 
         return diffrax.ODETerm(rates)
@@ -131,7 +133,7 @@ class RunProgram(eqx.Module):
     """
 
     scheme: Scheme
-    form: Structured
+    folded_scene: ConstantFolded
     step: Step
     family: AbstractFamily | None
 
@@ -156,18 +158,20 @@ class RunProgram(eqx.Module):
         """
         settings = settings_or(settings, presets.default)
         check_precision(settings.allow_float32)
-        form = structured(scene)
+        folded_scene = fold_constants(scene)
         span = (jnp.asarray(number) for number in (time, END, FIRST_STEP))
         if parameters is None:
             redundant = check_start(scene, state, time, settings.coordinates)
             scheme = Scheme.of(settings, bool(redundant))
-            step = begin_run(scheme.method, scheme.unpacked(form), state, *span)
-            return RunProgram(scheme, form, step, None)
+            step = begin_run(scheme.method, scheme.unpacked(folded_scene), state, *span)
+            return RunProgram(scheme, folded_scene, step, None)
         scheme = derivative_scheme(scene, state, settings, time)
         values = jnp.asarray(coordinates_of(scene, state, parameters))
         family = parametrised(scene, state, parameters, values)
         systems = SystemFamily(family, scheme.formulation)
-        return RunProgram(scheme, form, start_with_tangents(scheme.method, systems, *span), family)
+        return RunProgram(
+            scheme, folded_scene, start_with_tangents(scheme.method, systems, *span), family
+        )
 
     def stepper(self) -> Stepper:
         """What happens at a step. Inside a traced function, the scene's numbers are those given to
@@ -175,7 +179,7 @@ class RunProgram(eqx.Module):
         if self.family is not None:
             systems = SystemFamily(self.family, self.scheme.formulation)
             return Stepper(self.scheme.method, systems.system(), systems)
-        return Stepper(self.scheme.method, self.scheme.unpacked(self.form))
+        return Stepper(self.scheme.method, self.scheme.unpacked(self.folded_scene))
 
 
 def native_seconds() -> dict[str, float]:

@@ -90,7 +90,7 @@ HERTZ = (1.09336, 1.14326, 3.2181)
 
 def by_scipy(law: cj.AbstractContactLaw) -> float:
     """Delivered restitution of a free impact, by SciPy's DOP853 on the law's force alone."""
-    entry = SPEED if law.has_memory else None
+    entry = SPEED if law.uses_entry_speed else None
 
     def rates(t: float, y: np.ndarray) -> list[float]:
         return [y[1], -float(law.force(cj.Gap(y[0], y[1]), entry)) / MASS]

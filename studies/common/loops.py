@@ -21,7 +21,7 @@ def microseconds(turns: int, call: Callable[..., Any], *arguments: Any) -> float
 
 
 def repeated(turn: Callable[..., Any], turns: Any, *values: Any) -> Any:
-    """As many turns in a native loop; `turn` takes and returns the values."""
+    """As many turns in a native loop; `relative_angle` takes and returns the values."""
 
     def go(now: Any) -> Any:
         return (now[0] + 1, *turn(*now[1:]))

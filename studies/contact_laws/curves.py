@@ -73,7 +73,7 @@ def loop(law: Any, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
     Runge-Kutta method."""
     scale = (MASS * SPEED**2 / float(law.stiffness.stiffness)) ** (1.0 / (law.exponent + 1.0))
     h = 5.0 * scale / SPEED / steps
-    entry = SPEED if law.has_memory else None
+    entry = SPEED if law.uses_entry_speed else None
 
     def rates(y):
         return jnp.stack([y[1], -law.force(cj.Gap(y[0], y[1]), entry) / MASS])

@@ -53,8 +53,8 @@ def _run(end_time: float) -> object:
 
 def _run_with_memory() -> object:
     trial = FAMILIES["thrown journal"].trial(BASE)
-    memory = {"pin": {"V": np.nan, "W": 0.0}}
-    return cj.simulate(trial.scene, cj.State(trial.state.bodies, memory), 1e-3)
+    entry_speeds = {"pin": {"V": np.nan, "W": 0.0}}
+    return cj.simulate(trial.scene, cj.State(trial.state.bodies, entry_speeds), 1e-3)
 
 
 def _run_from(**changes: object) -> object:

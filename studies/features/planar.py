@@ -21,7 +21,7 @@ from clearjoint.extend import (
     ZERO,
     AbstractContactJoint,
     AbstractContactLaw,
-    AbstractFreedom,
+    AbstractMotionSubspace,
     AbstractStiffness,
     Contact,
     EulerParameters,
@@ -44,7 +44,7 @@ from clearjoint.extend import (
 from studies.features.program import Program
 
 
-class Plane(AbstractFreedom):
+class Plane(AbstractMotionSubspace):
     """Sliding in the plane across Z and turning about Z.
 
     The position is the displacement's x and y, m, and the angle, rad.
@@ -57,7 +57,9 @@ class Plane(AbstractFreedom):
         """Displacement and angle, and their rates."""
         turn, place, twist = relative.orientation, relative.displacement, relative.twist
         angle = 2.0 * jnp.arctan2(turn.e3, turn.e0)
-        return JointState((place.x, place.y, angle), (twist.slide.x, twist.slide.y, twist.turn.z))
+        return JointState(
+            (place.x, place.y, angle), (twist.linear.x, twist.linear.y, twist.angular.z)
+        )
 
     def orientation(self, position: Any) -> EulerParameters:
         """Turned about Z."""
@@ -113,7 +115,7 @@ class PlanarJoint(cj.AbstractConstraint):
             "tilt 2": perpendicular(names, *pair, UNIT_Z, UNIT_Y),
         }
 
-    def freedom(self, parent: str) -> Plane | None:
+    def degrees_of_freedom(self, parent: str) -> Plane | None:
         """The plane's, of the body against the ground."""
         return Plane(self.origin, self.point) if parent == cj.GROUND else None
 
@@ -200,7 +202,7 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
 class _Linkage:
     """The slider-crank at an instant, in its plane.
 
-    `crank`: its angle from X, rad; `turn`, `swing`: angular velocities of crank and rod, rad/s, and
+    `crank`: its angle from X, rad; `relative_angle`, `swing`: angular velocities of crank and rod, rad/s, and
     `bend` their difference; `slide`: the slider's speed, m/s. `along_crank`, `along_rod`: unit
     vectors. `apart`: the rod's end less the slider's centre, m; `parting`: its rate, m/s.
     """
@@ -237,7 +239,7 @@ class _Linkage:
 def slider_crank_rates(
     system: System,
     variables: Any,
-    memory: Any,
+    entry_speeds: Any,
     t: Scalar,
     closed: Any = None,
 ) -> tuple[Any, dict[str, Scalar]]:
@@ -247,7 +249,7 @@ def slider_crank_rates(
     the force of base V.
     """
     scene, at = system.scene, _Linkage.at(variables)
-    force, normal = _pin_force(scene, at, memory, closed)
+    force, normal = _pin_force(scene, at, entry_speeds, closed)
     turn_rate, swing_rate = _angular_rates(system, at, force, normal, t)
     return {
         "crank": JointState(at.turn, (turn_rate,)),
@@ -257,7 +259,7 @@ def slider_crank_rates(
 
 
 def _pin_force(
-    scene: cj.Scene, at: _Linkage, memory: Any, closed: Any
+    scene: cj.Scene, at: _Linkage, entry_speeds: Any, closed: Any
 ) -> tuple[Scalar, tuple[Scalar, Scalar]]:
     """The force of both bases on the slider, N, and its direction."""
     joint = scene.joints["slider pin"]
@@ -268,7 +270,7 @@ def _pin_force(
     gap = Gap(
         distance - pin.clearance, x_rate * n_x + y_rate * n_y, pin.bearing_radius, pin.clearance
     )
-    force = 2.0 * contact_normal_force(pin.law, gap, memory["slider pin"]["V"])
+    force = 2.0 * contact_normal_force(pin.law, gap, entry_speeds["slider pin"]["V"])
     if closed is not None:
         force = jnp.where(closed["slider pin"]["V"], force, 0.0)
     return force, (n_x, n_y)

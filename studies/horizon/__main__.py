@@ -2,7 +2,7 @@
 
     python -m studies.horizon [--quick] [--output FOLDER]
 
-The horizon by the sensitivities alone (`cj.horizon`), for journal probes of 5 µm at 10 kHz and
+The horizon by the sensitivities alone (`cj.fit_horizon`), for journal probes of 5 µm at 10 kHz and
 guesses wrong by a factor 5 in stiffness, 1.8 in the logit of the restitution (0.6 for 0.9) and 20 %
 in clearance; and fits by Levenberg and Marquardt (SciPy's) of all three parameters from the same
 guesses, to noise-free records of different lengths, with the same derivatives. A fit succeeds if it

@@ -31,10 +31,10 @@ def times_to(end: float) -> np.ndarray:
     return np.arange(1, round(end * RATE) + 1) / RATE
 
 
-def said(end: float) -> cj.Horizon:
+def said(end: float) -> cj.FitHorizon:
     """The horizon by the sensitivities."""
     sensors = {"probes": cj.Sensor(PROBES.channels, times_to(end), PROBES.noise)}
-    return cj.horizon(*cj.double_pendulum(), FREE, sensors, uncertainty=UNCERTAINTY)
+    return cj.fit_horizon(*cj.double_pendulum(), FREE, sensors, uncertainty=UNCERTAINTY)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Fit:
         return bool(np.mean(found.fun**2) < 1.0)
 
 
-def comparison(found: cj.Horizon, lengths: Sequence[float]) -> Iterator[str]:
+def comparison(found: cj.FitHorizon, lengths: Sequence[float]) -> Iterator[str]:
     """What is said and what fits do, a row a guess, in Markdown, as they are done."""
     head = [*found.information.labels, "said, ms", *(f"{1e3 * t:g}" for t in lengths)]
     yield _row(head)
@@ -95,7 +95,7 @@ def _row(cells: list[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def figure(found: cj.Horizon) -> Figure:
+def figure(found: cj.FitHorizon) -> Figure:
     """Growth, errors, and what longer records tell."""
     drawn = Figure(figsize=(13.0, 4.2), layout="constrained")
     left, middle, right = drawn.subplots(1, 3)

@@ -141,7 +141,7 @@ class RestitutionOverSpeed(cj.AbstractContactLaw):
     loss: Any = quantity("1")
     power: Any = quantity("1")
     elastic: cj.Hertz  # pyright: ignore[reportGeneralTypeIssues]
-    has_memory = True
+    uses_entry_speed = True
     force_jumps = False
 
     def force(self, gap: cj.Gap, entry_speed: Scalar | None) -> Scalar:

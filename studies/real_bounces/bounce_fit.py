@@ -107,14 +107,14 @@ class Fit:
     - `errors`: their standard errors; `covariance` (p, p) of those estimated. Both are widened by
       the square root of chi^2 over the degrees of freedom where that exceeds one: cells differ by
       more than their scatter explains.
-    - `chi2`, `freedom`: of the points.
+    - `chi2`, `degrees_of_freedom`: of the points.
     """
 
     values: tuple[float, float]
     errors: tuple[float, float]
     covariance: np.ndarray
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
 
     def at(self, speed: np.ndarray) -> np.ndarray:
         """Restitution at speeds in m/s."""
@@ -149,13 +149,13 @@ def fit(points: Points, constant: bool) -> Fit:
 
     start = [loss] if constant else [loss, 0.0]
     found = least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12)
-    freedom = len(points.speed) - len(start)
+    degrees_of_freedom = len(points.speed) - len(start)
     chi2 = 2.0 * float(found.cost)
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * max(1.0, chi2 / freedom)
+    covariance = np.linalg.inv(found.jac.T @ found.jac) * max(1.0, chi2 / degrees_of_freedom)
     errors = np.sqrt(np.diag(covariance))
     values = (float(found.x[0]), 0.0 if constant else float(found.x[1]))
     spread = (float(errors[0]), 0.0 if constant else float(errors[1]))
-    return Fit(values, spread, covariance, chi2, freedom)
+    return Fit(values, spread, covariance, chi2, degrees_of_freedom)
 
 
 def requested(law: type, delivered: float) -> float | None:

@@ -108,8 +108,8 @@ def standard_errors(
     for lag in range(1, lags + 1):
         product = scores[lag:].T @ scores[:-lag]
         middle += (1.0 - lag / (lags + 1)) * (product + product.T)
-    freedom = len(residuals) - slopes.shape[1]
-    naive = inverse * float(residuals @ residuals) / freedom
+    degrees_of_freedom = len(residuals) - slopes.shape[1]
+    naive = inverse * float(residuals @ residuals) / degrees_of_freedom
     return np.sqrt(np.diag(inverse @ middle @ inverse)), np.sqrt(np.diag(naive))
 
 

@@ -130,7 +130,7 @@ def at_speed(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene,
     """The scene at another crank speed in 1/min, and its state in the ideal joint's motion."""
     del state
     speed = speed * np.pi / 30.0
-    driven = cj.put(scene, lambda scene: scene.joints["motor"].speed, speed)
+    driven = cj.set_value(scene, lambda scene: scene.joints["motor"].speed, speed)
     return driven, cj.slider_crank(speed=speed)[1]
 
 

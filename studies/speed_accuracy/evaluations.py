@@ -24,7 +24,7 @@ class CountingLaw(cj.AbstractContactLaw):
     """A law that counts how often it is asked for a force, and says the same as `law`."""
 
     law: cj.LankaraniNikravesh
-    has_memory = True
+    uses_entry_speed = True
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:

@@ -52,7 +52,7 @@ class MemorylessDamping(cj.AbstractContactLaw):
     stiffness: AbstractStiffness
     restitution: Any
     entry_speed: Any
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:

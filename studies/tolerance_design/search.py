@@ -98,11 +98,11 @@ class Design:
         )
         return {name: np.log(limit / swept[name].values) for name, limit in self.limits.items()}
 
-    def largest(self, names: list[str]) -> cj.Largest:
+    def largest(self, names: list[str]) -> cj.LargestFeasible:
         """The largest clearance that keeps the limits of some outputs."""
         scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
         end = self.revolutions * self.period
-        return cj.largest(
+        return cj.largest_feasible(
             scene,
             state,
             end,
@@ -135,8 +135,8 @@ class Answer:
     margins at clearances over the range, m."""
 
     design: Design
-    alone: dict[str, cj.Largest]
-    both: cj.Largest
+    alone: dict[str, cj.LargestFeasible]
+    both: cj.LargestFeasible
     clearances: np.ndarray
     margins: dict[str, np.ndarray]
 

@@ -48,7 +48,7 @@ channels.offset = { kind = "JournalOffset", joint = "pin", component = "y" }
 count = 5
 
 [sweep]
-preset = "look"
+preset = "preview"
 outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "pin" } }
 outputs.impacts = { kind = "ImpactCount", joint = "pin" }
 
@@ -170,7 +170,7 @@ def test_settings_are_a_preset_with_changes(folder):
     study = read_study(Path("study.toml"))
     run, sweep = study.parts.run, study.parts.sweep
     assert study.settings(run, "run") == cj.Settings(rtol=1e-7)
-    assert study.settings(sweep, "sweep").rtol == cj.presets.look.rtol
+    assert study.settings(sweep, "sweep").rtol == cj.presets.preview.rtol
     assert study.settings(study.parts.fit, "fit") == cj.presets.identification
 
 
@@ -192,7 +192,7 @@ REFUSED = {
         ["check", "rod.toml", "--set", "joints.pin.clearance=2kg"],
         "unit of this dim",
     ),
-    "a wrong preset": (["run", "study.toml", "--preset", "stdy"], "did you mean 'study'"),
+    "a wrong preset": (["run", "study.toml", "--preset", "acurate"], "did you mean 'accurate'"),
     "no sweep": (["sweep", "rod.toml", "--end", "1"], r"add a section \[sweep\]"),
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),

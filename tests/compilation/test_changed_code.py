@@ -45,7 +45,7 @@ import laws
 
 class Spring(cj.AbstractContactLaw):
     law: eqx.Module
-    has_memory = False
+    uses_entry_speed = False
     def elastic_force(self, gap):
         return self.law.k() * gap.depth
     def force(self, gap, entry_speed):

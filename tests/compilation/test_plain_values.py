@@ -17,7 +17,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.compilation.plain_values import NotPlainError, described
-from clearjoint.math.groups import Several
+from clearjoint.math.groups import GroupName
 from clearjoint.simulation.results.motion_modes import MotionMode
 
 
@@ -32,13 +32,13 @@ def test_data_differ_by_type_and_value():
 
 
 def test_names_of_several_differ_from_their_text():
-    one, other = Several(("a", "b")), Several(("a", "c"))
+    one, other = GroupName(("a", "b")), GroupName(("a", "c"))
     assert len({described(name) for name in (one, other, str(one))}) == 3
-    assert described(one) == described(Several(["a", "b"]))
+    assert described(one) == described(GroupName(["a", "b"]))
 
 
 def test_values_of_the_package_have_one():
-    settings = (cj.presets.study, cj.Settings(solver=diffrax.Dopri8()))
+    settings = (cj.presets.accurate, cj.Settings(solver=diffrax.Dopri8()))
     scene, state = cj.double_pendulum()
     values = (*settings, scene, state, cj.double_pendulum(0.1e-3)[0])
     assert len({described(value) for value in values}) == len(values)

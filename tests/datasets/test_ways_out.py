@@ -32,8 +32,10 @@ def states() -> cj.State:
         name: cj.BodyState(drawn(COUNT, 3) + k, drawn(COUNT, 4), drawn(COUNT, 3), drawn(COUNT, 3))
         for k, name in enumerate(("arm", "long arm"))
     }
-    memory = {"pin": {"V": drawn(COUNT), "W": np.zeros(COUNT)}}
-    return cj.State(bodies, memory, {"friction": drawn(COUNT)}, {"pin": {"V": drawn(COUNT, 3)}})
+    entry_speeds = {"pin": {"V": drawn(COUNT), "W": np.zeros(COUNT)}}
+    return cj.State(
+        bodies, entry_speeds, {"friction": drawn(COUNT)}, {"pin": {"V": drawn(COUNT, 3)}}
+    )
 
 
 def solution(**changes) -> cj.Solution:
@@ -51,7 +53,7 @@ def solution(**changes) -> cj.Solution:
         "impacts": None,
         "formulation": Formulation(),
         "redundant_constraints": (),
-        "settings": setting_notes(cj.presets.study),
+        "settings": setting_notes(cj.presets.accurate),
     }
     return cj.Solution(**{**parts, **changes})
 
@@ -177,7 +179,9 @@ def test_columns_are_named_with_body_part_component_and_unit():
     np.testing.assert_array_equal(
         frame["arm.orientation.e0 [1]"], states().bodies["arm"].orientation[:, 0]
     )
-    np.testing.assert_array_equal(frame["pin V.entry_speed [m/s]"], states().memory["pin"]["V"])
+    np.testing.assert_array_equal(
+        frame["pin V.entry_speed [m/s]"], states().entry_speeds["pin"]["V"]
+    )
     np.testing.assert_array_equal(
         frame["pin V.bristle_deflection.z [m]"], states().bristles["pin"]["V"][:, 2]
     )

@@ -20,8 +20,8 @@ from clearjoint.dynamics.grouping import condensing as grouping
 from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
 from clearjoint.dynamics.grouping.coordinates import Views, folded
 from clearjoint.dynamics.system import System
-from clearjoint.math.groups import Several, by_group, by_name, each
-from clearjoint.math.vectors import Vector, structured, unpack
+from clearjoint.math.groups import GroupName, by_group, by_name, each
+from clearjoint.math.vectors import Vector, fold_constants, unpack
 from clearjoint.simulation.run import host_run as running
 from clearjoint.simulation.run.segments import begin, segment
 from clearjoint.simulation.step.method import Scheme
@@ -62,11 +62,11 @@ def shaken(state, seed=1):
         )
         for name, body in state.bodies.items()
     }
-    memory = {
+    entry_speeds = {
         name.replace("rod", "joint"): {"V": random.uniform(0.1, 1), "W": random.uniform(0.1, 1)}
         for name in bodies
     }
-    return cj.State(bodies, jax.tree.map(np.asarray, memory))
+    return cj.State(bodies, jax.tree.map(np.asarray, entry_speeds))
 
 
 class OiledBall(cj.AbstractContactJoint):
@@ -131,18 +131,18 @@ SCENES = {
 def told(coordinates, scene, state, together):
     """What the equations of motion say, by the elements' own names."""
 
-    formulation, scene = Formulation(coordinates, ledger=True), unpack(structured(scene))
+    formulation, scene = Formulation(coordinates, ledger=True), unpack(fold_constants(scene))
     system = System.of(scene, formulation) if together else System(scene, formulation)
     assert together == bool(groups(system.scene))
     variables = jax.tree.map(jnp.asarray, system.encode(unpack(state.bodies)))
-    memory, t = by_group(state.memory, system.scene.joints), jnp.zeros(())
-    dynamics = system.dynamics(variables, memory, t)
+    entry_speeds, t = by_group(state.entry_speeds, system.scene.joints), jnp.zeros(())
+    dynamics = system.dynamics(variables, entry_speeds, t)
     rates = jax.tree.map(jnp.asarray, dynamics.variable_rates)
     return {
         "bodies": by_name(system.decode(variables)),
         "accelerations": dynamics.accelerations,
         "forces": by_name(dynamics.contact_forces),
-        "reaches": by_name(system.reaches(variables)),
+        "reaches": by_name(system.contact_gaps(variables)),
         "second rates": by_name(system.second_rates(variables, rates)),
         "energy": system.energies(variables, t),
         "powers": system.powers(dynamics, t),
@@ -196,17 +196,17 @@ def attempts(smallest, growth):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grouping, "SMALLEST", smallest)
         scheme = Scheme.of(cj.Settings(solver=diffrax.Heun(), rtol=1e-2, ledger=True))
-        method, system = scheme.method, scheme.unpacked(structured(scene))
+        method, system = scheme.method, scheme.unpacked(fold_constants(scene))
         state = shaken(state)
         bodies = system.encode(unpack(state.bodies))
-        memory = by_group(state.memory, system.scene.joints)
+        entry_speeds = by_group(state.entry_speeds, system.scene.joints)
         t0, t_end, first = (jnp.asarray(t) for t in (0.0, 1.0, 1e-10))
-        steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), memory)]
+        steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), entry_speeds)]
         steps.append(attempt(method, system, steps[-1], t_end).step)
     found = [
         (
             (step.t, step.proposal.t_next, step.proposal.full_length, step.y.work),
-            [by_name(part) for part in (step.memory, step.reaches, step.second_rates)],
+            [by_name(part) for part in (step.entry_speeds, step.contact_gaps, step.second_rates)],
             by_name(system.decode(step.y.motion)),
         )
         for step in steps
@@ -326,16 +326,16 @@ def test_lanes_of_a_sweep_are_the_same(runs):
 
 
 def test_names_of_several_tell_them_apart():
-    assert Several(("a", "b")) == Several(["a", "b"]) != Several(("a, b",))
-    family = {Several(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
+    assert GroupName(("a", "b")) == GroupName(["a", "b"]) != GroupName(("a, b",))
+    family = {GroupName(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
     assert by_name(family) == {"a": 1.0, "b": 2.0, "c": 3.0}
     back = by_group({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
-    np.testing.assert_array_equal(back[Several(("a", "b"))], [1.0, 2.0])
+    np.testing.assert_array_equal(back[GroupName(("a", "b"))], [1.0, 2.0])
     assert back["c"] == 3.0 and set(back) == set(family)
 
 
 def test_copies_of_names_of_several_are_the_same():
-    name = Several(("a", "b"))
+    name = GroupName(("a", "b"))
     for again in (pickle.loads(pickle.dumps(name)), copy.deepcopy(name)):
         assert again == name and again.members == name.members
 
@@ -354,14 +354,14 @@ def test_each_applies_any_function_and_keeps_structural_numbers():
 
 def test_wrenches_go_to_the_bodies_they_act_on():
     """On one of a group, a slice, places out of order and twice, and on one body for several."""
-    group = Several("abcd")
+    group = GroupName("abcd")
     bodies = {group: None, "hub": None}
     wrenches = {
         "c": 1.0,
-        Several("bcd"): np.array([10.0, 20.0, 30.0]),
-        Several("dad"): np.array([100.0, 200.0, 300.0]),
+        GroupName("bcd"): np.array([10.0, 20.0, 30.0]),
+        GroupName("dad"): np.array([100.0, 200.0, 300.0]),
         group: np.array([1e3, 2e3, 3e3, 4e3]),
-        Several(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
+        GroupName(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
         "hub": 10.0,
     }
     zero = Vector(0.0, 0.0, 0.0)
@@ -374,17 +374,17 @@ def test_wrenches_go_to_the_bodies_they_act_on():
 
 
 def test_motions_answer_names_of_one_and_of_several():
-    group = Several("abcd")
+    group = GroupName("abcd")
     motions = Views({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
-    assert motions["c"] == 2.0 and motions[Several(("hub", "hub"))] == 9.0
-    np.testing.assert_array_equal(motions[Several("bcd")], [1, 2, 3])
-    np.testing.assert_array_equal(motions[Several("dab")], [3, 0, 1])
+    assert motions["c"] == 2.0 and motions[GroupName(("hub", "hub"))] == 9.0
+    np.testing.assert_array_equal(motions[GroupName("bcd")], [1, 2, 3])
+    np.testing.assert_array_equal(motions[GroupName("dab")], [3, 0, 1])
     with pytest.raises(KeyError):
         motions["e"]
 
 
 def grouped_names(scene):
-    return {name.members for name in groups(condensed(unpack(structured(scene))))}
+    return {name.members for name in groups(condensed(unpack(fold_constants(scene))))}
 
 
 def test_what_is_put_together():
@@ -420,7 +420,7 @@ def test_joints_of_one_hub_are_put_together():
 
 
 def test_condensed_scene_is_made_whole():
-    scene = unpack(structured(uneven(8, friction=ROUGH)[0]))
+    scene = unpack(fold_constants(uneven(8, friction=ROUGH)[0]))
     again = whole(condensed(scene))
     assert jax.tree.structure(again) == jax.tree.structure(scene)
     for one, other in zip(jax.tree.leaves(again), jax.tree.leaves(scene), strict=True):

@@ -20,7 +20,7 @@ def forces_at(law, closed, depth):
     plane = Plane("ball", ((0, 0, 0),), (1.0, 0.0, 0.0), 0.0, law, cj.RegularisedCoulomb(0.2, 1e-2))
     gap = cj.Gap(depth, RATE)
     contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, Vector(0.0, 0.5, 0.0))
-    entry = 0.1 if law.has_memory else None
+    entry = 0.1 if law.uses_entry_speed else None
     force = contact_force(plane, "point 0", law, contact, entry, jnp.asarray(closed), {}, {})
     return jnp.stack([jnp.asarray(force.normal_force), jnp.asarray(force.friction.y)])
 
@@ -41,4 +41,4 @@ def test_force_of_a_closed_spring_goes_on_past_the_wall(law):
 )
 def test_a_force_that_begins_flat_ends_at_the_wall(law):
     assert not law.slope_jumps()
-    assert not np.any(forces_at(law, True, -law.reach() - DEPTH))
+    assert not np.any(forces_at(law, True, -law.onset_offset() - DEPTH))

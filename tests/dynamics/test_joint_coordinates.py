@@ -17,7 +17,7 @@ from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
-from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
+from clearjoint.math.vectors import EulerParameters, fold_constants, pack, unpack
 from clearjoint.model.bodies import GROUND
 from clearjoint.model.joints.motion_subspaces import Slider
 from tests.support.reference import CASES
@@ -54,7 +54,7 @@ class Rail(cj.AbstractConstraint):
         labels = ("across 1", "across 2", "turn x", "turn y", "turn z")
         return cj.rows_from_residual(names, labels, residual, motions[names[0]], motions[names[1]])
 
-    def freedom(self, parent):
+    def motion_subspace(self, parent):
         here = rotation_matrix(self.orientation).transposed_times(unit(self.axis))
         zero = here * 0.0
         if parent == self.first:
@@ -211,15 +211,15 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
 )
 def test_mechanisms_accelerate_as_in_absolute_coordinates(mechanism, redundant, left):
     scene, state = mechanism()
-    form = structured(scene)
-    memory = {name: dict.fromkeys(family, 0.1) for name, family in scene.laws().items()}
+    form = fold_constants(scene)
+    entry_speeds = {name: dict.fromkeys(family, 0.1) for name, family in scene.laws().items()}
 
     def accelerations(coordinates):
         def at(form, state):
             scene = unpack(form)
             variables = coordinates.encode(scene, unpack(state.bodies))
             formulation = Formulation(coordinates, redundant=redundant)
-            found = System(scene, formulation).dynamics(variables, memory, 0.0)
+            found = System(scene, formulation).dynamics(variables, entry_speeds, 0.0)
             return arrays(found.accelerations), sum(map(len, found.rows.values()))
 
         return eqx.filter_jit(at)(form, state)
@@ -299,10 +299,10 @@ def test_a_tree_solves_no_constraints(monkeypatch):
     """Nothing of stabilisation, projection or multipliers is traced."""
     monkeypatch.setattr(dynamics, "response", None)
     scene, state = cj.double_pendulum()
-    scene, bodies = unpack(structured(scene)), unpack(state.bodies)
-    variables, memory = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
+    scene, bodies = unpack(fold_constants(scene)), unpack(state.bodies)
+    variables, entry_speeds = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
     system = System(scene, Formulation(JOINT, cj.Projection()))
-    assert system.dynamics(variables, memory, 0.0).multipliers == {}
+    assert system.dynamics(variables, entry_speeds, 0.0).multipliers == {}
     assert not system.is_constrained(variables, 0.0)
     absolute = System(scene, Formulation(ABSOLUTE))
     assert absolute.is_constrained(absolute.encode(bodies), 0.0)

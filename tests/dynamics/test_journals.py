@@ -100,7 +100,7 @@ def test_assembly_leaves_a_journal_where_it_is_in_its_bearing():
 def test_a_seated_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
     """The rod's end hangs in the direction of gravity, whichever of the two is the bearing."""
     scene = rocker(bearing, gravity=gravity)
-    state = cj.assemble(scene, start(2e-4), seated=["pin"])
+    state = cj.assemble(scene, start(2e-4), resting=["pin"])
     np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=1e-6)
     assert np.abs([*depths(scene, state)["pin"].values()]).max() < 1e-12
     np.testing.assert_allclose(end_of(state)[1][:2], 0.0, atol=1e-3)
@@ -114,10 +114,10 @@ def test_end_play_and_antiparallel_axes_are_assembled_too():
 
 def test_what_can_not_be_seated_is_refused():
     scene = rocker(gravity=(0.0, 0.0, -9.81))
-    with pytest.raises(ValueError, match=r"`seated`.*pressed against 'ground' across the axis.*N"):
-        cj.assemble(scene, start(), seated=["pin"])
-    with pytest.raises(ValueError, match=r"`seated`.*clearance joints \['pin'\].*'hinge'"):
-        cj.assemble(scene, start(), seated=["hinge"])
+    with pytest.raises(ValueError, match=r"`resting`.*pressed against 'ground' across the axis.*N"):
+        cj.assemble(scene, start(), resting=["pin"])
+    with pytest.raises(ValueError, match=r"`resting`.*clearance joints \['pin'\].*'hinge'"):
+        cj.assemble(scene, start(), resting=["hinge"])
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def test_same_numbers_are_looked_at_once_and_others_anew(counted):
     function, calls = counted
     body = cj.Body(1.0, (1.0, 1.0, 1.0))
     assert function(body) == function(cj.Body(1.0, (1.0, 1.0, 1.0))) == 1
-    assert function(cj.put(body, lambda b: b.mass, 2.0)) == 2
+    assert function(cj.set_value(body, lambda b: b.mass, 2.0)) == 2
     assert function({"body": body}) == 3
     numbers = np.ones(3)
     assert function(numbers) == 4

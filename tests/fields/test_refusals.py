@@ -55,7 +55,7 @@ def lost_series():
 
 
 def horizon(**options):
-    cj.horizon(
+    cj.fit_horizon(
         SCENE,
         STATE,
         {"clearance": CLEARANCE},

@@ -68,7 +68,7 @@ def test_errors_of_a_straight_line():
     )
     low, high = fit.intervals["slope"]
     assert (low, high) == pytest.approx(2.0 + 1.959964 * math.sqrt(slope) * np.array([-1, 1]))
-    assert fit.freedom == COUNT - 2 and fit.estimates == {"offset": 1.0, "slope": 2.0}
+    assert fit.degrees_of_freedom == COUNT - 2 and fit.estimates == {"offset": 1.0, "slope": 2.0}
     assert fit.warnings == []
 
 
@@ -246,7 +246,7 @@ def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
     assert 0.8 < until <= 1.05
     order = [
         next(k for k, s in enumerate(fit.advice) if word in s)
-        for word in ("grow=", "cj.horizon", "cj.Starts", "Parameter.initial")
+        for word in ("grow=", "cj.fit_horizon", "cj.Starts", "Parameter.initial")
     ]
     assert order == sorted(order)
     assert f"1. {fit.advice[0]}" in str(fit)

@@ -96,7 +96,7 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
         values = [p.scale.value(u) for p, u in zip(PARAMETERS.values(), coordinates, strict=True)]
         scene = SCENE
         for parameter, value in zip(PARAMETERS.values(), values, strict=True):
-            scene = cj.put(scene, parameter.variation.place, float(value))
+            scene = cj.set_value(scene, parameter.variation.place, float(value))
         saved = cj.simulate(scene, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
         return ((journal(saved.states) - base) / NOISE).ravel()
 
@@ -170,7 +170,7 @@ def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
 
 def test_fit_in_labels_and_units(fit, draws):
     assert fit.units == {"young": "Pa", "restitution": "1", "clearance": "m"}
-    assert fit.samples == 120 and fit.freedom == 117
+    assert fit.samples == 120 and fit.degrees_of_freedom == 117
     assert fit.chi_squared == pytest.approx(
         sum(np.sum(row**2) for row in fit.residuals.values()), rel=1e-9
     )
@@ -215,7 +215,7 @@ def test_windows_hold_to_where_they_began(problem):
 
 def test_minimum_of_an_objective(clean):
     """The median-like sum of magnitudes, which no least squares gives, falls towards the truth."""
-    scene = cj.put(SCENE, PARAMETERS["clearance"].variation.place, 0.505e-3)
+    scene = cj.set_value(SCENE, PARAMETERS["clearance"].variation.place, 0.505e-3)
     data = {name: clean[name].values for name in PROBES}
 
     def objective(found):

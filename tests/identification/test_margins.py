@@ -140,7 +140,7 @@ def test_what_no_search_can_use_is_told(case):
         "between": (1e-4, 1e-3),
     }
     with pytest.raises(ValueError, match=message):
-        cj.largest(scene, state, 0.01, **(usual | changed))
+        cj.largest_feasible(scene, state, 0.01, **(usual | changed))
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +182,7 @@ def test_largest_clearance_of_a_drop_is_the_closed_form(drop):
     eccentricity = allowed - (1.25 * MASS * GRAVITY * allowed / STIFFNESS) ** 0.4
     expected = {"eccentricity": eccentricity, "force": clearance_for(LARGEST["force"])}
     for names in (["eccentricity"], ["force"], list(LARGEST)):
-        found = cj.largest(
+        found = cj.largest_feasible(
             *drop,
             0.03,
             CLEARANCE,
@@ -201,7 +201,7 @@ def test_a_quantile_of_draws_is_that_of_their_closed_forms(drop):
     """Speeds at the start scatter; four of five must keep the force. Peaks count from the first
     impact on."""
     speeds = -np.linspace(0.0, 0.02, 10)
-    found = cj.largest(
+    found = cj.largest_feasible(
         *drop,
         0.03,
         CLEARANCE,

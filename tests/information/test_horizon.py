@@ -22,10 +22,10 @@ def clearance(scene: cj.Scene):
 
 
 @pytest.fixture(scope="module")
-def found() -> cj.Horizon:
+def found() -> cj.FitHorizon:
     times = np.linspace(0.0, LAST, 401)[1:]
     probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
-    return cj.horizon(
+    return cj.fit_horizon(
         *dropped_rod(),
         {"clearance": cj.Parameter(clearance, cj.Log())},
         {"probe": cj.Sensor(probe, times, 5e-6)},
@@ -89,7 +89,7 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     journal = np.array([[-0.5, 0.0, -0.01]])
 
     def seen(logarithm: float) -> np.ndarray:
-        other = cj.put(scene, clearance, 5e-4 * np.exp(logarithm))
+        other = cj.set_value(scene, clearance, 5e-4 * np.exp(logarithm))
         run = cj.simulate(
             other, state, LAST, cj.Settings(rtol=1e-11), save=cj.Saving(found.times), progress=False
         )
@@ -155,7 +155,7 @@ def test_a_short_run_is_within_all_horizons(found):
 
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
-    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*grow from 20 ms"):
         limited.warn_if_beyond(0.03)
 
@@ -171,9 +171,9 @@ def test_errors(found):
     probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
     parameters = {"clearance": cj.Parameter(clearance, cj.Log())}
     with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
-        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={})
+        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={})
     with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):
-        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
+        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
 
 
 @pytest.mark.slow
@@ -190,7 +190,7 @@ def test_horizons_of_the_double_pendulum():
             lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0.0, 1.0)
         )
     }
-    found = cj.horizon(
+    found = cj.fit_horizon(
         *cj.double_pendulum(),
         parameters,
         {"probe": cj.Sensor(probe, times, 5e-6)},
@@ -203,7 +203,7 @@ def test_horizons_of_the_double_pendulum():
 
 
 def test_figures_have_labels_and_mark_what_is_limited(found):
-    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     axes = plot.growth(limited)
     assert axes.get_ylabel() == "displacement, m"
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [

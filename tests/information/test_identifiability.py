@@ -94,7 +94,7 @@ def test_parameters_that_act_alike_come_out_as_their_difference():
     def add(scene, state, value):
         velocity = state.bodies["ball"].velocity + value * np.array([0.0, 1.0, 0.0])
         ball = cj.BodyState(*_parts(state.bodies["ball"], velocity))
-        return scene, cj.State({"ball": ball}, state.memory, state.work)
+        return scene, cj.State({"ball": ball}, state.entry_speeds, state.work)
 
     parameters = {"first": launch(), "second": cj.Parameter.change(add, 0.0, unit="m/s")}
     sensors = {"height": cj.Sensor(Position("ball", "y"), TIMES, 0.02)}

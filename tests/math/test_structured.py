@@ -15,17 +15,17 @@ from clearjoint.math.vectors import (
     EulerParameters,
     Matrix,
     Vector,
+    fold_constants,
     pack,
-    structured,
     unpack,
 )
 
 
 def test_exact_zeros_and_ones_of_vectors_are_structural():
     tree = {"axis": np.array([0.0, 1.0, 1e-300]), "number": np.zeros(()), "other": np.zeros(5)}
-    form = structured(tree)
-    assert form.patterns == ((0.0, 1.0, None), None, None)
-    axis = unpack(form)["axis"]
+    folded_scene = fold_constants(tree)
+    assert folded_scene.patterns == ((0.0, 1.0, None), None, None)
+    axis = unpack(folded_scene)["axis"]
     assert isinstance(axis, Vector) and type(axis.x) is type(axis.y) is float
     assert axis.z == 1e-300 and type(axis.z) is not float
     np.testing.assert_array_equal(pack(axis), tree["axis"])
@@ -33,7 +33,7 @@ def test_exact_zeros_and_ones_of_vectors_are_structural():
 
 def test_matrices_keep_their_places():
     matrix = np.array([[2.0, 0.0, 3.0], [0.0, 1.0, 0.0], [4.0, 0.0, 5.0]])
-    found = unpack(structured(matrix))
+    found = unpack(fold_constants(matrix))
     assert isinstance(found, Matrix)
     assert (found.row_x.y, found.row_y.y, found.row_z.y) == (0.0, 1.0, 0.0)
     np.testing.assert_array_equal(pack(found), matrix)
@@ -48,22 +48,22 @@ class Tables(eqx.Module):
 def test_fields_declared_as_tables_stay_arrays(shape):
     ones = np.ones(shape)
     tree = {"inner": [Tables((ones, ones), ones), Tables(ones, Tables(ones, ones))]}
-    for form in (tree, structured(tree)):
-        first, second = unpack(form)["inner"]
+    for folded_scene in (tree, fold_constants(tree)):
+        first, second = unpack(folded_scene)["inner"]
         for table in (*first.table, second.table, second.point.table):
             assert table is ones
         for point in (first.point, second.point.point):
             assert isinstance(point, Vector | EulerParameters | Matrix)
-    patterns = structured(tree).patterns
+    patterns = fold_constants(tree).patterns
     assert [patterns[k] for k in (0, 1, 3, 4)] == [None] * 4
 
 
 def test_what_varies_or_is_traced_is_no_structure():
-    assert structured(np.zeros(3), varied=True).patterns == (None,)
+    assert fold_constants(np.zeros(3), varied=True).patterns == (None,)
     patterns = []
 
     def trace(x):
-        patterns.extend(structured(x).patterns)
+        patterns.extend(fold_constants(x).patterns)
         return x
 
     jax.jit(trace)(jnp.zeros(3))
@@ -71,12 +71,12 @@ def test_what_varies_or_is_traced_is_no_structure():
 
 
 def test_scenes_of_other_numbers_share_a_program_and_of_other_zeros_do_not():
-    def form(gravity):
-        return jax.tree.structure(structured({"gravity": np.array(gravity)}))
+    def folded_scene(gravity):
+        return jax.tree.structure(fold_constants({"gravity": np.array(gravity)}))
 
-    assert form([0.0, 9.81, 0.0]) == form([0.0, 1.62, 0.0])
-    assert form([0.0, 9.81, 0.0]) != form([0.1, 9.81, 0.0])
-    assert form([0.0, 9.81, 0.0]) != form([0.0, 1.0, 0.0])
+    assert folded_scene([0.0, 9.81, 0.0]) == folded_scene([0.0, 1.62, 0.0])
+    assert folded_scene([0.0, 9.81, 0.0]) != folded_scene([0.1, 9.81, 0.0])
+    assert folded_scene([0.0, 9.81, 0.0]) != folded_scene([0.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize("clearance", [None, 5e-4])
@@ -91,14 +91,16 @@ def test_structure_changes_no_rate(clearance):
     coordinates = formulation.coordinates
 
     @jax.jit
-    def rates(form):
-        scene = unpack(form)
+    def rates(folded_scene):
+        scene = unpack(folded_scene)
         variables = coordinates.encode(scene, unpack(bodies))
-        memory = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
-        found, _ = System(scene, formulation).rates(variables, memory, 0.0)
+        entry_speeds = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
+        found, _ = System(scene, formulation).rates(variables, entry_speeds, 0.0)
         return jax.tree.map(jnp.asarray, found)
 
-    plain, pruned = (jax.tree.leaves(rates(form)) for form in (scene, structured(scene)))
+    plain, pruned = (
+        jax.tree.leaves(rates(folded_scene)) for folded_scene in (scene, fold_constants(scene))
+    )
     assert max(np.abs(leaf).max() for leaf in plain) > 1.0
     for one, other in zip(plain, pruned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-15)

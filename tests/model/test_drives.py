@@ -251,7 +251,9 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
     )
 
     def ended(place, value):
-        final = cj.simulate(cj.put(scene, place, value), state, 0.3, cj.Settings(rtol=1e-11)).final
+        final = cj.simulate(
+            cj.set_value(scene, place, value), state, 0.3, cj.Settings(rtol=1e-11)
+        ).final
         return final.bodies["arm"].position[:2]
 
     for k, (place, value, step) in enumerate(
@@ -292,7 +294,7 @@ def test_a_driver_that_is_not_followed_is_told(drive, size):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["look", "default", "study"])
+@pytest.mark.parametrize("preset", ["preview", "default", "accurate"])
 @pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
 def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
     """Among them one within a run's last step."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import structured, unpack
+from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.model.bodies import GROUND_MOTION
 from clearjoint.simulation.step.discontinuity_analysis import require_declared
 
@@ -34,7 +34,7 @@ def test_a_piecewise_linear_table_is_that_of_numpy_and_exact_at_its_points():
 
 def load_at(load: cj.AppliedLoad, t: float) -> np.ndarray:
     """Force and moment on a body at rest in the origin, (6,) N and N m."""
-    element = unpack(structured(load))
+    element = unpack(fold_constants(load))
     wrench = element.wrenches({"rod": GROUND_MOTION}, t)["rod"]
     return np.array([float(part) for part in jax.tree.leaves(wrench)])
 

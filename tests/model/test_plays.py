@@ -226,10 +226,10 @@ def test_what_starts_outside_is_centred_or_seated(joint, label, play):
     state = cj.State({"b": cj.body_state((0.0, 0.004, 0.0))})
     centred = cj.assemble(scene, state)
     assert float(centred.bodies["b"].position[1]) == pytest.approx(0.0, abs=1e-12)
-    seated = cj.assemble(scene, state, seated=["joint"])
-    assert float(seated.bodies["b"].position[1]) == pytest.approx(-play, abs=1e-12)
+    resting = cj.assemble(scene, state, resting=["joint"])
+    assert float(resting.bodies["b"].position[1]) == pytest.approx(-play, abs=1e-12)
     motion = cj.Motion(
-        cj.Vector(*seated.bodies["b"].position), IDENTITY, *(cj.Vector(0.0, 0.0, 0.0),) * 2
+        cj.Vector(*resting.bodies["b"].position), IDENTITY, *(cj.Vector(0.0, 0.0, 0.0),) * 2
     )
     contact = unpack(joint).contacts({"ground": GROUND_MOTION, "b": motion})[label]
     assert float(contact.gap.depth) == pytest.approx(0.0, abs=1e-12)
@@ -275,7 +275,7 @@ def test_sensitivities_to_the_play_are_those_of_differences(make, options, end, 
     found = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
 
     def final(size: float) -> np.ndarray:
-        changed = cj.put(scene, place, size)
+        changed = cj.set_value(scene, place, size)
         run = cj.sensitivities(changed, state, end, given, outputs, [end], TIGHT)
         return np.array([run.values[component][-1] for component in "xy"])
 

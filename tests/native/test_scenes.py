@@ -79,7 +79,7 @@ def differentiated():
 
 def inside_of_jit():
     def end(stiffness):
-        scene = cj.put(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
+        scene = cj.set_value(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
         run = cj.simulate(scene, STATE, 0.01, throw=False, progress=False)
         return run.final.bodies["mass"].position
 

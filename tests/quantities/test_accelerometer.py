@@ -114,7 +114,7 @@ def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differenc
         changed = scene
         for name, factor in changes.items():
             place = PARAMETERS[name].variation.place
-            changed = cj.put(changed, place, factor * value_at(scene, place))
+            changed = cj.set_value(changed, place, factor * value_at(scene, place))
         return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
 
     found = run({})

@@ -15,7 +15,7 @@ from clearjoint import CRANK_LENGTH, ROD_LENGTH
 from clearjoint import quantities as q
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import structured, unpack
+from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.quantities.instant import Instant
 
 JOINT = Formulation(cj.JointCoordinates())
@@ -25,9 +25,9 @@ ANGLE, SPIN, LENGTH, MASS, GRAVITY = 2.5, 3.0, 0.8, 1.7, 9.81
 
 def instant(scene, state):
     """The scene at a state, in joint coordinates, at time zero."""
-    scene = unpack(structured(scene))
+    scene = unpack(fold_constants(scene))
     variables = JOINT.coordinates.encode(scene, unpack(state.bodies))
-    return Instant(System(scene, JOINT), 0.0, variables, state.memory, {})
+    return Instant(System(scene, JOINT), 0.0, variables, state.entry_speeds, {})
 
 
 def turned(angle):

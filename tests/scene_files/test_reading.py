@@ -48,7 +48,7 @@ def test_a_file_is_as_short_as_the_python(read):
     assert isinstance(stiffness, cj.GivenStiffness) and stiffness.stiffness == 1e9
     assert scene.joints["pin"].clearance == 0.01 - 0.0095
     assert state.bodies["arm"].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
-    assert scene.gravity is None and scene.forces == {} and state.memory == {}
+    assert scene.gravity is None and scene.forces == {} and state.entry_speeds == {}
 
 
 @pytest.mark.parametrize(

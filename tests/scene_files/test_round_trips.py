@@ -171,9 +171,13 @@ def test_mechanisms_come_back_exactly(mechanism, tmp_path):
 
 def test_memory_and_arrays_of_jax_come_back(tmp_path):
     scene, state = cj.double_pendulum()
-    memory = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
+    entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
     bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
-    exact(tmp_path / "late.json", scene, cj.State(bodies, memory, {"supplied": np.array(-1 / 3)}))
+    exact(
+        tmp_path / "late.json",
+        scene,
+        cj.State(bodies, entry_speeds, {"supplied": np.array(-1 / 3)}),
+    )
 
 
 class Way(enum.Enum):

@@ -148,7 +148,7 @@ def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
     derivatives = np.ravel(found.derivatives["angle"])
 
     def angle(place: Any, change: float) -> float:
-        moved = cj.put(scene, place, place(scene) + change)
+        moved = cj.set_value(scene, place, place(scene) + change)
         return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "wheel")
 
     for derivative, (name, (place, step)) in zip(derivatives, places.items(), strict=True):
@@ -186,7 +186,7 @@ def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
     end, exact = 4e-3, replace(cj.presets.derivatives, rtol=1e-12)
 
     def angle(place: Any, change: float) -> float:
-        moved = cj.put(scene, place, place(scene) + change)
+        moved = cj.set_value(scene, place, place(scene) + change)
         return turned(cj.simulate(moved, state, end, exact).final, "wheel")
 
     sizes = np.array([float(place(scene)) for place, _ in places.values()])

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint.simulation.step.time_map import FromBegin, WithinContact
+from clearjoint.simulation.step.time_map import FromOnset, WithinContact
 from clearjoint.simulation.step.unrolled_runge_kutta import (
     UnrolledExplicit,
     dense_weights,
@@ -99,7 +99,7 @@ def within(since, due, touches=True, begins=False):
 
 
 GRADED = {
-    "from a begin": (FromBegin(jnp.asarray(True)), lambda t: t**1.5),
+    "from a begin": (FromOnset(jnp.asarray(True)), lambda t: t**1.5),
     "from a begin, with derivatives": (within(1e-6, jnp.inf, begins=True), lambda t: t**1.5),
     "after a begin": (within(0.05, 2.0), lambda t: (0.05 + t) ** 1.5),
     "before an end": (within(2.0, 0.5), lambda t: -((0.5 - t) ** 1.5)),
@@ -108,22 +108,22 @@ GRADED = {
 """Gradings, and what they make a polynomial of the place."""
 
 
-def _stepped(grading, function):
+def _stepped(time_map, function):
     """Value, error and last rates of a step in which a function of time is integrated."""
     own, start = UnrolledExplicit(diffrax.Tsit5()), jnp.asarray(function(0.0))
     terms = diffrax.ODETerm(lambda t, y, args: jax.grad(function)(t))
     y1, error, information, last, _ = own.step(
-        terms, 0.0, H, start, None, jax.grad(function)(0.0), False, grading=grading
+        terms, 0.0, H, start, None, jax.grad(function)(0.0), False, time_map=time_map
     )
     dense = own.interpolation_cls(t0=0.0, t1=H, **information)
-    return y1, error, last, lambda part: dense.evaluate(H * grading.place(jnp.asarray(part)))
+    return y1, error, last, lambda part: dense.evaluate(H * time_map.place(jnp.asarray(part)))
 
 
 @pytest.mark.parametrize("case", GRADED)
 def test_a_graded_step_is_exact_where_forces_begin_and_end_as_a_root(case):
     """Polynomials of third order are what the method is exact for; in time they are roots."""
-    grading, function = GRADED[case]
-    y1, error, last, inside = _stepped(grading, function)
+    time_map, function = GRADED[case]
+    y1, error, last, inside = _stepped(time_map, function)
     assert float(y1) == pytest.approx(function(0.3), rel=1e-13, abs=1e-15)
     assert abs(float(error)) < 1e-15
     assert float(last) == pytest.approx(float(jax.grad(function)(0.3)), rel=1e-13)
@@ -136,12 +136,12 @@ def test_a_graded_step_is_exact_where_forces_begin_and_end_as_a_root(case):
 
 @pytest.mark.parametrize("case", GRADED)
 def test_the_place_in_a_step_is_the_inverse_of_the_time_elapsed(case):
-    grading, _ = GRADED[case]
+    time_map, _ = GRADED[case]
     for place in (0.0, 0.01, 0.3, 0.8, 1.0):
-        part = grading.elapsed(place)
-        assert float(grading.place(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
-        ahead, back = (grading.elapsed(place + side) for side in (1e-6, -1e-6))
-        assert float(grading.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
+        part = time_map.elapsed(place)
+        assert float(time_map.place(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
+        ahead, back = (time_map.elapsed(place + side) for side in (1e-6, -1e-6))
+        assert float(time_map.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
 
 
 def test_the_next_step_of_a_contact_is_as_long_in_the_root_of_time():
@@ -159,6 +159,6 @@ def test_the_next_step_of_a_contact_is_as_long_in_the_root_of_time():
 
 @pytest.mark.parametrize("since", [0.1, np.inf])
 def test_time_passes_evenly_where_nothing_is_known_of_contacts(since):
-    for grading in (within(since, np.inf, touches=False), within(np.inf, np.inf)):
-        assert float(grading.elapsed(0.3)) == pytest.approx(0.3, rel=1e-15)
-        assert float(grading.next_length(0.7, jnp.asarray(True))) == pytest.approx(0.7)
+    for time_map in (within(since, np.inf, touches=False), within(np.inf, np.inf)):
+        assert float(time_map.elapsed(0.3)) == pytest.approx(0.3, rel=1e-15)
+        assert float(time_map.next_length(0.7, jnp.asarray(True))) == pytest.approx(0.7)

@@ -12,7 +12,7 @@ import clearjoint as cj
 from clearjoint import STEEL
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Vector, structured, unpack
+from clearjoint.math.vectors import Vector, fold_constants, unpack
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
 from clearjoint.simulation.run.segments import begin, segment
@@ -138,7 +138,7 @@ def overflowing():
     """A scheme, a packed scene, and a run whose first trial step overflows."""
     scene, state = rod(-1.1 * CLEARANCE)
     scheme = Scheme.of(cj.Settings(solver=diffrax.Bosh3(), landing_tolerance=None))
-    form, times = structured(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
+    form, times = fold_constants(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
     return scheme, form, begin(scheme, form, state, *times, False, None)
 
 
@@ -212,11 +212,11 @@ def kernel():
     scene, state = cj.double_pendulum(
         friction=cj.Ambrosio(0.1, lower_speed=0.0), axial=cj.EndPlay(1e-3, cj.Hertz(1e9)), law=law
     )
-    form = structured(scene)
+    form = fold_constants(scene)
     numbers, shape = jax.tree.flatten((form.tree, state.bodies, MEMORY))
 
     def rates(numbers, height):
-        tree, bodies, memory = jax.tree.unflatten(shape, numbers)
+        tree, bodies, entry_speeds = jax.tree.unflatten(shape, numbers)
         system = System(unpack(tree), Formulation())
         lifted = {
             name: eqx.tree_at(
@@ -225,8 +225,8 @@ def kernel():
             for name, body in bodies.items()
         }
         y = system.encode(unpack(lifted))
-        found = system.reaches(y)
-        results = (system.rates(y, memory, 0.0), found)
+        found = system.contact_gaps(y)
+        results = (system.rates(y, entry_speeds, 0.0), found)
         return [jnp.asarray(x, dtype=float) for x in jax.tree.leaves(results)]
 
     random = np.random.default_rng(4)

@@ -30,7 +30,7 @@ class Buffer(cj.AbstractContactLaw):
     damping: Any = quantity("N s/m", default=0.0)
     preload: Any = quantity("N", default=0.0)
     restitution: Any = quantity("1", default=1.0)
-    has_memory = False
+    uses_entry_speed = False
 
     def force(self, gap, entry_speed):
         pushed = self.elastic_force(gap) + self.damping * gap.rate
@@ -129,7 +129,7 @@ def test_plain_derivatives_have_the_jump_too():
     scene, state = dropped(Buffer(*LAWS["both"]))
 
     def speed(drop):
-        varied = cj.put(scene, lambda s: s.joints["floor"].offset, drop)
+        varied = cj.set_value(scene, lambda s: s.joints["floor"].offset, drop)
         final = cj.simulate(
             varied, state, END, cj.Settings(rtol=1e-9, landing_tolerance=1e-13)
         ).final
@@ -156,7 +156,7 @@ def test_two_contacts_of_a_spring_that_begin_nearly_at_once(rtol, landing):
     end, tight = 0.03, replace(cj.presets.derivatives, rtol=1e-12)
 
     def height(place, change):
-        moved = cj.put(scene, place, place(scene) + change)
+        moved = cj.set_value(scene, place, place(scene) + change)
         return cj.simulate(moved, state, end, tight).final.bodies["arm 2"].position[1]
 
     settings = replace(cj.presets.derivatives, rtol=rtol, landing_tolerance=landing)
@@ -227,7 +227,7 @@ def test_plain_derivatives_have_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 
     def ended(start):
-        varied = cj.put(scene, lambda s: s.forces["push 0"].start, start)
+        varied = cj.set_value(scene, lambda s: s.forces["push 0"].start, start)
         return cj.simulate(varied, state, 1.0).final.bodies["ball"].position[0]
 
     np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_events import Reach, initial_memory
+from clearjoint.dynamics.contact_events import ContactGap, initial_entry_speeds
 from clearjoint.model.contact.laws import UNKNOWN_ENTRY_SPEED
 from clearjoint.simulation.step.landing import Landing
 
@@ -16,7 +16,7 @@ LANDING = Landing(1e-12)
 
 
 def _reaches(depth, rate):
-    return {"pin": {"V": Reach(jnp.asarray(depth), jnp.asarray(rate))}}
+    return {"pin": {"V": ContactGap(jnp.asarray(depth), jnp.asarray(rate))}}
 
 
 def _parabola(top, at, bend, t):
@@ -110,11 +110,11 @@ def test_a_start_at_the_wall_is_an_onset_on_either_side(rebounds):
 def test_a_start_at_the_wall_at_rest_is_an_onset_too():
     """Which speed it has is then rounding's as well: the law floors it."""
     for rate in (0.0, 1e-18, -1e-18):
-        found = {"pin": {base: Reach(jnp.asarray(1e-17), jnp.asarray(rate)) for base in "VW"}}
-        memory = initial_memory(HELD, found)["pin"]
-        assert memory["V"] == memory["W"] == 1e-12
+        found = {"pin": {base: ContactGap(jnp.asarray(1e-17), jnp.asarray(rate)) for base in "VW"}}
+        entry_speeds = initial_entry_speeds(HELD, found)["pin"]
+        assert entry_speeds["V"] == entry_speeds["W"] == 1e-12
 
 
 def test_a_contact_well_inside_at_the_start_counts_as_elastic():
-    found = {"pin": {base: Reach(jnp.asarray(1e-9), jnp.asarray(0.1)) for base in "VW"}}
-    assert initial_memory(HELD, found)["pin"]["V"] == UNKNOWN_ENTRY_SPEED
+    found = {"pin": {base: ContactGap(jnp.asarray(1e-9), jnp.asarray(0.1)) for base in "VW"}}
+    assert initial_entry_speeds(HELD, found)["pin"]["V"] == UNKNOWN_ENTRY_SPEED

@@ -274,7 +274,7 @@ def test_a_step_too_long_for_the_clearance_is_refused(pendulum):
 class Silent(cj.AbstractContactLaw):
     """A law that tells nothing of its restitution."""
 
-    has_memory = False
+    uses_entry_speed = False
 
     def force(self, gap: cj.Gap, entry_speed: Any) -> Any:
         return 0.0 * gap.depth

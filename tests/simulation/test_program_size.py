@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import structured
+from clearjoint.math.vectors import fold_constants
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation.run.derivative_runs import derivative_scheme
@@ -36,7 +36,7 @@ def _chain(rods):
 
 def _begun(scene, state):
     """Trace the begin of a run, which precedes all compiling."""
-    scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), structured(scene)
+    scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), fold_constants(scene)
     eqx.filter_eval_shape(
         lambda form, state, *span: begin(scheme, form, state, *span, False, None).step.t,
         form,

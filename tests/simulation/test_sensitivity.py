@@ -147,7 +147,7 @@ def test_closed_forms_of_an_oscillator():
     kicked = cj.Parameter.change(
         lambda scene, state, value: (
             scene,
-            cj.put(state, lambda s: s.bodies["mass"].velocity[0], value),
+            cj.set_value(state, lambda s: s.bodies["mass"].velocity[0], value),
         ),
         0.0,
     )
@@ -181,7 +181,8 @@ def test_many_times_are_looked_at_in_blocks():
     times = np.linspace(0.0, 1.5, 301)
     arguments = _oscillator(), parameters, {"x": Q.Position("mass", "x")}
     many, few = (
-        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::stride]) for stride in (1, 10)
+        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
+        for step_outcome in (1, 10)
     )
     for name in ("values", "derivatives"):
         all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]

@@ -20,7 +20,7 @@ RUNNERS = (
     cj.sweep,
     cj.sensitivities,
     cj.identifiability,
-    cj.horizon,
+    cj.fit_horizon,
     cj.identify,
     cj.identify_many,
     cj.minimise,
@@ -116,7 +116,7 @@ def sensitivities(settings):
 
 
 def horizon(settings):
-    return cj.horizon(*rotor(), STIFFNESS, SENSORS, settings, uncertainty={"stiffness": 0.1})
+    return cj.fit_horizon(*rotor(), STIFFNESS, SENSORS, settings, uncertainty={"stiffness": 0.1})
 
 
 def sweep(settings, outputs=None):

@@ -163,7 +163,7 @@ def test_a_driven_crank_goes_on_from_where_it_settled():
     assert settled.kind in (Settling.PERIODIC, Settling.STATIONARY)
     assert settled.time == pytest.approx(settled.periods * settled.period)
     after = [
-        cj.simulate(scene, settled.state, start + 1e-3, cj.presets.study, start_time=start).final
+        cj.simulate(scene, settled.state, start + 1e-3, cj.presets.accurate, start_time=start).final
         for start in (settled.time, settled.start_time)
     ]
     for one, other in zip(*(run.bodies.values() for run in after), strict=True):

@@ -107,7 +107,7 @@ def test_a_run_can_be_continued(pendulum, plain):
     """The final state with its memory goes on, in the middle of a contact too."""
     scene, state = pendulum
     half = cj.simulate(scene, state, 0.0102, cj.Settings(rtol=1e-9))
-    assert half.final.memory["shoulder"]["V"] > 0.0
+    assert half.final.entry_speeds["shoulder"]["V"] > 0.0
     rest = cj.simulate(scene, half.final, END, cj.Settings(rtol=1e-9), start_time=0.0102)
     whole = cj.simulate(scene, state, END, cj.Settings(rtol=1e-9))
     assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
@@ -236,7 +236,7 @@ def test_memoryless_and_free_scenes_run():
     observed = cj.observe(scene, solution)
     assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
     hertz, state = hung(law=cj.Hertz(6.6e10))
-    assert cj.simulate(hertz, state, 0.02).final.memory == {}
+    assert cj.simulate(hertz, state, 0.02).final.entry_speeds == {}
 
 
 def test_contact_at_the_start_counts_as_elastic(pendulum):

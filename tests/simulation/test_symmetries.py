@@ -175,7 +175,7 @@ def backwards(numbers: Hinged) -> cj.State:
         gravity=straight.gravity,
     )
     assert list(turned.bodies) != list(straight.bodies)
-    start = cj.State(dict(reversed(first.bodies.items())), first.memory)
+    start = cj.State(dict(reversed(first.bodies.items())), first.entry_speeds)
     return simulated(turned, start, numbers, numbers.end_time).final
 
 
@@ -274,7 +274,7 @@ def in_contact(numbers: Hinged) -> float:
 def test_split_in_contact_without_its_memory_differs():
     numbers = drawn(1)
     middle = in_contact(numbers)
-    half = cj.State(run(numbers, end=middle).bodies, state(numbers).memory)
+    half = cj.State(run(numbers, end=middle).bodies, state(numbers).entry_speeds)
     assert apart(outcome(run(numbers, here=half, begin=middle)), ended(numbers)) > FAR
 
 

@@ -49,7 +49,7 @@ class Fake:
         return {"friction": self.time**2, "film": jnp.sin(self.time)}
 
     @property
-    def reaches(self):
+    def contact_gaps(self):
         return {"pin": {"V": Depth(wave(self), W * jnp.cos(W * self.time))}}
 
 

@@ -113,7 +113,7 @@ def test_a_start_with_nothing_to_go_by_is_refused():
     flat = eqx.tree_at(lambda b: b.orientation, body, np.zeros(4))
     for state in (
         cj.State({"journal": flat}),
-        cj.State({"journal": body}, memory={"pin": {"V": np.nan, "W": 0.0}}),
+        cj.State({"journal": body}, entry_speeds={"pin": {"V": np.nan, "W": 0.0}}),
         cj.State({"journal": body}, work={"supplied": np.inf}),
     ):
         with pytest.raises(ValueError, match=r"Argument `state\."):

@@ -8,7 +8,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import pack, structured, unpack
+from clearjoint.math.vectors import fold_constants, pack, unpack
 from studies.common.operations import jaxpr_operations
 from studies.features.__main__ import main
 from studies.features.planar import planar_pendulum, slider_crank_rates, without_motor
@@ -49,13 +49,13 @@ def test_program_needs_the_code_of_its_own_feature(place):
 )
 def test_slider_crank_by_hand_has_the_general_rates(changed):
     scene, state = cj.slider_crank()
-    scene = unpack(structured(changed(scene)))
+    scene = unpack(fold_constants(changed(scene)))
     start = FORMULATION.coordinates.encode(scene, unpack(state.bodies))
-    memory = {"slider pin": {base: jnp.asarray(0.1) for base in "VW"}}
+    entry_speeds = {"slider pin": {base: jnp.asarray(0.1) for base in "VW"}}
 
     @jax.jit
     def both(variables):
-        arguments = System(scene, FORMULATION), variables, memory, jnp.asarray(0.01)
+        arguments = System(scene, FORMULATION), variables, entry_speeds, jnp.asarray(0.01)
         return System.rates(*arguments)[0], slider_crank_rates(*arguments)[0]
 
     generator, pressed = np.random.default_rng(0), 0
@@ -72,12 +72,12 @@ def test_slider_crank_by_hand_has_the_general_rates(changed):
 def test_body_held_in_a_plane_accelerates_as_one_that_is_free():
     """A turn of a joint that also slides is about the parent's point."""
     (free, start), (held, _) = planar_pendulum(False), planar_pendulum(True)
-    free, held = unpack(structured(free)), unpack(structured(held))
+    free, held = unpack(fold_constants(free)), unpack(fold_constants(held))
     coordinates = FORMULATION.coordinates
-    memory = {"shoulder": {base: jnp.asarray(0.1) for base in "VW"}}
+    entry_speeds = {"shoulder": {base: jnp.asarray(0.1) for base in "VW"}}
 
     def accelerations(scene, variables):
-        rates, _ = System(scene, FORMULATION).rates(variables, memory, 0.0)
+        rates, _ = System(scene, FORMULATION).rates(variables, entry_speeds, 0.0)
         rates = jax.tree.map(jnp.asarray, rates)
 
         def velocities(variables):

@@ -19,7 +19,7 @@ def clock(now):
 
 
 def _approach(now):
-    return -now.reaches["pin"]["V"].rate
+    return -now.contact_gaps["pin"]["V"].rate
 
 
 def everything(start: float = 0.0) -> cj.Saving:

@@ -30,7 +30,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (contact_forces, "contact_normal_force"),
             (Landing, "due"),
             (Landing, "retry"),
-            (stepping, "updated_memory"),
+            (stepping, "updated_entry_speeds"),
             (System, "second_rates"),
         ),
         "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),

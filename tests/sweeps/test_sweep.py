@@ -36,8 +36,8 @@ OUTPUTS = {
     "height": cj.Statistics(q.Position("arm 2", "y"), "m"),
     "path": cj.Saved(TIMES, CHANNELS),
     "rebound": cj.Section(
-        lambda now: -now.reaches["shoulder"]["V"].rate,
-        {"depth": (lambda now: now.reaches["shoulder"]["V"].depth, "m")},
+        lambda now: -now.contact_gaps["shoulder"]["V"].rate,
+        {"depth": (lambda now: now.contact_gaps["shoulder"]["V"].depth, "m")},
         count=3,
     ),
     "hits": cj.ImpactTable(4),
@@ -190,7 +190,7 @@ def test_impacts_are_those_of_the_reference(grid, reference_folder):
 
 def test_impacts_are_counted_open_ones_included(pairs):
     for lane, run in pairs:
-        still = sum(float(speed) > 0.0 for speed in run.final.memory["shoulder"].values())
+        still = sum(float(speed) > 0.0 for speed in run.final.entry_speeds["shoulder"].values())
         assert int(lane.impacts) == len(run.impacts) + still
 
 

@@ -222,13 +222,13 @@ def test_a_pool_says_that_it_starts_and_compiles(caplog, monkeypatch):
         time.sleep(0.2)
         return results_of(chunk)
 
-    memory = SweepMemory(MANY)
+    entry_speeds = SweepMemory(MANY)
     with ThreadPoolExecutor(2) as threads, lane_progress(MANY.lanes, 0, False) as bar:
-        computing._by_executor(Stored(task, memory.missing()), memory, threads, bar)
+        computing._by_executor(Stored(task, entry_speeds.missing()), entry_speeds, threads, bar)
     assert [record.getMessage() for record in caplog.records] == [
         "the workers of a sweep have been starting and compiling for 0 s"
     ]
-    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
 
 
 class Stored:
@@ -377,15 +377,15 @@ def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
 
 
 def test_threads_share_the_task_itself(store):
-    lock, memory = threading.Lock(), SweepMemory(MANY)
+    lock, entry_speeds = threading.Lock(), SweepMemory(MANY)
 
     def task(chunk):
         with lock:
             return results_of(chunk)
 
     with ThreadPoolExecutor(2) as executor:
-        swept(task, executor, memory)
-    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+        swept(task, executor, entry_speeds)
+    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
 
 
 def test_forking_pools_are_refused():

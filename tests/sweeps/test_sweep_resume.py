@@ -309,7 +309,7 @@ def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(p
 def other_scene(options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()
-    scene = cj.put(scene, lambda s: s.bodies["rotor"].mass, 2.0)
+    scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, 2.0)
     cj.sweep(scene, state, END, {"stiffness": stiffness_axis(STIFFNESS)}, OUTPUTS, **options)
 
 

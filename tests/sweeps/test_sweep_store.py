@@ -90,11 +90,11 @@ def test_store_gives_back_what_memory_does(path, changes):
 
 
 def test_pending_lanes_say_so(partial, path):
-    memory = SweepMemory(layout())
-    compute(memory, (0, 2))
-    assert memory.missing() == partial.missing() == MIDDLE
+    entry_speeds = SweepMemory(layout())
+    compute(entry_speeds, (0, 2))
+    assert entry_speeds.missing() == partial.missing() == MIDDLE
     found = open_sweep(path)
-    identical(found, memory.dataset())
+    identical(found, entry_speeds.dataset())
     lanes = found.stack(lane=("clearance", "restitution"))
     assert lanes["result"].values.tolist() == [1, 0, 0, 1, 0, *[-1] * 5, 0, 0]
     assert np.isnan(lanes["position"].isel(lane=slice(5, 10))).all()

@@ -389,12 +389,12 @@ def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
 def test_a_solution_is_observed_and_shown():
     scene, state = cj.double_pendulum()
     times = np.linspace(0.0, 0.2, 41)
-    solution = cj.simulate(scene, state, 0.2, cj.presets.look, save=cj.Saving(times))
+    solution = cj.simulate(scene, state, 0.2, cj.presets.preview, save=cj.Saving(times))
     view = cj.view(scene, solution, frames=21)
     assert len(view.times) == 21
     assert {part.name for part in view.parts if part.colour == FORCE} <= {"pin V", "pin W"} | {
         f"{name} {base}" for name in scene.joints for base in "VW"
     }
-    without = cj.simulate(scene, state, 0.01, cj.presets.look)
+    without = cj.simulate(scene, state, 0.01, cj.presets.preview)
     with pytest.raises(ValueError, match="save=Saving"):
         cj.view(scene, without)

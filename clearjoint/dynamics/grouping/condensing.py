@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...math.groups import Several, by_name, is_structural, stack
+from ...math.groups import GroupName, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
 from ...model.clearance_joints.alike_contacts import SeveralContactJoints
@@ -36,18 +36,18 @@ ROLES = ("the first body", "the second body")
 
 
 def condensed(scene: Scene) -> Scene:
-    """The scene (in scalar form) with its alike elements put together, under `Several` names."""
+    """The scene (in scalar form) with its alike elements put together, under `GroupName` names."""
     order, held, contacts = _order(scene), _held_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in held}
     bodies = {
-        Several(names): stack([scene.bodies[name] for name in names]) for names in _alike(free)
+        GroupName(names): stack([scene.bodies[name] for name in names]) for names in _alike(free)
     }
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
         name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
     }
     joints = {
-        Several(names): _together([contacts[name] for name in names])
+        GroupName(names): _together([contacts[name] for name in names])
         for names in _alike(structures)
     }
     return eqx.tree_at(
@@ -62,19 +62,19 @@ def whole(scene: Scene) -> Scene:
     joints = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, SeveralContactJoints):
-            assert isinstance(name, Several)
+            assert isinstance(name, GroupName)
             joints |= dict(zip(name.members, joint.members, strict=True))
         else:
             joints[name] = joint
     return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, (by_name(scene.bodies), joints))
 
 
-def groups(scene: Scene) -> list[Several]:
+def groups(scene: Scene) -> list[GroupName]:
     """The names of the groups of bodies and joints of a condensed scene."""
-    return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, Several)]
+    return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, GroupName)]
 
 
-def _with_groups(family: Mapping[str, T], groups: Mapping[Several, T]) -> dict[str, T]:
+def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict[str, T]:
     placed = {member for group in groups for member in group.members}
     return {name: one for name, one in family.items() if name not in placed} | dict(groups)
 
@@ -84,7 +84,7 @@ def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
     return SeveralContactJoints(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
         tuple(joints),
-        *(GROUND if GROUND in names else Several(names) for names in (first, second)),
+        *(GROUND if GROUND in names else GroupName(names) for names in (first, second)),
     )
 
 
@@ -111,7 +111,7 @@ def _structure(tree: PyTree) -> Hashable | None:
     return structure, tuple(parts)
 
 
-def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, Several]) -> Hashable:
+def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...math.groups import Several, by_group, by_name, element, is_structural, total
+from ...math.groups import GroupName, by_group, by_name, element, is_structural, sum_
 from ...math.vectors import Scalar
 from ...model.bodies import NO_WRENCH, BodyState, Motion, Wrench
 from ...model.joints.base import Motions, Row
@@ -144,7 +144,7 @@ class GroupedMechanics(AbstractMechanics):
 
 class Views(dict[str, Motion]):
     """Motions of single bodies and groups, which also answers the name of a body in a group, and a
-    `Several` of bodies in one group or of one and the same body."""
+    `GroupName` of bodies in one group or of one and the same body."""
 
     def __init__(self, motions: Motions):
         super().__init__(motions)
@@ -156,17 +156,17 @@ class Views(dict[str, Motion]):
         return self._known[name]
 
     def _motion_of(self, name: str) -> Motion:
-        if isinstance(name, Several) and name.members[0] in self:
+        if isinstance(name, GroupName) and name.members[0] in self:
             return self[name.members[0]]
         group = group_with(self, name)
-        if isinstance(name, Several):
+        if isinstance(name, GroupName):
             places = [group.members.index(member) for member in name.members]
             return _map_arrays(lambda leaf: _taken(leaf, places), self[group])
         return element(self[group], group.members.index(name))
 
 
 def folded(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
-    """Wrenches by the bodies' own names and by any `Several` as wrenches on single bodies and whole
+    """Wrenches by the bodies' own names and by any `GroupName` as wrenches on single bodies and whole
     groups, of which there is one for each key of `bodies`."""
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
@@ -180,17 +180,17 @@ def _placed(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wren
     wrench in the form of that."""
     if name in bodies:
         return name, wrench
-    if isinstance(name, Several) and name.members[0] in bodies:
-        return name.members[0], _map_arrays(total, wrench)
+    if isinstance(name, GroupName) and name.members[0] in bodies:
+        return name.members[0], _map_arrays(sum_, wrench)
     group = group_with(bodies, name)
-    members = name.members if isinstance(name, Several) else (name,)
+    members = name.members if isinstance(name, GroupName) else (name,)
     places = [group.members.index(member) for member in members]
     return group, _map_arrays(lambda leaf: _spread(leaf, places, len(group.members)), wrench)
 
 
-def group_with(names: Iterable[str], name: str) -> Several:
+def group_with(names: Iterable[str], name: str) -> GroupName:
     """The group that a body, or the first of several, is in. **Raises:** `KeyError` if none."""
-    member = name.members[0] if isinstance(name, Several) else name
+    member = name.members[0] if isinstance(name, GroupName) else name
     for group in _several(names):
         if member in group.members:
             return group
@@ -223,13 +223,13 @@ def _spread(values: jax.Array, places: list[int], size: int) -> Scalar:
     return sum(padded.at[column].get(mode="promise_in_bounds") for column in columns)
 
 
-def _several(names: Iterable[str]) -> list[Several]:
-    return [name for name in names if isinstance(name, Several)]
+def _several(names: Iterable[str]) -> list[GroupName]:
+    return [name for name in names if isinstance(name, GroupName)]
 
 
 def _rest(scene: Scene) -> Scene:
     """The scene without its groups of bodies."""
-    single = {name: body for name, body in scene.bodies.items() if not isinstance(name, Several)}
+    single = {name: body for name, body in scene.bodies.items() if not isinstance(name, GroupName)}
     return eqx.tree_at(lambda s: s.bodies, scene, single)
 
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from ...math.rotations import composed, conjugate, euler_parameter_rates, normalised, turned
 from ...math.vectors import EulerParameters, Matrix, Vector, add
 from ...model.bodies import BodyState, Motion
-from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Relative, Twist
+from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ..coordinates import (
     MotionVariables,
     Speeds,
@@ -157,49 +157,52 @@ class JointedBranch(AbstractBranch):
     """A body carried by an ideal joint: a `JointState` of the joint's freedom."""
 
     joint: str
-    freedom: AbstractFreedom
+    motion_subspace: AbstractMotionSubspace
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
         """The relative motion, as far as the joint allows it."""
-        here, there = self.freedom.point_child, self.freedom.point_parent
+        here, there = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (turn_parent, first), (turn, second) = parent, body
         displacement = second.components(second.point(here) - first.point(there))
         spin = second.spin - second.components(first.direction(first.spin))
         velocity = second.components(second.velocity_at(here) - first.velocity_at(there))
         slide = velocity - second.spin.cross(displacement)
         orientation = composed(conjugate(turn_parent), turn)
-        return self.freedom.encode(Relative(orientation, displacement, Twist(spin, slide)))
+        return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, slide)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
         """The parent's, and then the joint's."""
-        return normalised(composed(parent, self.freedom.orientation(state.position)))
+        return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
         """The parent's motion, and the joint's on top."""
-        turn, twist = self.freedom.rotation(state.position), self.freedom.twist(state)
+        turn, twist = (
+            self.motion_subspace.rotation(state.position),
+            self.motion_subspace.twist(state),
+        )
         rotation = parent.rotation @ turn
-        spin = turn.transposed_times(parent.spin) + twist.turn
-        arm = self.freedom.displacement(state.position) - self.freedom.point_child
-        point = self.freedom.point_parent
+        spin = turn.transposed_times(parent.spin) + twist.angular
+        arm = self.motion_subspace.displacement(state.position) - self.motion_subspace.point_child
+        point = self.motion_subspace.point_parent
         return Motion(
             parent.point(point) + rotation @ arm,
             rotation,
-            parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.slide),
+            parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear),
             spin,
         )
 
     def link(self, parent: Link | None, state: JointState) -> Link:
         """The root of a tree if the parent is the ground."""
-        return jointed_link(parent, self.freedom, state)
+        return jointed_link(parent, self.motion_subspace, state)
 
     def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
         """The position's rates, and the speeds'."""
-        return JointState(self.freedom.rates(state), tuple(speeds))
+        return JointState(self.motion_subspace.rates(state), tuple(speeds))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """The position moved along the directions that the joint leaves free."""
         return JointState(
-            self.freedom.after_displacement(state.position, tuple(changes)), state.speeds
+            self.motion_subspace.after_displacement(state.position, tuple(changes)), state.speeds
         )
 
     def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
@@ -209,7 +212,7 @@ class JointedBranch(AbstractBranch):
 
     def without_drift(self, state: JointState) -> JointState:
         """The position as the joint's freedom keeps it in range."""
-        return JointState(self.freedom.without_drift(state.position), state.speeds)
+        return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
         """The speeds of the other."""

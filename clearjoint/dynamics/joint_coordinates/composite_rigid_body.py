@@ -77,7 +77,7 @@ class TreeMechanics:
             if parent is not None:
                 seen = composites[k]
                 for column, whole, rest in zip(columns, wholes, rests, strict=True):
-                    seen = seen.without(column.turn, whole, rest)
+                    seen = seen.without(column.angular, whole, rest)
                 composites[parent] = composites[parent] + seen
         return matrix
 
@@ -148,7 +148,7 @@ class TreeMechanics:
             parent, own = self._parents[k], rates[self._firsts[k] : self._firsts[k + 1]]
             twist = REST if parent is None else twists[parent]
             own = [
-                subtract(rate, column.turn.dot(twist.turn))
+                subtract(rate, column.angular.dot(twist.angular))
                 for column, rate in zip(link.columns, own, strict=True)
             ]
             for column, rate in zip(link.columns, own, strict=True):
@@ -160,8 +160,8 @@ class TreeMechanics:
         """Accelerations of the bodies."""
         accelerations = {}
         for (branch, link), (twist, _) in zip(self._pairs(), self._spread_out(rates), strict=True):
-            linear = twist.slide + twist.turn.cross(link.place) + link.bias + self._fall
-            angular = link.rotation.transposed_times(twist.turn + link.turn_bias)
+            linear = twist.linear + twist.angular.cross(link.place) + link.bias + self._fall
+            angular = link.rotation.transposed_times(twist.angular + link.turn_bias)
             accelerations[branch.body] = BodyAcceleration(self._axes @ linear, angular)
         return accelerations
 
@@ -196,13 +196,13 @@ class TreeMechanics:
 
 def _product(first: Twist, second: Twist) -> Scalar:
     """Power of a load, or product of a momentum, with a twist."""
-    return add(first.turn.dot(second.turn), first.slide.dot(second.slide))
+    return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def _rest(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
     """What a body passes on to the body that carries it: a load on it, or its momentum, without the
     moments `along` its own columns, which its joint leaves free."""
-    moment = load.turn
+    moment = load.angular
     for column, part in zip(columns, along, strict=True):
-        moment = moment - column.turn * part
-    return Twist(moment, load.slide)
+        moment = moment - column.angular * part
+    return Twist(moment, load.linear)

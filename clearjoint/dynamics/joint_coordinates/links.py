@@ -21,7 +21,7 @@ from ...math.vectors import (
     multiply,
     subtract,
 )
-from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Twist
+from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Twist
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +53,16 @@ def free_link(spin: Vector) -> Link:
     return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _spread(spin, ZERO), tuple(columns))
 
 
-def jointed_link(parent: Link | None, freedom: AbstractFreedom, state: JointState) -> Link:
+def jointed_link(
+    parent: Link | None, motion_subspace: AbstractMotionSubspace, state: JointState
+) -> Link:
     """A body carried by a joint: on its parent, or as the root of a tree on the ground."""
     if parent is None:
-        return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, freedom, state)
-    rotation = parent.rotation @ freedom.rotation(state.position)
-    arm = parent.rotation @ freedom.point_parent
+        return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, motion_subspace, state)
+    rotation = parent.rotation @ motion_subspace.rotation(state.position)
+    arm = parent.rotation @ motion_subspace.point_parent
     bias = parent.bias + parent.spread @ arm
-    return _carried(rotation, parent.place + arm, parent, bias, freedom, state)
+    return _carried(rotation, parent.place + arm, parent, bias, motion_subspace, state)
 
 
 def _carried(
@@ -68,21 +70,21 @@ def _carried(
     point: Vector,
     parent: Link,
     bias: Vector,
-    freedom: AbstractFreedom,
+    motion_subspace: AbstractMotionSubspace,
     state: JointState,
 ) -> Link:
     """A body whose joint is at `point` of its parent, which has the given bias acceleration."""
-    twist, own = freedom.twist(state), freedom.bias(state)
-    turn, slide = rotation @ twist.turn, rotation @ twist.slide
+    twist, own = motion_subspace.twist(state), motion_subspace.bias(state)
+    turn, slide = rotation @ twist.angular, rotation @ twist.linear
     spin = parent.spin + turn
-    turn_bias = parent.turn_bias + parent.spin.cross(turn) + rotation @ own.turn
+    turn_bias = parent.turn_bias + parent.spin.cross(turn) + rotation @ own.angular
     spread = _spread(spin, turn_bias)
-    displacement = freedom.displacement(state.position)
-    arm = rotation @ (displacement - freedom.point_child)
-    sliding = (spin * 2.0).cross(slide) + rotation @ own.slide
+    displacement = motion_subspace.displacement(state.position)
+    arm = rotation @ (displacement - motion_subspace.point_child)
+    sliding = (spin * 2.0).cross(slide) + rotation @ own.linear
     columns = tuple(
-        _at_origin(Twist(rotation @ column.turn, rotation @ column.slide), point)
-        for column in freedom.columns(state.position)
+        _at_origin(Twist(rotation @ column.angular, rotation @ column.linear), point)
+        for column in motion_subspace.columns(state.position)
     )
     return Link(
         rotation, point + arm, spin, turn_bias, bias + sliding + spread @ arm, spread, columns
@@ -91,7 +93,7 @@ def _carried(
 
 def _at_origin(twist: Twist, place: Vector) -> Twist:
     """The twist at the tree's origin of a body with the given one at a place."""
-    return Twist(twist.turn, twist.slide + place.cross(twist.turn))
+    return Twist(twist.angular, twist.linear + place.cross(twist.angular))
 
 
 def _spread(spin: Vector, turn_bias: Vector) -> Matrix:

@@ -29,16 +29,16 @@ class Inertia:
     def momentum(self, twist: Twist) -> Twist:
         """Angular momentum, and momentum."""
         return Twist(
-            self.angular @ twist.turn + self.coupling @ twist.slide,
-            self.coupling.transposed_times(twist.turn) + twist.slide * self.mass,
+            self.angular @ twist.angular + self.coupling @ twist.linear,
+            self.coupling.transposed_times(twist.angular) + twist.linear * self.mass,
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
         """Less axis . (the momentum `whole`) and its transpose, of which the former took a part."""
         return Inertia(
             self.mass,
-            self.coupling.minus_outer(axis, whole.slide),
-            self.angular.minus_outer(axis, whole.turn).minus_outer(rest.turn, axis),
+            self.coupling.minus_outer(axis, whole.linear),
+            self.angular.minus_outer(axis, whole.angular).minus_outer(rest.angular, axis),
         )
 
 

@@ -62,6 +62,6 @@ def _carried(scene: Scene, parent: str) -> Iterator[JointedBranch]:
             bodies = joint.body_names()
             if len(bodies) == 2 and parent in bodies:
                 body = bodies[1] if parent == bodies[0] else bodies[0]
-                freedom = joint.freedom(parent)
-                if freedom is not None:
-                    yield JointedBranch(body, parent, name, freedom)
+                motion_subspace = joint.motion_subspace(parent)
+                if motion_subspace is not None:
+                    yield JointedBranch(body, parent, name, motion_subspace)

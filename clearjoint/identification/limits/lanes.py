@@ -66,9 +66,9 @@ class LaneMargins:
         ends = self.margins[: count + 1]
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         around = np.pad(changes, NEIGHBOURS)
-        largest = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        largest_feasible = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
         found = np.zeros(len(self.places) - 1, bool)
-        found[:count] = np.minimum(ends[:-1], ends[1:]) < largest
+        found[:count] = np.minimum(ends[:-1], ends[1:]) < largest_feasible
         return found
 
     def falls(self, tolerance: float) -> bool:
@@ -81,7 +81,7 @@ class LaneMargins:
 
 @dataclass(frozen=True)
 class LaneProblem:
-    """What is run in lanes: see `largest`."""
+    """What is run in lanes: see `largest_feasible`."""
 
     scene: Scene
     state: State

@@ -34,7 +34,7 @@ Watched = Quantity | AbstractReduction
 
 
 @dataclass(frozen=True)
-class Largest:
+class LargestFeasible:
     """The largest value that holds, with all smaller ones that were looked at.
 
     - `value`: in the parameter's `unit`; the upper end of the range if no limit is met there.
@@ -52,7 +52,7 @@ class Largest:
       log(limit / peak) there, -inf where a run failed.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
-    >>> found = cj.largest(
+    >>> found = cj.largest_feasible(
     ...     scene, state, 0.5, stiffness, speed, 2.0, between=between, lanes=8, progress=False
     ... )
     >>> found.met, round(found.value)
@@ -98,7 +98,7 @@ def _digits(low: float, high: float) -> int:
     return int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))
 
 
-def largest(
+def largest_feasible(
     scene: Scene,
     state: State,
     end_time: float,
@@ -115,7 +115,7 @@ def largest(
     tolerance: float = 1e-3,
     start_time: float = 0.0,
     progress: bool = True,
-) -> Largest:
+) -> LargestFeasible:
     """Find the largest value of a parameter, a clearance say, with which quantities stay within
     their limits, and all smaller values of the range too.
 
@@ -128,7 +128,7 @@ def largest(
     import clearjoint as cj
 
     scene, state = cj.slider_crank(0.1e-3)
-    found = cj.largest(
+    found = cj.largest_feasible(
         scene,
         state,
         2e-3,
@@ -157,7 +157,7 @@ def largest(
     - `tolerance`: of the value, relative to itself.
     - `progress`: show a bar while lanes run.
 
-    **Returns:** a `Largest`.
+    **Returns:** a `LargestFeasible`.
 
     **Raises:** `ValueError` for arguments that no run can use, and if the least value does not
     hold; the message has the peak that it reaches.
@@ -197,7 +197,7 @@ class _Search:
     tolerance: float
     parameter: Parameter
 
-    def found(self, low: float, high: float, unit: str) -> Largest:
+    def found(self, low: float, high: float, unit: str) -> LargestFeasible:
         """The largest value between two places."""
         seen = self.problem.margins(np.linspace(low, high, self.lanes))
         least = self._value(low)
@@ -237,11 +237,11 @@ class _Search:
             seen = seen.with_others(self.problem.margins(np.concatenate(rows)))
         return seen
 
-    def _largest(self, seen: LaneMargins, value: float, unit: str) -> Largest:
+    def _largest(self, seen: LaneMargins, value: float, unit: str) -> LargestFeasible:
         met = seen.gap() is not None
         again = int(np.flatnonzero(seen.margins >= 0.0)[-1])
         first = _gap(seen)[1] if met else len(seen.places) - 1
-        return Largest(
+        return LargestFeasible(
             value=value,
             unit=unit,
             interval=self._interval(seen) if met else (value, value),

@@ -12,7 +12,7 @@ SPLIT = 1e-12
 """Smallest variance, over those of the coordinates, that counts as any."""
 
 
-def reach(curves: np.ndarray, keep: int, excess: float) -> float:
+def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Number of times, with a part of the last, up to which at least `keep` of the points have a
     chi squared at most `excess` above the best, from its curves (n, T + 1) at 0 to T times."""
     last = curves.shape[1] - 1

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from ...compilation import Compiled
-from ...math.vectors import structured
+from ...math.vectors import fold_constants
 from ...model.bodies import State
 from ...simulation.lanes.lane import Plan
 from ...simulation.lanes.scheduler import Batch, Ended
@@ -128,8 +128,8 @@ class SideBySide:
     def _common(self) -> Common:
         runs = self.runs
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
-        form = structured(runs.family.base[0], self._varied)
-        return Common(plan, form, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+        folded_scene = fold_constants(runs.family.base[0], self._varied)
+        return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)
 
 
 @Compiled

@@ -33,7 +33,7 @@ class Passes:
     ) -> tuple[tuple[Search, ...], tuple[Screened, ...]]:
         """The searches from what each pass left, and the passes; the last is the first after which
         chi squared is not too large for the noise."""
-        lanes, freedom = SideBySide(self.runs, data), data.count - len(self.names)
+        lanes, degrees_of_freedom = SideBySide(self.runs, data), data.count - len(self.names)
         searches: list[Search] = []
         screened: list[Screened] = []
         for number in range(self.screening.passes):
@@ -42,7 +42,7 @@ class Passes:
             )
             searches += map(searched, screened[-1].starts)
             chi_squared = lowest(searches).best.chi_squared
-            if not statistics.chi_squared_p(chi_squared, freedom) < statistics.UNLIKELY:
+            if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
                 break
         return tuple(searches), tuple(screened)
 

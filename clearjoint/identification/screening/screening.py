@@ -19,7 +19,7 @@ from jaxtyping import Float
 from ...fields.checks import require, require_count
 from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from ..starts import half_widths
-from .level_sets import among, apart, level, reach
+from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
@@ -136,7 +136,7 @@ def screen(
     with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
-            count = reach(curves, screening.keep, excess)
+            count = reached(curves, screening.keep, excess)
             misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
@@ -150,7 +150,7 @@ def screen(
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            ahead = min(lanes.count, int(reach(curves, FEW, excess)) + 2)
+            ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
             bounds = centre - spread, centre + spread
             new = among(left, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
             points = np.concatenate([left, new])

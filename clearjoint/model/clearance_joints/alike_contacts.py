@@ -20,7 +20,7 @@ class SeveralContactJoints(AbstractContactJoint):
 
     - `joint`: the first of them, with arrays of all their numbers.
     - `members`: all of them as they were given.
-    - `first`, `second`: names of their bodies; each that of the ground, or a `Several` in the order
+    - `first`, `second`: names of their bodies; each that of the ground, or a `GroupName` in the order
       of the joints.
     """
 
@@ -39,7 +39,7 @@ class SeveralContactJoints(AbstractContactJoint):
             label: SeveralContactLaws(
                 joint=self.joint,
                 label=label,
-                has_memory=law.has_memory,
+                uses_entry_speed=law.uses_entry_speed,
                 force_jumps=law.force_jumps,
             )
             for label, law in self.joint.laws().items()
@@ -92,7 +92,7 @@ class SeveralContactLaws(AbstractContactLaw):
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
-    has_memory: bool = eqx.field(static=True)  # pyright: ignore
+    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
     force_jumps: bool = eqx.field(static=True)
 
     def _each(self, method: str, *arguments: Gap | Scalar | None) -> Scalar:
@@ -113,9 +113,9 @@ class SeveralContactLaws(AbstractContactLaw):
         """Elastic energies in J."""
         return self._each("stored_energy", gap)
 
-    def reach(self) -> Scalar:
+    def onset_offset(self) -> Scalar:
         """Distances ahead of the surface at which the forces begin, m."""
-        return self._each("reach")
+        return self._each("onset_offset")
 
     def slope_jumps(self) -> bool:
         """Whether their slopes may jump."""

@@ -184,14 +184,14 @@ class Backlash(AbstractContactJoint):
         """Half of the way from a flank to the back of the other one."""
         return dict.fromkeys(FLANKS, 0.25 * self.radius * (TURN - self.play))
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The second body's angle about the axis, rad within (-pi, pi], as a row."""
         first, second = motions[self.first], motions[self.second]
         return turning_about_axes(self.pair(), first, second, self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry of both flanks."""
-        row = self.turn(motions)
+        row = self.relative_angle(motions)
         angle = within_a_period(row.value - self.middle, TURN)
         speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
         axis = motions[self.first].direction(unit(self.axis_first))
@@ -224,6 +224,6 @@ class HeldInPlay(AbstractConstraint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The angle from the middle of the play, rad."""
         del t
-        row = self.backlash.turn(motions)
+        row = self.backlash.relative_angle(motions)
         angle = within_a_period(row.value - self.backlash.middle, TURN)
         return {"angle": replace(row, value=angle)}

@@ -259,7 +259,7 @@ class ClearanceJoint(AbstractContactJoint):
         first, second = transverse_axes(axis)
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis

@@ -45,7 +45,7 @@ class FadingIn(AbstractContactLaw):
 
     law: AbstractContactLaw
     transition: Single
-    has_memory: bool = eqx.field(static=True)  # pyright: ignore
+    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
@@ -165,7 +165,7 @@ class LubricatedJoint(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """The law of each base, which fades in, and of each shoulder if there are any."""
         return {
-            name: FadingIn(law, self.transition, law.has_memory) if name in BASES else law
+            name: FadingIn(law, self.transition, law.uses_entry_speed) if name in BASES else law
             for name, law in self.dry.laws().items()
         }
 
@@ -239,9 +239,9 @@ class LubricatedJoint(AbstractContactJoint):
         frame."""
         return self.dry.journal_offset(motions, base)
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
-        return self.dry.turn(motions)
+        return self.dry.relative_angle(motions)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
         """How far an axially free journal is beyond a bearing as long as itself, m."""

@@ -17,7 +17,7 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
     """An elastic force K delta^n with damping of its own, without memory or jumps."""
 
     exponent: eqx.AbstractVar[float]
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def __check_init__(self):

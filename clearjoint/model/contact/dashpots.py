@@ -49,7 +49,7 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     else:
         exponent: eqx.AbstractClassVar[float]
         damping_exponent: eqx.AbstractClassVar[float]
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     @abc.abstractmethod

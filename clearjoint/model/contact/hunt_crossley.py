@@ -40,7 +40,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         factor: float
         exponent: float = eqx.field(default=1.5, static=True)
         smoothing: float | None = None
-        has_memory = True
+        uses_entry_speed = True
 
         def damping_factor(self):
             return self.factor
@@ -71,7 +71,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
                 "it smooths a power of the penetration",
             )
 
-    def reach(self) -> Scalar:
+    def onset_offset(self) -> Scalar:
         """Distance ahead of the surface at which the force begins, m."""
         return 0.0 if self.smoothing is None else self.smoothing
 
@@ -127,7 +127,7 @@ class Hertz(AbstractHertzianLaw):
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = False
+    uses_entry_speed = False
 
     def damping_factor(self) -> Scalar:
         """chi = 0: nothing is lost."""
@@ -158,7 +158,7 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     )
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def damping_factor(self) -> Scalar:
@@ -192,7 +192,7 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     exponent: float = eqx.field(default=1.5, static=True)
     entry_speed_floor: Single = quantity("m/s", default=1e-6)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = True
+    uses_entry_speed = True
     force_jumps = False
 
     def __check_init__(self):

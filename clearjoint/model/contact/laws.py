@@ -27,7 +27,7 @@ seen, so it is taken as elastic, for which an entry speed beyond all others stan
 class AbstractContactLaw(AbstractConverting):
     """A normal force law.
 
-    A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
+    A subclass gives the force and the stored energy; a law with `uses_entry_speed` gets the entry speed
     of the present contact, found at the true onset and kept to the separation.
 
     `force_jumps`: whether the force may be other than zero right after the onset or before the
@@ -44,7 +44,7 @@ class AbstractContactLaw(AbstractConverting):
     class Elastomer(cj.AbstractContactLaw):
         stiffness: float  # N/m
         damping: float  # s/m
-        has_memory = False
+        uses_entry_speed = False
         force_jumps = False
 
         def elastic_force(self, gap):
@@ -63,9 +63,9 @@ class AbstractContactLaw(AbstractConverting):
     """
 
     if TYPE_CHECKING:  # pyright takes equinox's for a field
-        has_memory: ClassVar[bool]
+        uses_entry_speed: ClassVar[bool]
     else:
-        has_memory: eqx.AbstractClassVar[bool]
+        uses_entry_speed: eqx.AbstractClassVar[bool]
     force_jumps = True
 
     def __init_subclass__(cls, **options: object):
@@ -85,7 +85,7 @@ class AbstractContactLaw(AbstractConverting):
     def stored_energy(self, gap: Gap) -> Scalar:
         """Elastic energy in J."""
 
-    def reach(self) -> Scalar:
+    def onset_offset(self) -> Scalar:
         """Distance ahead of the surface at which the force begins, m; 0 for an exact law."""
         return 0.0
 
@@ -128,7 +128,7 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
     1300.0 N
     """
-    if law.has_memory:
+    if law.uses_entry_speed:
         assert entry_speed is not None
         entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)
     return law.force(gap, entry_speed)

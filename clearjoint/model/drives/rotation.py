@@ -39,7 +39,7 @@ class AbstractDrive(AbstractPair):
         require_axis("axis", self.axis)
         require_euler_parameters("orientation", self.orientation)
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The angle in rad, within (-pi, pi], as a row."""
         axis = unit(self.axis)
         start, _ = transverse_axes(axis)
@@ -88,7 +88,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The angle less that prescribed."""
-        row = row_following(self.turn(motions), self.angle, t)
+        row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
 
@@ -152,7 +152,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """The torque and its reaction: what works on the angle's rate."""
-        turn = self.turn(motions)
+        turn = self.relative_angle(motions)
         torque = self.torque_at(turn.value, _rate(turn, motions), t)
         return {
             name: Wrench(pair.force, pair.moment * torque) for name, pair in turn.jacobian.items()
@@ -160,7 +160,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     def speed(self, motions: Motions) -> Scalar:
         """Rate of the angle, rad/s."""
-        return _rate(self.turn(motions), motions)
+        return _rate(self.relative_angle(motions), motions)
 
 
 def _rate(turn: Row, motions: Motions) -> Scalar:

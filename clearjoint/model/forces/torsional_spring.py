@@ -48,7 +48,7 @@ class TorsionalSpring(AbstractDriveTorque):
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Half the stiffness times the squared twist, J."""
         del t
-        return 0.5 * self.stiffness * self._twist(self.turn(motions).value) ** 2
+        return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         """Minus the damper's dissipation, W."""

@@ -22,7 +22,7 @@ from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit
 from ..pen import AbstractPen, Marker
-from .motion_subspaces import AbstractFreedom
+from .motion_subspaces import AbstractMotionSubspace
 
 T = TypeVar("T")
 
@@ -125,7 +125,7 @@ class AbstractConstraint(AbstractElement):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """The constraint equations by name, independent of each other."""
 
-    def freedom(self, parent: str) -> AbstractFreedom | None:
+    def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
         """The motion that the joint leaves the other one of its two bodies against the given one.
 
         Joint coordinates follow it and leave the constraint equations out. ``None``, the default,

@@ -75,7 +75,7 @@ class AbstractAxisJoint(AbstractPairJoint):
             for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
         }
 
-    def turn(self, motions: Motions) -> Row:
+    def relative_angle(self, motions: Motions) -> Row:
         """The angle in rad, within (-pi, pi], as a row."""
         names = (self.first, self.second)
         first, second = motions[self.first], motions[self.second]
@@ -105,7 +105,7 @@ class SphericalJoint(AbstractPairJoint):
         del t
         return self._coincidence(motions)
 
-    def freedom(self, parent: str) -> Ball:
+    def motion_subspace(self, parent: str) -> Ball:
         """The second body turns freely about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
@@ -141,7 +141,7 @@ class RevoluteJoint(AbstractAxisJoint):
         del t
         return self._coincidence(motions) | self._tilts(motions)
 
-    def freedom(self, parent: str) -> Hinge:
+    def motion_subspace(self, parent: str) -> Hinge:
         """The second body turns about the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
@@ -178,7 +178,7 @@ class FixedJoint(AbstractPairJoint):
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
-    def freedom(self, parent: str) -> Weld:
+    def motion_subspace(self, parent: str) -> Weld:
         """No motion at all: the bodies are one."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
@@ -276,7 +276,7 @@ class PrismaticJoint(AbstractPairJoint):
         held = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | held
 
-    def freedom(self, parent: str) -> Slider:
+    def motion_subspace(self, parent: str) -> Slider:
         """The second body slides along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))

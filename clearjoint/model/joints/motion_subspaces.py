@@ -41,19 +41,19 @@ from ...math.vectors import (
 class Twist:
     """A spin of the child and a velocity of its joint's point, against the parent.
 
-    >>> twist = extend.Twist(turn=extend.UNIT_Z, slide=extend.ZERO) * 2.0
-    >>> twist.turn.z
+    >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
+    >>> twist.angular.z
     2.0
     """
 
-    turn: Vector
-    slide: Vector
+    angular: Vector
+    linear: Vector
 
     def __add__(self, other: "Twist") -> "Twist":
-        return Twist(self.turn + other.turn, self.slide + other.slide)
+        return Twist(self.angular + other.angular, self.linear + other.linear)
 
     def __mul__(self, factor: Scalar) -> "Twist":
-        return Twist(self.turn * factor, self.slide * factor)
+        return Twist(self.angular * factor, self.linear * factor)
 
 
 REST = Twist(ZERO, ZERO)
@@ -64,7 +64,7 @@ class Relative:
     """Pose and twist of a child against its parent.
 
     `orientation` turns the child's components into the parent's; `displacement` leads from the
-    parent's point to the child's, in the child's axes, in which its rate is ``twist.slide``.
+    parent's point to the child's, in the child's axes, in which its rate is ``twist.linear``.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -91,16 +91,16 @@ class JointState(eqx.Module):
     speeds: tuple[Scalar, ...]
 
 
-class AbstractFreedom(eqx.Module):
+class AbstractMotionSubspace(eqx.Module):
     """The relative motion that a joint allows.
 
     `point_parent` and `point_child` are the joint's points, m in each body's axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
-    >>> freedom = extend.unpack(hinge).freedom("ground")
+    >>> freedom = extend.unpack(hinge).motion_subspace("ground")
     >>> (column,) = freedom.columns(0.0)  # one speed
-    >>> print(f"{abs(column.turn.z):.1f}")
+    >>> print(f"{abs(column.angular.z):.1f}")
     1.0
     """
 
@@ -153,7 +153,7 @@ class AbstractFreedom(eqx.Module):
         return sum((column * speed for column, speed in parts), REST)
 
 
-class Weld(AbstractFreedom):
+class Weld(AbstractMotionSubspace):
     """No motion at all. `reference` turns the child's components into the parent's."""
 
     point_parent: Vector
@@ -185,7 +185,7 @@ class Weld(AbstractFreedom):
         return position
 
 
-class Hinge(AbstractFreedom):
+class Hinge(AbstractMotionSubspace):
     """Turning by an angle (rad) about `axis`, a unit vector in the child's axes.
 
     `reference` turns the child's components into the parent's at angle zero; see `aligning`.
@@ -204,7 +204,7 @@ class Hinge(AbstractFreedom):
         turn = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(turn.e1, turn.e2, turn.e3)
         angle = 2.0 * polar_angle(vector.dot(self.axis), turn.e0)
-        return JointState(angle, (relative.twist.turn.dot(self.axis),))
+        return JointState(angle, (relative.twist.angular.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
         """The reference, turned by the angle about the axis."""
@@ -242,7 +242,7 @@ class Hinge(AbstractFreedom):
         return within_two_turns(position)
 
 
-class Ball(AbstractFreedom):
+class Ball(AbstractMotionSubspace):
     """Turning freely: relative Euler parameters, and relative spin in the child's axes."""
 
     point_parent: Vector
@@ -250,7 +250,7 @@ class Ball(AbstractFreedom):
 
     def encode(self, relative: Relative) -> JointState:
         """Relative orientation and spin."""
-        spin = relative.twist.turn
+        spin = relative.twist.angular
         return JointState(relative.orientation, (spin.x, spin.y, spin.z))
 
     def orientation(self, position: EulerParameters) -> EulerParameters:
@@ -277,7 +277,7 @@ class Ball(AbstractFreedom):
         return kept_unit(position)
 
 
-class Slider(AbstractFreedom):
+class Slider(AbstractMotionSubspace):
     """Sliding by a distance (m) along `axis`, a unit vector in the child's axes.
 
     `reference` turns the child's components into the parent's.
@@ -291,7 +291,7 @@ class Slider(AbstractFreedom):
     def encode(self, relative: Relative) -> JointState:
         """Distance along the axis in m, and its rate in m/s."""
         distance = relative.displacement.dot(self.axis)
-        return JointState(distance, (relative.twist.slide.dot(self.axis),))
+        return JointState(distance, (relative.twist.linear.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
         """The `reference`, whatever the position."""

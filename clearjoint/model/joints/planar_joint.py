@@ -46,7 +46,7 @@ class PlanarJoint(AbstractAxisJoint):
         height = point_in_plane(names, *pair, self.point_first, normal, self.point_second)
         return {"height": height} | self._tilts(motions)
 
-    def freedom(self, parent: str) -> PlanarMotion:
+    def motion_subspace(self, parent: str) -> PlanarMotion:
         """The second body slides along the plane and turns about its normal."""
         points = self._ordered(parent, self.point_first, self.point_second)
         there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))

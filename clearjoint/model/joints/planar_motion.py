@@ -2,13 +2,13 @@
 
 from ...math.rotations import transverse_axes
 from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
-from .motion_subspaces import AbstractFreedom, Hinge, JointState, Relative, Twist
+from .motion_subspaces import AbstractMotionSubspace, Hinge, JointState, Relative, Twist
 
 Place = tuple[Scalar, Scalar, Scalar]
 """Two distances, m, and an angle, rad."""
 
 
-class PlanarMotion(AbstractFreedom):
+class PlanarMotion(AbstractMotionSubspace):
     """Sliding in a plane of the parent by two distances (m) in its axes, and turning about the
     normal by an angle (rad).
 
@@ -27,9 +27,9 @@ class PlanarMotion(AbstractFreedom):
         """The distances and the angle, within (-2 pi, 2 pi], and their rates."""
         turning = self._hinge().encode(relative)
         rotation = self.rotation((0.0, 0.0, turning.position))
-        apart, turn = relative.displacement, relative.twist.turn
+        apart, turn = relative.displacement, relative.twist.angular
         place = rotation @ apart
-        velocity = rotation @ (relative.twist.slide + turn.cross(apart))
+        velocity = rotation @ (relative.twist.linear + turn.cross(apart))
         first, second = transverse_axes(self.normal_parent)
         return JointState(
             (place.dot(first), place.dot(second), turning.position),

@@ -16,11 +16,11 @@ from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
-from .motion_subspaces import AbstractFreedom, Hinge, JointState, Relative, Twist
+from .motion_subspaces import AbstractMotionSubspace, Hinge, JointState, Relative, Twist
 from .row_combinations import scaled_row, sum_of_rows
 
 
-class ScrewMotion(AbstractFreedom):
+class ScrewMotion(AbstractMotionSubspace):
     """Turning by an angle (rad) about `axis`, a unit vector in the child's axes, and advancing
     along it by `pitch` (m/rad) as much.
 
@@ -132,11 +132,11 @@ class ScrewJoint(AbstractAxisJoint):
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         axis = unit(self.axis_first)
         advance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
-        by_angle = scaled_row(self.turn(motions), self.lead * (-0.5 / math.pi))
+        by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
         row = sum_of_rows((advance, by_angle))
         return replace(row, value=wrapped(row.value, self.lead))
 
-    def freedom(self, parent: str) -> ScrewMotion:
+    def motion_subspace(self, parent: str) -> ScrewMotion:
         """The second body turns about the axis and advances."""
         points = self._ordered(parent, self.point_first, self.point_second)
         axis = unit(self.axis_first)

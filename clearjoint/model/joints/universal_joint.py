@@ -49,7 +49,7 @@ class UniversalJoint(AbstractPairJoint):
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
 
-    def freedom(self, parent: str) -> UniversalMotion:
+    def motion_subspace(self, parent: str) -> UniversalMotion:
         """The bodies turn about the two arms of the cross."""
         points = self._ordered(parent, self.point_first, self.point_second)
         arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))

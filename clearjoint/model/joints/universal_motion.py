@@ -3,13 +3,13 @@
 from ...math.functions import cosine, polar_angle, sine
 from ...math.rotations import composed, rotation_matrix, transverse_axes, within_two_turns
 from ...math.vectors import ZERO, EulerParameters, Scalar, Vector, add
-from .motion_subspaces import AbstractFreedom, Hinge, JointState, Relative, Twist, aligning
+from .motion_subspaces import AbstractMotionSubspace, Hinge, JointState, Relative, Twist, aligning
 
 Angles = tuple[Scalar, Scalar]
 """Of the cross about the parent's arm, and of the child about its own, rad."""
 
 
-class UniversalMotion(AbstractFreedom):
+class UniversalMotion(AbstractMotionSubspace):
     """Turning about an arm of the parent, and about one of the child, by two angles (rad).
 
     `arm_parent` and `arm_child` are unit vectors, each in the axes of its body.
@@ -48,7 +48,7 @@ class UniversalMotion(AbstractFreedom):
         second = self._about_child(reference).encode(relative)
         along, _ = self._parents_arm(second.position)
         return JointState(
-            (first, second.position), (relative.twist.turn.dot(along), *second.speeds)
+            (first, second.position), (relative.twist.angular.dot(along), *second.speeds)
         )
 
     def orientation(self, position: Angles) -> EulerParameters:

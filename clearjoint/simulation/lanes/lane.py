@@ -24,15 +24,15 @@ from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..reductions.reductions import AbstractReduction
 from ..results.state_tables import contact_label
-from ..run.advance import Recorder, Stride, advance, latest_bracket
+from ..run.advance import Recorder, StepOutcome, advance, latest_dense_step
 from ..run.impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
 from ..run.run_ends import begin_run, final_result, final_state
 from ..run.sections import Crossing
-from ..step.dense_output import Bracket, Snapshot, on_constraints
+from ..step.dense_output import DenseStep, Snapshot, on_constraints
 from ..step.method import Scheme
 from ..step.step_state import Attempt, Method, Step, choose
 from ..step.stepping import attempt, running
-from ..step.time_map import FromBegin
+from ..step.time_map import FromOnset
 from ..step.types import Integers, Numbers
 from .recording import ROWS, CrossingRecord, CrossingRecorder, Ring
 
@@ -63,7 +63,7 @@ class Plan(eqx.Module):
         return self.scheme.method
 
 
-class Orders(eqx.Module):
+class SegmentRequest(eqx.Module):
     """What the host asks of a lane until it looks at it again.
 
     `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at, infinite behind
@@ -84,7 +84,7 @@ class Lane(eqx.Module):
     tallies: dict[str, PyTree]
     crossings: dict[str, CrossingRecord]
     impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
-    bracket: Bracket | None
+    dense_step: DenseStep | None
     saved: Ring[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
@@ -117,15 +117,17 @@ class Outcome(eqx.Module):
     results: dict[str, dict[str, Scalar]]
 
 
-def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, orders: Orders) -> Lane:
+def begin_lane(
+    plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
+) -> Lane:
     """The lane before its first step."""
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
-    step = begin_run(plan.method, system, state, start_time, orders.end_time, orders.first_step)
+    step = begin_run(plan.method, system, state, start_time, request.end_time, request.first_step)
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
-    row = Snapshot(step.t, step.y, step.memory)
+    row = Snapshot(step.t, step.y, step.entry_speeds)
     now = row.instant(system)
     hits = Ring.empty(ImpactRow.none())
     lane = Lane(
@@ -136,23 +138,23 @@ def begin_lane(plan: Plan, scene: Scene, state: State, start_time: Scalar, order
             for name, section in plan.sections.items()
         },
         {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
-        _empty_bracket(plan, system, step, orders) if plan.saves else None,
+        _empty_dense_step(plan, system, step, request) if plan.saves else None,
         Ring.empty(row) if plan.saves else None,
     )
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
 
-def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
+def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> Lane:
     """Take one step, unless the lane is at its end or waits for the host."""
     system = plan.scheme.system(scene)
     step, records = advance(
         plan.method,
         system,
         lane.step,
-        orders.end_time,
+        request.end_time,
         _records(lane),
-        _recorders(plan, orders),
-        goes=_goes(plan, lane, orders),
+        _recorders(plan, request),
+        goes=_goes(plan, lane, request),
     )
     lane = Lane(
         step,
@@ -162,44 +164,44 @@ def turn(plan: Plan, scene: Scene, lane: Lane, orders: Orders) -> Lane:
         records.get(LATEST),
         lane.saved,
     )
-    return _with_save(plan, system, lane, orders)
+    return _with_save(plan, system, lane, request)
 
 
 def _records(lane: Lane) -> dict[str, PyTree]:
-    latest = {} if lane.bracket is None else {LATEST: lane.bracket}
+    latest = {} if lane.dense_step is None else {LATEST: lane.dense_step}
     return {**lane.tallies, **lane.crossings, **lane.impacts, **latest}
 
 
-def _recorders(plan: Plan, orders: Orders) -> dict[str, Recorder]:
+def _recorders(plan: Plan, request: SegmentRequest) -> dict[str, Recorder]:
     return {
         **{name: _updating(reduction) for name, reduction in plan.reductions.items()},
         **{
-            name: CrossingRecorder(section, orders.wanted[name])
+            name: CrossingRecorder(section, request.wanted[name])
             for name, section in plan.sections.items()
         },
-        **{name: _tabling(recorder, name, orders) for name, recorder in plan.impacts.items()},
-        LATEST: latest_bracket,
+        **{name: _tabling(recorder, name, request) for name, recorder in plan.impacts.items()},
+        LATEST: latest_dense_step,
     }
 
 
 def _updating(reduction: AbstractReduction) -> Recorder:
     """The recorder of a reduction's tally."""
 
-    def after(tally: PyTree, stride: Stride) -> PyTree:
-        return choose(stride.kept, reduction.update(tally, stride.now), tally)
+    def after(tally: PyTree, step_outcome: StepOutcome) -> PyTree:
+        return choose(step_outcome.kept, reduction.update(tally, step_outcome.now), tally)
 
     return after
 
 
-def _tabling(recorder: ImpactRecorder, name: str, orders: Orders) -> Recorder:
+def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
     """The recorder of an output's impacts."""
 
-    def after(record: ImpactRecord[Ring[ImpactRow]], stride: Stride) -> PyTree:
+    def after(record: ImpactRecord[Ring[ImpactRow]], step_outcome: StepOutcome) -> PyTree:
         wanted = {
-            joint: {contact: orders.wanted[impact_log(name, joint, contact)] for contact in family}
+            joint: {contact: request.wanted[impact_log(name, joint, contact)] for contact in family}
             for joint, family in record.items()
         }
-        return recorder.after(record, stride, wanted)
+        return recorder.after(record, step_outcome, wanted)
 
     return after
 
@@ -208,7 +210,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """What is known of a lane now; final if it has ended."""
     system = plan.scheme.system(scene)
     step = lane.step
-    now = Snapshot(step.t, step.y, step.memory).instant(system)
+    now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return Outcome(
         step.t,
         final_result(step, end_time),
@@ -222,55 +224,55 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     )
 
 
-def moves(plan: Plan, lane: Lane, orders: Orders) -> Condition:
+def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     """Whether a turn would do anything: the lane neither ended nor waits for the host."""
-    goes = _goes(plan, lane, orders)
+    goes = _goes(plan, lane, request)
     if lane.saved is None:
         return goes
-    return goes | (_save_is_due(lane, orders) & jnp.logical_not(lane.saved.full()))
+    return goes | (_save_is_due(lane, request) & jnp.logical_not(lane.saved.full()))
 
 
-def _goes(plan: Plan, lane: Lane, orders: Orders) -> Condition:
-    goes = lane.runs(plan, orders.end_time)
+def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
+    goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
-        more = orders.window[ROWS] < jnp.inf
-        goes = goes & jnp.logical_not(_save_is_due(lane, orders))
+        more = request.window[ROWS] < jnp.inf
+        goes = goes & jnp.logical_not(_save_is_due(lane, request))
         goes = goes & jnp.logical_not(lane.saved.full() & more)
     for log, ring in lane.rings().items():
-        goes = goes & jnp.logical_not(ring.waits(orders.wanted[log]))
+        goes = goes & jnp.logical_not(ring.waits(request.wanted[log]))
     return goes
 
 
-def _next_save(lane: Lane, orders: Orders) -> Scalar:
+def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
     """The first time, s, at which no state is saved yet; infinite if all are."""
     assert lane.saved is not None
-    return lane.saved.next_of(orders.window)
+    return lane.saved.next_of(request.window)
 
 
-def _save_is_due(lane: Lane, orders: Orders) -> Condition:
+def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
     """Whether the run has come past a time that is not saved at yet."""
     if lane.saved is None:
         return jnp.asarray(False)
-    return _next_save(lane, orders) <= lane.step.t
+    return _next_save(lane, request) <= lane.step.t
 
 
-def _with_save(plan: Plan, system: System, lane: Lane, orders: Orders) -> Lane:
+def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
     if lane.saved is None:
         return lane
-    assert lane.bracket is not None
-    due = _save_is_due(lane, orders) & jnp.logical_not(lane.saved.full())
-    row = lane.bracket.at(plan.method, _next_save(lane, orders))
-    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
+    assert lane.dense_step is not None
+    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.full())
+    row = lane.dense_step.at(plan.method, _next_save(lane, request))
+    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
-def _empty_bracket(plan: Plan, system: System, step: Step, orders: Orders) -> Bracket:
+def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRequest) -> DenseStep:
     """A bracket of length zero at the start."""
-    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, orders.end_time))
-    row = Snapshot(step.t, step.y, step.memory)
+    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, request.end_time))
+    row = Snapshot(step.t, step.y, step.entry_speeds)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    grading = None if shapes.grading is None else FromBegin(step.proposal.begins_contact)
-    return Bracket(row, row, stages, grading)
+    time_map = None if shapes.time_map is None else FromOnset(step.proposal.begins_contact)
+    return DenseStep(row, row, stages, time_map)
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:

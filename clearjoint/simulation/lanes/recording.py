@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from ...math.vectors import Condition, Scalar
-from ..run.advance import Stride
+from ..run.advance import StepOutcome
 from ..run.sections import Crossing
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
@@ -79,10 +79,10 @@ class CrossingRecorder(eqx.Module):
     section: Crossing
     wanted: Scalar
 
-    def __call__(self, record: CrossingRecord, stride: Stride) -> CrossingRecord:
+    def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
         """The record after a stride, with a crossing more if the stride had one that is wanted."""
-        kept, before, after = stride.kept, record.level, self.section.level(stride.now)
-        row = self.section.row(stride, before, after)
+        kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
+        row = self.section.row(step_outcome, before, after)
         rises = kept & (before < 0.0) & (after >= 0.0)
         wanted = rises & (row.t >= self.section.after) & (self.wanted > record.rows.count)
         return CrossingRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))

@@ -27,7 +27,7 @@ from ..run.impact_recorder import ImpactRow
 from ..run.interruptions import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import WINDOW, Lane, Orders, Outcome, begin_lane, moves, outcome, turn
+from .lane import WINDOW, Lane, Outcome, SegmentRequest, begin_lane, moves, outcome, step_lane
 from .tasks import Columns, Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
@@ -133,7 +133,7 @@ class _Programs:
     """What a batch compiles, and how lanes lie in cells.
 
     - `own`: cells of what each lane has for itself (lanes, cells): its task, and behind it what is
-      asked of it, which are kept at `orders`.
+      asked of it, which are kept at `request`.
     - `begin`, `outcome`, `columns[log]`: what makes such a function for a thread; `outcome_cells`
       and `column_cells[log]`: how its results lie in cells.
     - `rings`: by log, the cells of a ring's rows in a column, (rows, numbers), and of their count;
@@ -148,18 +148,18 @@ class _Programs:
             lane = _begun(common, task)
         else:
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-        orders = self._first_orders(batch)
-        own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), orders)
+        request = self._first_orders(batch)
+        own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), request)
         self.loop = (
             _LOOPS.loop(common, own, lane)
             if native
             else XlaLaneLoop(_turned, _looked_at, common, own, lane)
         )
         cells = Cells(own)
-        self.own = cells.rows((bare, orders))
+        self.own = cells.rows((bare, request))
         self.task_cells = Cells(task).size
         start = self.loop.own_cells.start
-        self.orders: Orders = jax.tree.map(lambda cell: cell + start, cells.places()[1])
+        self.request: SegmentRequest = jax.tree.map(lambda cell: cell + start, cells.places()[1])
         places = jax.tree.map(
             lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
             Cells(lane).places(),
@@ -191,8 +191,8 @@ class _Programs:
         self.column_cells = {name: make().results for name, make in self.columns.items()}
 
     @staticmethod
-    def _first_orders(batch: Batch) -> Orders:
-        """The first orders of all lanes: an `Orders` whose arrays have the lanes in front."""
+    def _first_orders(batch: Batch) -> SegmentRequest:
+        """The first orders of all lanes: an `SegmentRequest` whose arrays have the lanes in front."""
         common, tasks = batch.common, batch.tasks
         count = len(tasks.end_time)
         window = np.full((count, WINDOW), np.inf)
@@ -200,11 +200,11 @@ class _Programs:
             first = tasks.save_at[:, :WINDOW]
             window[:, : first.shape[1]] = first
         wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
-        return Orders(tasks.end_time, tasks.first_step, window, wanted)
+        return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
 
 
 @dataclass
-class _Seated:
+class _LaneSlot:
     """A lane in a column: its number, and by log the rows that its host has taken."""
 
     number: int
@@ -273,7 +273,7 @@ class _Group:
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
         self._programs, self._loop = shared.programs, shared.programs.loop
-        self._seated: list[_Seated | None] = [None] * self._loop.width
+        self._seated: list[_LaneSlot | None] = [None] * self._loop.width
         self.turns, self.error, self.ended = 0, None, False
 
     def run(self) -> None:
@@ -294,14 +294,14 @@ class _Group:
 
     def _filled(self) -> bool:
         """Begin waiting lanes in empty columns; whether any column has a lane."""
-        empty = [place for place, seated in enumerate(self._seated) if seated is None]
+        empty = [place for place, resting in enumerate(self._seated) if resting is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
             own = self._programs.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
             for place, number, cells, state in zip(empty, numbers, own, states, strict=False):
-                self._seated[place] = _Seated(number, {name: [] for name in self._programs.rings})
-                self._loop.put(self._columns, place, cells, state)
+                self._seated[place] = _LaneSlot(number, {name: [] for name in self._programs.rings})
+                self._loop.set_value(self._columns, place, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._seated)
 
     def _look(self) -> None:
@@ -309,48 +309,48 @@ class _Group:
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
         ended: list[int] = []
-        for place, seated in enumerate(self._seated):
-            if seated is None:
+        for place, resting in enumerate(self._seated):
+            if resting is None:
                 continue
-            self._shared.times[seated.number] = times[place]
+            self._shared.times[resting.number] = times[place]
             if goes[place]:
                 continue
-            self._take_rows(place, seated)
-            if not runs[place] and self._next_saves(seated)[0] > times[place]:
+            self._take_rows(place, resting)
+            if not runs[place] and self._next_saves(resting)[0] > times[place]:
                 ended.append(place)
         if ended:
             self._end(ended)
 
-    def _take_rows(self, place: int, seated: _Seated) -> None:
+    def _take_rows(self, place: int, resting: _LaneSlot) -> None:
         """Take the rows out of a column's rings, and ask for the next ones."""
         floats, whole = self._columns.floats, self._columns.whole
         taken = False
         for name, (cells, counter) in self._programs.rings.items():
             if count := whole[counter, place]:
-                seated.rows[name].append(floats[cells[:count], place])
+                resting.rows[name].append(floats[cells[:count], place])
                 whole[counter, place], taken = 0, True
         if taken:
-            orders, common = self._programs.orders, self._shared.batch.common
-            floats[orders.window, place] = self._next_saves(seated)
-            for name, cell in orders.wanted.items():
-                whole[int(cell), place] = common.capacity[name] - seated.recorded(name)
+            request, common = self._programs.request, self._shared.batch.common
+            floats[request.window, place] = self._next_saves(resting)
+            for name, cell in request.wanted.items():
+                whole[int(cell), place] = common.capacity[name] - resting.recorded(name)
 
-    def _next_saves(self, seated: _Seated) -> np.ndarray:
+    def _next_saves(self, resting: _LaneSlot) -> np.ndarray:
         """The next times to save at, s, and infinity behind the last."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
-            first = seated.recorded(batch.common.saved)
-            following = batch.tasks.save_at[seated.number, first : first + WINDOW]
+            first = resting.recorded(batch.common.saved)
+            following = batch.tasks.save_at[resting.number, first : first + WINDOW]
             window[: len(following)] = following
         return window
 
     def _end(self, places: list[int]) -> None:
         """Hand over what came of the lanes in some columns, and empty these."""
-        seated = [one for place in places if (one := self._seated[place])]
-        tasks = self._programs.own[[one.number for one in seated], : self._programs.task_cells]
+        resting = [one for place in places if (one := self._seated[place])]
+        tasks = self._programs.own[[one.number for one in resting], : self._programs.task_cells]
         states = self._columns.floats[self._loop.state_cells, places].T
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
-        for place, one, task, cells in zip(places, seated, tasks, outcomes, strict=True):
+        for place, one, task, cells in zip(places, resting, tasks, outcomes, strict=True):
             logs = {name: self._log(name, one.rows[name], task) for name in self._read}
             self._shared.records.append(_Record(one.number, cells, logs))
             del self._shared.times[one.number]
@@ -419,9 +419,11 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 @Native
 def _begun(common: Common, task: Task) -> Lane:
     """A lane before its first step."""
-    orders = Orders(task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity)
+    request = SegmentRequest(
+        task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
+    )
     scene = common.scene(task)
-    return begin_lane(common.plan, scene, task.state, common.start_time, orders)
+    return begin_lane(common.plan, scene, task.state, common.start_time, request)
 
 
 @Native
@@ -446,7 +448,7 @@ class _Loops:
         self._lock = threading.Lock()
         self._loops: dict[Hashable, LaneLoop] = {}
 
-    def loop(self, common: Common, own: tuple[Task, Orders], lane: Lane) -> LaneLoop:
+    def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
         """The loop for lanes of a structure."""
         trees = common, own, lane
         leaves, structure = jax.tree.flatten(trees)
@@ -466,15 +468,15 @@ class _Loops:
 _LOOPS = _Loops()
 
 
-def _turned(common: Common, own: tuple[Task, Orders], lane: Lane) -> Lane:
-    task, orders = own
-    return turn(common.plan, common.scene(task), lane, orders)
+def _turned(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:
+    task, request = own
+    return step_lane(common.plan, common.scene(task), lane, request)
 
 
-def _looked_at(common: Common, own: tuple[Task, Orders], lane: Lane) -> dict[str, PyTree]:
-    _, orders = own
+def _looked_at(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> dict[str, PyTree]:
+    _, request = own
     return {
-        "goes": moves(common.plan, lane, orders),
-        "runs": lane.runs(common.plan, orders.end_time),
+        "goes": moves(common.plan, lane, request),
+        "runs": lane.runs(common.plan, request.end_time),
         "time": lane.step.t,
     }

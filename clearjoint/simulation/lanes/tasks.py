@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...fields.types import Single
-from ...math.vectors import Scalar, Structured, unpack
+from ...math.vectors import ConstantFolded, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
@@ -37,7 +37,7 @@ class Task(eqx.Module):
 class Common(eqx.Module):
     """What all lanes of a batch share.
 
-    - `form`: the scene, what varies in it left as in the base; `start_time`: s.
+    - `folded_scene`: the scene, what varies in it left as in the base; `start_time`: s.
     - `capacity`: rows to record, by log of a section or of a contact's impacts.
       `channels[log][name]`: quantities to report of each recorded state; `saved` is the name of the
       log of saved states.
@@ -47,7 +47,7 @@ class Common(eqx.Module):
     """
 
     plan: Plan
-    form: Structured
+    folded_scene: ConstantFolded
     start_time: Single
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
@@ -62,8 +62,8 @@ class Common(eqx.Module):
 
     def scene(self, task: Task) -> Scene:
         """The scene of a lane, in scalar form."""
-        tree = eqx.combine(task.varied, self.form.tree)
-        return unpack(Structured(tree, self.form.patterns))
+        tree = eqx.combine(task.varied, self.folded_scene.tree)
+        return unpack(ConstantFolded(tree, self.folded_scene.patterns))
 
     def columns_of(
         self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array

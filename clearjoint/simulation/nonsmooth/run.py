@@ -13,7 +13,7 @@ from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, seen, since
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
-from ...math.vectors import Condition, Scalar, Structured, pack, unpack
+from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
 from ...result_codes import RESULTS
@@ -55,7 +55,7 @@ class RigidOutcome(eqx.Module):
 
 
 def run(
-    form: Structured,
+    folded_scene: ConstantFolded,
     formulation: Formulation,
     state: State,
     stops: Float[jax.Array, " stops"],
@@ -68,7 +68,7 @@ def run(
     **Arguments:** `restitution`: of every contact, or ``None`` for what its law delivers.
     `admissible`: whether all numbers are within their ranges; ``None`` if that is known.
     """
-    system = System(unpack(form), formulation)
+    system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
     first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
     if admissible is not None:

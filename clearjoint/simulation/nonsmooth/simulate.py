@@ -11,7 +11,7 @@ from ...dynamics.journals import warn_of_journals_outside
 from ...fields.checks import require, require_positive
 from ...fields.conversion import with_arrays
 from ...fields.types import ArrayLike
-from ...math.vectors import Scalar, structured
+from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...result_codes import RESULTS
@@ -115,7 +115,7 @@ def simulate_nonsmooth(
     stops = _stops(start_time, times, end_time)
     chosen = None if restitution is None else _array(restitution)
     run = run_compiled(
-        structured(scene), formulation, state, stops, _array(step), chosen, admissible
+        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
     )
     solution = _solution(run, stops, times is not None, formulation, redundant_constraints)
     return solution if traced else _reported(jax.device_get(solution), scene, throw)
@@ -141,10 +141,10 @@ def _solution(
     if saves:
         rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
         history, count = rows.totals, (run.stops.result == RESULTS.successful)[:-1].sum()
-        memory = jax.tree.map(
+        entry_speeds = jax.tree.map(
             lambda totals: jnp.zeros_like(totals.impulse), history, is_leaf=_is_totals
         )
-        saved = Trajectory(stops[1:-1], State(rows.bodies, memory))
+        saved = Trajectory(stops[1:-1], State(rows.bodies, entry_speeds))
     return NonsmoothSolution(
         time=run.end.t,
         final=State(run.bodies),

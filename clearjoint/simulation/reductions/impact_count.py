@@ -48,7 +48,7 @@ class ImpactCount(AbstractReduction):
         require_known("joint", self.joint, scene.contact_joints())
 
     def _touching(self, now: Instant) -> dict[str, Condition]:
-        return {label: reach.depth > 0.0 for label, reach in now.reaches[self.joint].items()}
+        return {label: gap.depth > 0.0 for label, gap in now.contact_gaps[self.joint].items()}
 
     def start(self, now: Instant) -> CountTally:
         """No contact has begun; and which touch at the start."""
@@ -67,8 +67,8 @@ class ImpactCount(AbstractReduction):
 
     def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
         """When a contact began in the step that ends now, s, by its depth and the rate of it."""
-        reach = now.reaches[self.joint][label]
-        since = reach.depth / jnp.where(reach.rate > 0.0, reach.rate, jnp.inf)
+        gap = now.contact_gaps[self.joint][label]
+        since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
         return now.time - jnp.clip(since, 0.0, now.time - before)
 
     def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:

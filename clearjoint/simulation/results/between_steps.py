@@ -68,11 +68,11 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
         y = x.reshape(-1, *[1] * (rows.ndim - 1))
         return (1.0 - y) * rows[left] + y * rows[left + 1]
 
-    memory = jax.tree.map(lambda rows: np.asarray(rows)[ends], states.memory)
+    entry_speeds = jax.tree.map(lambda rows: np.asarray(rows)[ends], states.entry_speeds)
     work, bristles = jax.tree.map(
         lambda rows: linear(np.asarray(rows)), (states.work, states.bristles)
     )
-    return State(bodies, memory, work, bristles)
+    return State(bodies, entry_speeds, work, bristles)
 
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:

@@ -15,7 +15,7 @@ from ...export.tabular import AbstractTabular
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...math.groups import by_group, by_name
-from ...math.vectors import Scalar, Structured, unpack
+from ...math.vectors import Scalar, ConstantFolded, unpack
 from ...model.bodies import State
 from ...model.contact.laws import AbstractContactLaw
 from ...model.scene import Scene
@@ -136,22 +136,22 @@ Histories = dict[str, dict[str, History]]
 
 @Native
 def contact_histories(
-    form: Structured, formulation: Formulation, times: Float[Array, " N"], states: State
+    folded_scene: ConstantFolded, formulation: Formulation, times: Float[Array, " N"], states: State
 ) -> Histories:
     """The contacts at recorded states (in scalar form, times in front)."""
-    alone: Scene = unpack(form)
+    alone: Scene = unpack(folded_scene)
     laws = alone.laws()
     system = System.of(alone, formulation)
 
     def at(t: Scalar, state: State) -> Instants:
         variables = system.encode(state.bodies)
-        memory = by_group(state.memory, system.scene.joints)
+        entry_speeds = by_group(state.entry_speeds, system.scene.joints)
         bristles = by_group(state.bristles, system.scene.joints)
-        rates, _ = system.rates(variables, memory, t, bristles=bristles)
+        rates, _ = system.rates(variables, entry_speeds, t, bristles=bristles)
         rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, variables, rates)
         seconds = by_name(system.second_rates(variables, rates))
-        forces = by_name(system.contact_forces(variables, memory, bristles))
-        return contact_instants(forces, seconds, state.memory)
+        forces = by_name(system.contact_forces(variables, entry_speeds, bristles))
+        return contact_instants(forces, seconds, state.entry_speeds)
 
     def until(t: Scalar, here: Instants, t_next: Scalar, following: Instants) -> Histories:
         return {
@@ -187,15 +187,15 @@ def _history(
 class ImpactCollector:
     """Builds the table from successive pieces of the record, keeping only contacts still open."""
 
-    def __init__(self, form: Structured, formulation: Formulation):
-        self._form, self._formulation = form, replace(formulation, ledger=False)
+    def __init__(self, folded_scene: ConstantFolded, formulation: Formulation):
+        self._folded_scene, self._formulation = folded_scene, replace(formulation, ledger=False)
         self._tails: dict[tuple[str, str], History] = {}
         self._rows: list[tuple[str | float, ...]] = []
         self._last_row: tuple[np.ndarray, State] | None = None
 
     def add(self, times: np.ndarray, states: State) -> None:
         """Take in a piece of the record, in scalar form."""
-        rows = (times, State(states.bodies, states.memory, bristles=states.bristles))
+        rows = (times, State(states.bodies, states.entry_speeds, bristles=states.bristles))
         if self._last_row is not None:
             rows = jax.tree.map(lambda a, b: np.concatenate([a, b]), self._last_row, rows)
         # Pieces share a row, since a history looks from each row to the next.
@@ -210,7 +210,7 @@ class ImpactCollector:
             lambda leaf: np.concatenate([leaf, np.repeat(leaf[-1:], PIECE - count)]),
             (times, states),
         )
-        histories = contact_histories(self._form, self._formulation, *full)
+        histories = contact_histories(self._folded_scene, self._formulation, *full)
         for joint, family in histories.items():
             for contact, history in family.items():
                 cut = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], history)

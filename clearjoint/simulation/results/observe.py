@@ -21,7 +21,7 @@ from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
 from ...fields.checks import as_shown, require
 from ...fields.conversion import with_arrays
-from ...math.vectors import Scalar, Structured, Vector, pack, structured, unpack
+from ...math.vectors import Scalar, ConstantFolded, Vector, pack, fold_constants, unpack
 from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ...model.clearance_joints.journal_bases import BASES, HasJournal
 from ...model.scene import Scene
@@ -182,10 +182,10 @@ def observe(
     absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
     rows = (
         np.asarray(trajectory.times),
-        State(states.bodies, states.memory, bristles=states.bristles),
+        State(states.bodies, states.entry_speeds, bristles=states.bristles),
     )
-    form, unique = structured(with_arrays(scene)), not solution.redundant_constraints
-    observation = in_chunks(lambda part: observe_compiled(form, absolute, unique, *part), rows)
+    folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
+    observation = in_chunks(lambda part: observe_compiled(folded_scene, absolute, unique, *part), rows)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
         held = observation.energies.get("bristles", 0.0)
@@ -213,17 +213,17 @@ def _filled(rows: np.ndarray) -> np.ndarray:
 
 @partial(Native, warns=False)
 def observe_compiled(
-    form: Structured, absolute: Formulation, unique: bool, times: Numbers, states: State
+    folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State
 ) -> Observation:
     """What there is to observe at times (N,) s, with N in front, in absolute coordinates; without
     the ledger's integrals, which states hold."""
-    scene = unpack(form)
+    scene = unpack(folded_scene)
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
-        dynamics = system.dynamics(variables, state.memory, t, bristles=bristles)
+        dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
         motions, forces = dynamics.motions, dynamics.contact_forces
         energies = mechanical_energy(scene, motions, t)
         if (held := bristle_energy(scene, motions, forces, bristles)) is not None:

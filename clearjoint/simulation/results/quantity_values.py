@@ -9,7 +9,7 @@ from ...dynamics.bristles import initial_bristles
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...fields.conversion import with_arrays
-from ...math.vectors import Scalar, Structured, structured, unpack
+from ...math.vectors import Scalar, ConstantFolded, fold_constants, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native, over_rows
@@ -29,8 +29,8 @@ def values_along(
 
     **Raises:** `ValueError` for a quantity of something that the scene lacks.
     """
-    form, absolute, rows = _prepared(scene, solution, quantity, trajectory)
-    return in_chunks(lambda part: values_compiled(form, absolute, quantity, *part), rows)
+    folded_scene, absolute, rows = _prepared(scene, solution, quantity, trajectory)
+    return in_chunks(lambda part: values_compiled(folded_scene, absolute, quantity, *part), rows)
 
 
 def rates_along(
@@ -43,26 +43,26 @@ def rates_along(
 
     **Arguments**, **Raises:** as of `values_along`.
     """
-    form, absolute, rows = _prepared(scene, solution, quantity, trajectory)
-    return in_chunks(lambda part: rates_compiled(form, absolute, quantity, *part), rows)
+    folded_scene, absolute, rows = _prepared(scene, solution, quantity, trajectory)
+    return in_chunks(lambda part: rates_compiled(folded_scene, absolute, quantity, *part), rows)
 
 
 def _prepared(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
-) -> tuple[Structured, Formulation, tuple[np.ndarray, State]]:
+) -> tuple[ConstantFolded, Formulation, tuple[np.ndarray, State]]:
     check_quantity("quantity", quantity, scene)
     ran = solution.formulation
     absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
     rows = np.asarray(trajectory.times), trajectory.states
-    return structured(with_arrays(scene)), absolute, rows
+    return fold_constants(with_arrays(scene)), absolute, rows
 
 
 @Native
 def values_compiled(
-    form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+    folded_scene: ConstantFolded, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
 ) -> Numbers:
     """A quantity at times (N,) s and states with N in front."""
-    system = System(unpack(form), absolute)
+    system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
         return _Place(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
@@ -72,15 +72,15 @@ def values_compiled(
 
 @Native
 def rates_compiled(
-    form: Structured, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+    folded_scene: ConstantFolded, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
 ) -> Numbers:
     """The rate of a quantity at times (N,) s and states with N in front."""
-    system = System(unpack(form), absolute)
+    system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
         place = _Place(system, state)
         variables = system.encode(unpack(state.bodies))
-        rates, _ = system.rates(variables, state.memory, t, bristles=place.bristles)
+        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=place.bristles)
         t, variables, rates = jax.tree.map(
             lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
         )
@@ -94,10 +94,10 @@ class _Place:
     """What a state holds beside the motion."""
 
     def __init__(self, system: System, state: State):
-        self._system, self._memory, self._work = system, state.memory, unpack(state.work)
+        self._system, self._entry_speeds, self._work = system, state.entry_speeds, unpack(state.work)
         self.bristles = initial_bristles(system.scene, unpack(state.bristles))
 
     def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:
         """The quantity at a time, s, and the variables of a motion."""
-        now = Instant(self._system, t, variables, self._memory, self._work, self.bristles)
+        now = Instant(self._system, t, variables, self._entry_speeds, self._work, self.bristles)
         return jnp.asarray(quantity(now), dtype=float)

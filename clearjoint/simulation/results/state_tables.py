@@ -39,8 +39,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
         dims = (*rows, "body", dim)
         arrays[prefix + part] = Labelled(dims, np.stack(values, -2), unit, MEANINGS[part])
-    if memory := _by_contact(states.memory):
-        values = np.stack([*memory.values()], -1)
+    if entry_speeds := _by_contact(states.entry_speeds):
+        values = np.stack([*entry_speeds.values()], -1)
         text = "speed at which the contact closed; zero in flight"
         arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
     if bristles := _by_contact(states.bristles):
@@ -58,7 +58,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 def state_labels(states: State) -> dict[str, Labelled]:
     """The labels of the dimensions of `state_arrays`."""
     labels = {"body": [*states.bodies], **LABELS}
-    labels[CONTACTS] = [*_by_contact(states.memory)]
+    labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*_by_contact(states.bristles)]
     labels["integral"] = [*states.work]
     return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}

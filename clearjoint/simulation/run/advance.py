@@ -13,13 +13,13 @@ from jaxtyping import PyTree
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...quantities.instant import Instant
-from ..step.dense_output import Bracket, Snapshot
+from ..step.dense_output import DenseStep, Snapshot
 from ..step.step_state import Attempt, Method, Step, choose
 from ..step.stepping import attempt
 from ..step.systems import SystemFamily
 
 
-class Stride:
+class StepOutcome:
     """What is told of a step that was tried.
 
     `before` and `after`: where the run was and is; `tried`: the attempt; `kept`: whether the run
@@ -39,9 +39,9 @@ class Stride:
         self.before, self.tried, self.after, self.kept = before, tried, after, kept
 
     @cached_property
-    def bracket(self) -> Bracket:
+    def dense_step(self) -> DenseStep:
         """The step as it is looked into, if it was kept."""
-        return Bracket.of(self.tried)
+        return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
@@ -49,12 +49,12 @@ class Stride:
         here = self.after
 
         def inside(x: Scalar) -> Instant:
-            return self.bracket.within(self.method, x).instant(self.system)
+            return self.dense_step.within(self.method, x).instant(self.system)
 
-        return Snapshot(here.t, here.y, here.memory).instant(self.system, inside)
+        return Snapshot(here.t, here.y, here.entry_speeds).instant(self.system, inside)
 
 
-Recorder = Callable[[PyTree, Stride], PyTree]
+Recorder = Callable[[PyTree, StepOutcome], PyTree]
 """A record after a stride, from that before it; unchanged unless the stride was kept."""
 
 
@@ -80,16 +80,16 @@ def advance(
     after, kept = tried.step, tried.kept
     if goes is not None:
         after, kept = choose(goes, after, step), goes & kept
-    stride = Stride(method, system, step, tried, after, kept)
-    return after, {name: recorders[name](record, stride) for name, record in records.items()}
+    step_outcome = StepOutcome(method, system, step, tried, after, kept)
+    return after, {name: recorders[name](record, step_outcome) for name, record in records.items()}
 
 
-def latest_attempt(record: Attempt, stride: Stride) -> Attempt:
+def latest_attempt(record: Attempt, step_outcome: StepOutcome) -> Attempt:
     """The attempt of the stride if it was accepted, else the one on record."""
-    return choose(stride.kept, stride.tried, record)
+    return choose(step_outcome.kept, step_outcome.tried, record)
 
 
-def latest_bracket(record: Bracket, stride: Stride) -> Bracket:
+def latest_dense_step(record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
     """What is needed to look into a lane's latest accepted step: the stride's if that was kept,
     else the one on record."""
-    return choose(stride.kept, stride.bracket, record)
+    return choose(step_outcome.kept, step_outcome.dense_step, record)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...dynamics.journals import any_slid_out
 from ...export.provenance import Notes
-from ...math.vectors import Condition, Scalar, Structured, pack, unpack
+from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import State
 from ...native import Native
 from ...result_codes import RESULTS, result_number
@@ -32,21 +32,23 @@ segment_compiled = Native(segment)
 
 
 def _end_of(
-    scheme: Scheme, form: Structured, step: Step, end: Scalar
+    scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
 ) -> tuple[State, RESULTS, Condition]:
     """The packed state at the end of a run, how it ended, and whether a journal has slid out."""
-    final = final_state(scheme.unpacked(form), step)
-    left = any_slid_out(unpack(form), final.bodies)
+    final = final_state(scheme.unpacked(folded_scene), step)
+    left = any_slid_out(unpack(folded_scene), final.bodies)
     return pack(final), final_result(step, end), left
 
 
 _end_compiled = Native(_end_of)
 
 
-def _results_of(scheme: Scheme, form: Structured, now: Progress) -> dict[str, dict[str, Scalar]]:
+def _results_of(
+    scheme: Scheme, folded_scene: ConstantFolded, now: Progress
+) -> dict[str, dict[str, Scalar]]:
     """What the reductions of a run report where it is, by their names."""
-    system, step = scheme.unpacked(form), now.step
-    here = Snapshot(step.t, step.y, step.memory).instant(system)
+    system, step = scheme.unpacked(folded_scene), now.step
+    here = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return {name: one.reduction.results(one.tally, here) for name, one in now.reductions.items()}
 
 
@@ -56,8 +58,10 @@ _results_compiled = Native(_results_of)
 class AbstractRun:
     """A run whose parts are put together as a `Solution`, however it is looped."""
 
-    def __init__(self, form: Structured, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]):
-        self._form, self._scheme, self._end = form, scheme, end
+    def __init__(
+        self, folded_scene: ConstantFolded, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]
+    ):
+        self._folded_scene, self._scheme, self._end = folded_scene, scheme, end
         self._redundant = redundant
 
     def _solution(
@@ -100,9 +104,9 @@ class OnePiece(AbstractRun):
         """Run to the end. Rows that were not reached repeat the last state."""
         times = None if save_at is None else jnp.append(save_at, self._end)
         limit = jnp.asarray(max_steps)
-        arguments = (self._scheme, self._form, now, times, self._end, limit)
+        arguments = (self._scheme, self._folded_scene, now, times, self._end, limit)
         now, saved = loops.closed(segment(*arguments, loops))
-        final, result, _ = _end_of(self._scheme, self._form, now.step, self._end)
+        final, result, _ = _end_of(self._scheme, self._folded_scene, now.step, self._end)
         ending = final, result
         if saved is None:
             return self._solution(_reached(now.step), ending, None, None)
@@ -148,7 +152,12 @@ class HostLoop(AbstractRun):
             while True:
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
-                    self._scheme, self._form, now, waiting.chunk(), self._end, np.asarray(limit)
+                    self._scheme,
+                    self._folded_scene,
+                    now,
+                    waiting.chunk(),
+                    self._end,
+                    np.asarray(limit),
                 )
                 waiting.take(saved)
                 if now.record is not None:
@@ -165,7 +174,7 @@ class HostLoop(AbstractRun):
                     break
         steps = _trajectory(rows) if record_steps else None
         impacts: Impacts | None = None if collector is None else collector.table()
-        final, result, left = _end_compiled(self._scheme, self._form, now.step, self._end)
+        final, result, left = _end_compiled(self._scheme, self._folded_scene, now.step, self._end)
         self.left_bearing = bool(left)
         return self._solution(
             jax.device_get(_reached(now.step)),
@@ -183,7 +192,7 @@ class HostLoop(AbstractRun):
         """What the reductions report, each number by its own name."""
         if not now.reductions:
             return {}
-        found = jax.device_get(_results_compiled(self._scheme, self._form, now))
+        found = jax.device_get(_results_compiled(self._scheme, self._folded_scene, now))
         return {
             f"{name}_{part}" if part else name: float(value)
             for name, parts in found.items()

@@ -30,7 +30,7 @@ from ..step.contact_step import (
 )
 from ..step.row_buffer import Table
 from ..step.step_state import Step, choose
-from .advance import Stride
+from .advance import StepOutcome
 
 INSTANTS = ("onset", "separation", "peak_time")
 """Which of these go by the clock."""
@@ -146,17 +146,20 @@ class ImpactRecorder(eqx.Module):
         }
 
     def after(
-        self, record: ImpactRecord[S], stride: Stride, wanted: Wanted | None = None
+        self, record: ImpactRecord[S], step_outcome: StepOutcome, wanted: Wanted | None = None
     ) -> ImpactRecord[S]:
         """The record after a stride; of each contact no more rows than are wanted, if that is
         said."""
-        laws, ends = stride.now.scene.laws(), self._instants(stride.now, stride.after)
+        laws, ends = (
+            step_outcome.now.scene.laws(),
+            self._instants(step_outcome.now, step_outcome.after),
+        )
         return {
             name: {
                 label: _after(
                     laws[name][label],
                     one,
-                    stride,
+                    step_outcome,
                     ends[name][label],
                     None if wanted is None else wanted[name][label],
                     self.window,
@@ -169,7 +172,7 @@ class ImpactRecorder(eqx.Module):
     def _instants(self, now: Instant, step: Step) -> dict[str, dict[str, ContactInstant]]:
         names = now.contacts if self.joint is None else [self.joint]
         forces = {name: now.contacts[name] for name in names}
-        return contact_instants(forces, by_name(step.second_rates), now.memory)
+        return contact_instants(forces, by_name(step.second_rates), now.entry_speeds)
 
 
 def most(record: ImpactRecord[Table]) -> int:
@@ -197,16 +200,16 @@ def impacts_of(record: ImpactRecord[Table], origin: float) -> Impacts:
 def _after(
     law: AbstractContactLaw,
     record: ContactRecord[S],
-    stride: Stride,
+    step_outcome: StepOutcome,
     end: ContactInstant,
     wanted: Scalar | None,
     window: Window | None,
 ) -> ContactRecord[S]:
-    contact, over, row = record.contact.after(law, stride.before.t, stride.after.t, end)
-    over = stride.kept & over
+    contact, over, row = record.contact.after(law, step_outcome.before.t, step_outcome.after.t, end)
+    over = step_outcome.kept & over
     if window is not None:
-        over = over & window.holds(stride.system.clock(row.onset))
+        over = over & window.holds(step_outcome.system.clock(row.onset))
     if wanted is not None:
         over = over & (wanted > record.rows.count)
     rows = record.rows.with_row(row, over)
-    return ContactRecord(choose(stride.kept, contact, record.contact), rows)
+    return ContactRecord(choose(step_outcome.kept, contact, record.contact), rows)

@@ -1,6 +1,6 @@
 """How a run begins and how it ends: the same for single runs, sensitivities and lanes of sweeps."""
 
-from ...dynamics.contact_forces import Memory
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.groups import by_group, by_name
 from ...math.vectors import Scalar, unpack
@@ -18,23 +18,25 @@ def begin_run(
     motion = system.encode(unpack(state.bodies))
     bristles = by_group(unpack(state.bristles), system.scene.joints)
     y = Variables(motion, state.work if system.formulation.ledger else {}, bristles)
-    memory = by_group(state.memory, system.scene.joints)
-    return start(method, system, t0, t_end, first_step, y, memory)
+    entry_speeds = by_group(state.entry_speeds, system.scene.joints)
+    return start(method, system, t0, t_end, first_step, y, entry_speeds)
 
 
-def state_of(system: System, y: Variables, memory: Memory) -> State:
+def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
     """The state in scalar form, as the system names its elements."""
-    return State(system.decode(y.motion), memory, y.work, y.bristles)
+    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
 def named(state: State) -> State:
     """A state of a system by the elements' own names."""
-    return State(by_name(state.bodies), by_name(state.memory), state.work, by_name(state.bristles))
+    return State(
+        by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
+    )
 
 
 def final_state(system: System, step: Step) -> State:
     """The state that a run ended in, by the elements' own names, in scalar form."""
-    return named(state_of(system, step.y, step.memory))
+    return named(state_of(system, step.y, step.entry_speeds))
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:

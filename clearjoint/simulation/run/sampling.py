@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...compilation import traced_once
-from ...dynamics.contact_forces import Memory
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
@@ -166,7 +166,10 @@ def _first_records(system: System, first: Step, kept: Kept) -> dict[str, PyTree]
         SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
     }
     if kept.impacts is not None:
-        now, table = Snapshot(first.t, first.y, first.memory).instant(system), ImpactRow.none()
+        now, table = (
+            Snapshot(first.t, first.y, first.entry_speeds).instant(system),
+            ImpactRow.none(),
+        )
         records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
     return records
 
@@ -211,9 +214,11 @@ def _looked_at(
     """Quantities at an instant of an accepted step, and their derivatives."""
     dense = look_inside(method, family.system(), tried, time)
 
-    def observed(system: System, y: Variables, memory: Memory) -> tuple[dict[str, Scalar], None]:
+    def observed(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[dict[str, Scalar], None]:
         y = correct(system, y, time)
-        now = Instant(system, time, y.motion, memory, y.work, y.bristles)
+        now = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
         return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
 
     values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))

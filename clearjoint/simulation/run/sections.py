@@ -26,11 +26,11 @@ from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
 from ..results.channels import Channels, check_channels, check_quantities
-from ..step.dense_output import Bracket, Snapshot, on_constraints
+from ..step.dense_output import DenseStep, Snapshot, on_constraints
 from ..step.row_buffer import Table
 from ..step.step_state import Method, Step
 from ..step.types import Numbers
-from .advance import Stride
+from .advance import StepOutcome
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,29 +53,29 @@ class Crossing(eqx.Module):
         """Value of the quantity that passes zero at a crossing, in its unit."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def row(self, stride: Stride, before: Scalar, after: Scalar) -> Snapshot:
+    def row(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
         """The row at the crossing, of levels at both ends of a stride that kept its step."""
-        system = stride.system
+        system = step_outcome.system
 
         def level(row: Snapshot) -> Scalar:
             return self.level(row.instant(system))
 
-        row = crossing_row(stride.method, stride.bracket, before, after, level)
-        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.memory)
+        row = crossing_row(step_outcome.method, step_outcome.dense_step, before, after, level)
+        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
 
 
 def crossing_row(
     method: Method,
-    bracket: Bracket,
+    dense_step: DenseStep,
     before: Scalar,
     after: Scalar,
     value: Callable[[Snapshot], Scalar],
 ) -> Snapshot:
     """The row where a function of rows, of given values at both ends of the step, rises through
     zero, by the dense output."""
-    start, end = bracket.start.t, bracket.end.t
-    x = secant_root(lambda x: value(bracket.within(method, x)), before, after)
-    return bracket.at(method, start + x * (end - start))
+    start, end = dense_step.start.t, dense_step.end.t
+    x = secant_root(lambda x: value(dense_step.within(method, x)), before, after)
+    return dense_step.at(method, start + x * (end - start))
 
 
 class SectionRecorder(eqx.Module):
@@ -87,7 +87,7 @@ class SectionRecorder(eqx.Module):
 
     def start(self, system: System, step: Step) -> "SectionRecord":
         """The record before the first step: the level there, and no crossings."""
-        now = Snapshot(step.t, step.y, step.memory).instant(system)
+        now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
         table = Table.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)
 
@@ -103,15 +103,15 @@ class SectionRecord(eqx.Module):
     level: Scalar
     table: Table[dict[str, Scalar]]
 
-    def after(self, stride: Stride) -> "SectionRecord":
+    def after(self, step_outcome: StepOutcome) -> "SectionRecord":
         """The record after a stride, with a crossing more if the stride had one."""
-        recorder, kept = self.recorder, stride.kept
+        recorder, kept = self.recorder, step_outcome.kept
         crossing, before = recorder.crossing, self.level
-        after = crossing.level(stride.now)
+        after = crossing.level(step_outcome.now)
 
         def columns() -> dict[str, Scalar]:
-            row = crossing.row(stride, before, after)
-            found = row.columns(stride.system, dict(recorder.channels))
+            row = crossing.row(step_outcome, before, after)
+            found = row.columns(step_outcome.system, dict(recorder.channels))
             return {name: jnp.asarray(value, dtype=float) for name, value in found.items()}
 
         rises = kept & (before < 0.0) & (after >= 0.0)
@@ -122,10 +122,10 @@ class SectionRecord(eqx.Module):
 
 
 def after_sections(
-    records: Mapping[str, SectionRecord], stride: Stride
+    records: Mapping[str, SectionRecord], step_outcome: StepOutcome
 ) -> dict[str, SectionRecord]:
     """The records of several sections after a stride, by name."""
-    return {name: record.after(stride) for name, record in records.items()}
+    return {name: record.after(step_outcome) for name, record in records.items()}
 
 
 class Crossings(AbstractReadable, AbstractTabular):

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...dynamics.system import System
-from ...math.vectors import Condition, Scalar, Structured
+from ...math.vectors import Condition, ConstantFolded, Scalar
 from ...model.bodies import State
 from ..reductions.reductions import AbstractReduction
 from ..step.dense_output import Snapshot, look_inside
@@ -22,7 +22,7 @@ from ..step.method import Scheme
 from ..step.step_state import Attempt, Method, Step, choose
 from ..step.stepping import blank_attempt, running
 from ..step.types import Numbers
-from .advance import Recorder, Stride, advance, latest_attempt
+from .advance import Recorder, StepOutcome, advance, latest_attempt
 from .run_ends import begin_run, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
 
@@ -88,10 +88,10 @@ class ReductionRecord(eqx.Module):
     reduction: AbstractReduction
     tally: PyTree
 
-    def after(self, stride: Stride) -> "ReductionRecord":
+    def after(self, step_outcome: StepOutcome) -> "ReductionRecord":
         """The record after a stride."""
-        updated = self.reduction.update(self.tally, stride.now)
-        return ReductionRecord(self.reduction, choose(stride.kept, updated, self.tally))
+        updated = self.reduction.update(self.tally, step_outcome.now)
+        return ReductionRecord(self.reduction, choose(step_outcome.kept, updated, self.tally))
 
 
 class Progress(eqx.Module):
@@ -118,7 +118,7 @@ class SavedStates(eqx.Module):
 
 def begin(
     scheme: Scheme,
-    form: Structured,
+    folded_scene: ConstantFolded,
     state: State,
     t0: Scalar,
     t_end: Scalar,
@@ -129,7 +129,7 @@ def begin(
     reductions: dict[str, AbstractReduction] | None = None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
-    method, system = scheme.method, scheme.unpacked(form)
+    method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
     last = record = None
     if saves:
@@ -138,7 +138,7 @@ def begin(
         row = _row(system, step)
         record = GrowingTable.like(row, record_rows).with_row(row, 1)
     crossings = {name: of.start(system, step) for name, of in (sections or {}).items()}
-    now = Snapshot(step.t, step.y, step.memory).instant(system)
+    now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     tallies = {name: ReductionRecord(of, of.start(now)) for name, of in (reductions or {}).items()}
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
@@ -149,7 +149,7 @@ def begin(
 
 def segment(
     scheme: Scheme,
-    form: Structured,
+    folded_scene: ConstantFolded,
     progress: Progress,
     save_times: Numbers | None,
     t_end: Scalar,
@@ -158,7 +158,7 @@ def segment(
 ) -> tuple[Progress, SavedStates | None]:
     """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
     times to save at (rising), whichever comes first."""
-    method, system = scheme.method, scheme.unpacked(form)
+    method, system = scheme.method, scheme.unpacked(folded_scene)
     if save_times is None:
         return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
 
@@ -238,14 +238,18 @@ def _run(
     return loops.repeat(goes, go, progress)
 
 
-def _with_step(record: GrowingTable, stride: Stride) -> GrowingTable:
+def _with_step(record: GrowingTable, step_outcome: StepOutcome) -> GrowingTable:
     """The record with the step of the stride, if that was accepted."""
-    return record.with_row(_row(stride.system, stride.tried.step), stride.tried.kept)
+    return record.with_row(
+        _row(step_outcome.system, step_outcome.tried.step), step_outcome.tried.kept
+    )
 
 
-def _reduced(records: dict[str, ReductionRecord], stride: Stride) -> dict[str, ReductionRecord]:
+def _reduced(
+    records: dict[str, ReductionRecord], step_outcome: StepOutcome
+) -> dict[str, ReductionRecord]:
     """The records of reductions after a stride, by name."""
-    return {name: record.after(stride) for name, record in records.items()}
+    return {name: record.after(step_outcome) for name, record in records.items()}
 
 
 RECORDERS: dict[str, Recorder] = {
@@ -257,7 +261,7 @@ RECORDERS: dict[str, Recorder] = {
 
 
 def _row(system: System, step: Step) -> TimedState:
-    return TimedState(step.t, state_of(system, step.y, step.memory))
+    return TimedState(step.t, state_of(system, step.y, step.entry_speeds))
 
 
 def _buffer(row: PyTree, length: int) -> PyTree:

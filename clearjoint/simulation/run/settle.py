@@ -123,7 +123,7 @@ def settle(
     **Arguments:**
 
     - `scene`, `state`, `start_time` s: as in `simulate`; memory and ledger are continued.
-    - `settings`: how to integrate; `clearjoint.presets.study` unless given.
+    - `settings`: how to integrate; `clearjoint.presets.accurate` unless given.
     - `period`: s, that of all that depends on time: 2 pi over the drive's speed.
     - `section`: instead of a period, where the motion decides; its `count` and `after` have no
       meaning here. `span`: s, a time in which it is crossed once or a few times.
@@ -141,7 +141,7 @@ def settle(
     """
     _check(periods, largest_multiple, tolerance)
     rhythm = _rhythm(period, section, span)
-    settings = settings_or(settings, presets.study)
+    settings = settings_or(settings, presets.accurate)
     now = _Seen(state, start_time, RESULTS.successful, ())
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     bar = ProgressBar(

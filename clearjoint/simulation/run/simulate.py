@@ -11,7 +11,7 @@ from ...export.provenance import setting_notes
 from ...fields.cautions import LawRangeWarning, caution
 from ...fields.checks import require
 from ...fields.conversion import on_device, with_arrays
-from ...math.vectors import Scalar, structured
+from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native
@@ -113,7 +113,7 @@ def simulate(
         times = save.times_between(start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates)
         save.check(scene, settings.ledger)
-    form = structured(scene)
+    folded_scene = fold_constants(scene)
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
     span = start_time, end_time, first_step
@@ -122,16 +122,16 @@ def simulate(
         require_dense(scheme.method.solver)
     rows = RECORD_ROWS if save.records else None
     saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
-    now = begin_compiled(scheme, form, state, start, end, length, saves, rows, *kept)
+    now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, rows, *kept)
     if traced:
         if admissible is not None:
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
             now = eqx.tree_at(lambda progress: progress.step.result, now, result)
-        run = OnePiece(form, scheme, end, redundant)
+        run = OnePiece(folded_scene, scheme, end, redundant)
         save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
-    host = HostLoop(form, scheme, end, redundant)
-    collector = ImpactCollector(form, scheme.formulation) if save.impacts else None
+    host = HostLoop(folded_scene, scheme, end, redundant)
+    collector = ImpactCollector(folded_scene, scheme.formulation) if save.impacts else None
     solution = host.solution(
         now,
         times,

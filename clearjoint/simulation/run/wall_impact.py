@@ -97,9 +97,9 @@ def _contact(
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
 
-    reach = jnp.asarray(law.reach(), dtype=float)
+    gap = jnp.asarray(law.onset_offset(), dtype=float)
     leaving = diffrax.Event(
-        lambda t, y, args, **_: y[0] + reach,
+        lambda t, y, args, **_: y[0] + gap,
         optimistix.Newton(TOLERANCE, 1e-16),
         direction=False,
     )
@@ -109,7 +109,7 @@ def _contact(
         0.0,
         LONGEST,
         1e-9,
-        jnp.stack([INSIDE - reach, entry_speed]),
+        jnp.stack([INSIDE - gap, entry_speed]),
         event=leaving,
         throw=False,
         max_steps=16384,

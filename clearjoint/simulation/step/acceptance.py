@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, seen
-from ...dynamics.contact_events import Reaches, changes, time_since_begin, too_deep
+from ...dynamics.contact_events import ContactGaps, changes, time_since_begin, too_deep
 from ...dynamics.system import System
 from ...fields.types import Single
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
-from .discontinuity_monitor import jumped_unseen, may_jump_unseen
+from .discontinuity_monitor import has_undeclared_jump, may_have_undeclared_jump
 from .step_length import (
     length_after_breakpoints,
     lengths_after_contacts,
@@ -30,7 +30,7 @@ SHORTER = 0.2
 """Length of the next trial after a step over which a driver is not smooth, on that step's."""
 
 
-class Verdict(eqx.Module):
+class StepDecision(eqx.Module):
     """Whether to keep a trial, which step to try next, and the result of the run so far."""
 
     keep: Condition
@@ -38,7 +38,7 @@ class Verdict(eqx.Module):
     result: RESULTS
 
 
-class _Judgement(eqx.Module):
+class _ControllerDecision(eqx.Module):
     """What the step-size controller says of a trial: its own outputs, by diffrax's names."""
 
     keep: Flag
@@ -48,18 +48,18 @@ class _Judgement(eqx.Module):
     result: diffrax.RESULTS
 
 
-def judge(
-    method: Method, system: System, step: Step, trial: Trial, after: Reaches, t_end: Scalar
-) -> Verdict:
+def decide_step(
+    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps, t_end: Scalar
+) -> StepDecision:
     """What becomes of a trial that ends with the contacts `after`.
 
     The step-size controller decides, unless the trial passes an event on which it must land: then
     it is rejected, and tried again up to there.
     """
     t1, last = trial.t1, step.proposal
-    judgement = _judgement(method, system, step, trial)
-    keep, t_next = judgement.keep, judgement.t_next
-    controller_state = judgement.controller_state
+    decision = _controller_decision(method, system, step, trial)
+    keep, t_next = decision.keep, decision.t_next
+    controller_state = decision.controller_state
     rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
@@ -70,11 +70,11 @@ def judge(
         t_next = jnp.where(refused, step.t + SHORTER * (t1 - step.t), t_next)
         controller_state = choose(refused, last.controller_state, controller_state)
     full_length = t_next - jnp.where(keep, t1, step.t)
-    if trial.grading is not None:
-        full_length = trial.grading.next_length(full_length, keep)
+    if trial.time_map is not None:
+        full_length = trial.time_map.next_length(full_length, keep)
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
-        passes, landing_time = method.landing.retry(step.reaches, after, step.t, t1)
+        passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
         lands = keep & passes
         controller_state = choose(lands, last.controller_state, controller_state)
         keep = keep & jnp.logical_not(passes)
@@ -87,11 +87,11 @@ def judge(
         t_next = jnp.where(keep, t1, step.t) + full_length
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
-        jumps = changes(step.reaches, after)
-    made_jump = jnp.where(keep, judgement.made_jump | jumps, last.made_jump)
-    result = _result(system, step, trial, keep, refused, t_next, judgement.result, after, t_end)
-    if trial.tangents is not None and may_jump_unseen(system.scene):
-        jumps = keep & jumped_unseen(method, system, step, trial, after)
+        jumps = changes(step.contact_gaps, after)
+    made_jump = jnp.where(keep, decision.made_jump | jumps, last.made_jump)
+    result = _result(system, step, trial, keep, refused, t_next, decision.result, after, t_end)
+    if trial.tangents is not None and may_have_undeclared_jump(system.scene):
+        jumps = keep & has_undeclared_jump(method, system, step, trial, after)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     proposal = Proposal(
         t_next=t_next,
@@ -102,19 +102,21 @@ def judge(
         made_jump=made_jump,
         controller_state=controller_state,
     )
-    return Verdict(keep, proposal, result)
+    return StepDecision(keep, proposal, result)
 
 
-def _since_begin(step: Step, after: Reaches, t1: Scalar, keep: Condition) -> Scalar | None:
+def _since_begin(step: Step, after: ContactGaps, t1: Scalar, keep: Condition) -> Scalar | None:
     """`since_begin` of the next proposal, after a trial that ends with the contacts `after`."""
     since = step.proposal.since_begin
     if since is None:
         return None
-    latest = jnp.minimum(since + (t1 - step.t), time_since_begin(step.reaches, after))
+    latest = jnp.minimum(since + (t1 - step.t), time_since_begin(step.contact_gaps, after))
     return jnp.where(keep, latest, since)
 
 
-def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Judgement:
+def _controller_decision(
+    method: Method, system: System, step: Step, trial: Trial
+) -> _ControllerDecision:
     def judged(y: Variables) -> Variables:
         return with_relative_bristles(y, system.scene)
 
@@ -131,12 +133,12 @@ def _judgement(method: Method, system: System, step: Step, trial: Trial) -> _Jud
         trial.t1,
         before,
         after,
-        (system, step.memory),
+        (system, step.entry_speeds),
         error,
         error_order(method),
         step.proposal.controller_state,
     )
-    return _Judgement(keep, t_next, made_jump, state, result)
+    return _ControllerDecision(keep, t_next, made_jump, state, result)
 
 
 def _result(
@@ -147,7 +149,7 @@ def _result(
     refused: Condition | None,
     t_next: Scalar,
     controller_result: diffrax.RESULTS,
-    after: Reaches,
+    after: ContactGaps,
     t_end: Scalar,
 ) -> RESULTS:
     now = jnp.where(keep, trial.t1, step.t)

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.breakpoints import breakpoints, seen, since_breakpoints
-from ...dynamics.contact_forces import Memory
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import NO_WRENCH, Wrench
@@ -63,12 +63,12 @@ def across_breakpoints(
     system: System,
     start: Scalar,
     y: Variables,
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
     t: Scalar,
     keep: Condition,
 ) -> Variables:
     """The variables at the end of a step from `start` to t, changed if that is kept and lands on
-    breakpoints; `memory` is that at its start.
+    breakpoints; `entry_speeds` is that at its start.
     """
     scene = system.scene
     since = since_breakpoints(system, start, t)
@@ -78,7 +78,7 @@ def across_breakpoints(
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         between = _with_shares(system, before, after, shares)
-        return jax.tree.map(jnp.asarray, rates_of(between, y, memory, time))
+        return jax.tree.map(jnp.asarray, rates_of(between, y, entry_speeds, time))
 
     none = {name: jnp.zeros(()) for name in forces}
 

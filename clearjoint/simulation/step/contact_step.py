@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_forces import LoadedContact, Memory
+from ...dynamics.contact_forces import EntrySpeeds, LoadedContact
 from ...math.interpolation import (
     Bend,
     Point,
@@ -45,7 +45,7 @@ class ContactInstant(eqx.Module):
         """Whether the contact has a force: it has an entry speed on record or, if its law keeps
         none, a depth within the law's reach."""
         if self.entry_speed is None:
-            return self.gap.depth + law.reach() > 0.0
+            return self.gap.depth + law.onset_offset() > 0.0
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
@@ -56,7 +56,7 @@ class ContactInstant(eqx.Module):
 def contact_instants(
     forces: dict[str, dict[str, LoadedContact]],
     second_rates: dict[str, dict[str, Scalar]],
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
 ) -> dict[str, dict[str, ContactInstant]]:
     """All contacts of an instant, by the elements' own names."""
     return {
@@ -64,7 +64,7 @@ def contact_instants(
             label: ContactInstant(
                 jax.tree.map(_array, force.contact.gap),
                 second_rates[name][label],
-                memory.get(name, {}).get(label),
+                entry_speeds.get(name, {}).get(label),
             )
             for label, force in family.items()
         }
@@ -123,14 +123,14 @@ def end_in_step(
 ) -> Scalar:
     """The part of a step of length h after which a contact that touches at its start is over, by
     the cubic through depths and rates; all of it where that finds no end."""
-    ahead = law.reach()
+    ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
 
 def begin_before(law: AbstractContactLaw, here: ContactInstant) -> Scalar:
     """How long before an instant a contact that has just begun did so, s."""
-    return (here.gap.depth + law.reach()) / here.gap.rate
+    return (here.gap.depth + law.onset_offset()) / here.gap.rate
 
 
 def _array(leaf: Scalar) -> jax.Array:

@@ -7,7 +7,7 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...dynamics.contact_forces import Memory
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...fields.checks import require
@@ -15,13 +15,13 @@ from ...math.vectors import Scalar
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from .step_state import Attempt, Method, Variables, choose
-from .time_map import AbstractGrading
+from .time_map import AbstractTimeMap
 from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit
 
 
 def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
-) -> tuple[Variables, Memory]:
+) -> tuple[Variables, EntrySpeeds]:
     """Variables and memory at an instant of an accepted step, by the solver's dense output.
 
     The memory is that of the step's start: what the step's end changes holds from there on.
@@ -29,17 +29,17 @@ def look_inside(
     end = attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     y = choose(t >= end, attempt.step.y, dense.evaluate(dense_time(attempt, t)))
-    memory = choose(t >= end, attempt.step.memory, attempt.memory_start)
-    return on_constraints(system, y, t), memory
+    entry_speeds = choose(t >= end, attempt.step.entry_speeds, attempt.entry_speeds_start)
+    return on_constraints(system, y, t), entry_speeds
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
     """The time at which the dense output of a graded step has what belongs to t."""
-    if attempt.grading is None:
+    if attempt.time_map is None:
         return t
     length = attempt.step.t - attempt.t_start
     x = (t - attempt.t_start) / jnp.where(length > 0.0, length, 1.0)
-    return attempt.t_start + length * attempt.grading.place(x)
+    return attempt.t_start + length * attempt.time_map.place(x)
 
 
 def correct(system: System, y: Variables, t: Scalar) -> Variables:
@@ -82,7 +82,7 @@ class Snapshot(eqx.Module):
 
     t: Scalar
     y: Variables
-    memory: Memory
+    entry_speeds: EntrySpeeds
 
     def instant(
         self,
@@ -91,7 +91,7 @@ class Snapshot(eqx.Module):
     ) -> Instant:
         """The system at this row; `inside` gives that at a place of the step that ends here."""
         motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.memory, work, self.y.bristles, inside)
+        return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """What is reported of the row: its time, s, and quantities by name."""
@@ -99,23 +99,23 @@ class Snapshot(eqx.Module):
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
-class Bracket(eqx.Module):
+class DenseStep(eqx.Module):
     """The latest accepted step, from `start` to `end`, with its stages to look inside by."""
 
     start: Snapshot
     end: Snapshot
     stages: tuple[Variables, ...]
-    grading: AbstractGrading | None
+    time_map: AbstractTimeMap | None
 
     @staticmethod
-    def of(tried: Attempt) -> "Bracket":
+    def of(tried: Attempt) -> "DenseStep":
         """The bracket of the step that an accepted attempt made."""
         step, inside = tried.step, tried.information
-        return Bracket(
-            Snapshot(tried.t_start, inside["y0"], tried.memory_start),
-            Snapshot(step.t, step.y, step.memory),
+        return DenseStep(
+            Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
+            Snapshot(step.t, step.y, step.entry_speeds),
             inside["stages"],
-            tried.grading,
+            tried.time_map,
         )
 
     def inside(self, method: Method, x: Scalar) -> Variables:
@@ -123,13 +123,13 @@ class Bracket(eqx.Module):
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
-        return dense.at(x if self.grading is None else self.grading.place(x))
+        return dense.at(x if self.time_map is None else self.time_map.place(x))
 
     def within(self, method: Method, x: Scalar) -> Snapshot:
         """The row at a fraction x of the step."""
         require_dense(method.solver)
         t = self.start.t + x * (self.end.t - self.start.t)
-        return Snapshot(t, self.inside(method, x), self.start.memory)
+        return Snapshot(t, self.inside(method, x), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
         """The row at a time of the step."""
@@ -137,4 +137,4 @@ class Bracket(eqx.Module):
         x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t
         y = choose(ends, self.end.y, self.inside(method, x))
-        return Snapshot(t, y, choose(ends, self.end.memory, self.start.memory))
+        return Snapshot(t, y, choose(ends, self.end.entry_speeds, self.start.entry_speeds))

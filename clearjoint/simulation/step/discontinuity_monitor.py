@@ -15,7 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import Reaches
+from ...dynamics.contact_events import ContactGaps
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.joints.base import AbstractContactJoint
@@ -33,7 +33,7 @@ SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """Jumps that are told apart: parts of the rate that jumps, and of the largest of all rates."""
 
 
-def may_jump_unseen(scene: Scene) -> bool:
+def may_have_undeclared_jump(scene: Scene) -> bool:
     """Whether a scene has an element, or part of one, of a class from outside this package, whose
     force compares numbers of the motion."""
     elements = [*scene.joints.values(), *scene.forces.values()]
@@ -44,15 +44,15 @@ def may_jump_unseen(scene: Scene) -> bool:
     )
 
 
-def jumped_unseen(
-    method: Method, system: System, step: Step, trial: Trial, after: Reaches
+def has_undeclared_jump(
+    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
 ) -> Condition:
     """Whether any rate of the motion jumps within a trial step that ends with the contacts `after`.
 
     Breakpoints are not passed in it, nor are contacts' begins; where one ends whose force jumps
     then, nothing is said.
     """
-    term, fixed = term_of(method, step), (system, step.memory)
+    term, fixed = term_of(method, step), (system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:
         y = eqx.tree_at(lambda y: y.motion, step.y, motion)
@@ -72,7 +72,7 @@ def jumped_unseen(
         )
         for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
     ]
-    return reduce(or_, jumps) & ~any_changes(system.scene, step.reaches, after)
+    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, after)
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:

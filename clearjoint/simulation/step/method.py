@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...fields.caching import cached_by_numbers
-from ...math.vectors import Structured, unpack
+from ...math.vectors import ConstantFolded, unpack
 from ...model.scene import Scene
 from .landing import Landing
 from .settings import Settings
@@ -48,9 +48,9 @@ class Scheme(eqx.Module):
         """The system to integrate, of a scene in scalar form."""
         return System.of(scene, self.formulation)
 
-    def unpacked(self, form: Structured) -> System:
+    def unpacked(self, folded_scene: ConstantFolded) -> System:
         """The system to integrate, of a scene in packed form."""
-        return self.system(unpack(form))
+        return self.system(unpack(folded_scene))
 
 
 @cached_by_numbers

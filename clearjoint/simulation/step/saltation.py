@@ -17,10 +17,10 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import Reach, Reaches
-from ...dynamics.contact_forces import INSIDE, LoadedContact, Memory, contact_force
+from ...dynamics.contact_events import ContactGap, ContactGaps
+from ...dynamics.contact_forces import INSIDE, EntrySpeeds, LoadedContact, contact_force
 from ...dynamics.system import System
-from ...math.groups import some
+from ...math.groups import any_
 from ...math.vectors import Condition, Scalar, Vector
 from ...model.joints.base import AbstractContactJoint, Contact, Motions
 from ...model.scene import Scene
@@ -42,20 +42,20 @@ def slopes_jump(scene: Scene) -> bool:
 
 def across_contacts(
     system: System,
-    before: Reaches,
+    before: ContactGaps,
     y: Variables,
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
     t: Scalar,
     lands: Condition,
 ) -> Variables:
     """The variables at the end of a step, where it `lands` on the begin or end of contacts.
 
-    `before` are the reaches, and `memory` the entry speeds, at its start.
+    `before` are the reaches, and `entry_speeds` the entry speeds, at its start.
     """
 
     def cross(y: Variables) -> Variables:
-        times = _times(system.scene, before, system.reaches(y.motion))
-        forces = _mean_forces(system, y, memory)
+        times = _times(system.scene, before, system.contact_gaps(y.motion))
+        forces = _mean_forces(system, y, entry_speeds)
 
         def rates(times: Times) -> Variables:
             impulses = {
@@ -71,7 +71,7 @@ def across_contacts(
         none = jax.tree.map(jnp.zeros_like, times)
         return _changed_by(y, jax.jvp(rates, (none,), (times,))[1])
 
-    changes = any_changes(system.scene, before, system.reaches(y.motion))
+    changes = any_changes(system.scene, before, system.contact_gaps(y.motion))
     return jax.lax.cond(lands & changes, cross, lambda y: y, y)
 
 
@@ -84,23 +84,23 @@ def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
     return {name: labels for name, labels in labels_by_joint.items() if labels}
 
 
-def _changes(before: Reach, after: Reach) -> Condition:
+def _changes(before: ContactGap, after: ContactGap) -> Condition:
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
-def any_changes(scene: Scene, before: Reaches, after: Reaches) -> Condition:
+def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
     """Whether a contact whose force or slope may jump then begins or ends between two instants."""
     any_change: Condition = jnp.asarray(False)
     for name, labels in _jumping_contacts(scene).items():
         for label in labels:
-            any_change |= some(_changes(before[name][label], after[name][label]))
+            any_change |= any_(_changes(before[name][label], after[name][label]))
     return any_change
 
 
-def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
+def _times(scene: Scene, before: ContactGaps, after: ContactGaps) -> Times:
     """How much longer each contact pushed than the step says; negative where it ended."""
 
-    def time(start: Reach, end: Reach) -> Scalar:
+    def time(start: ContactGap, end: ContactGap) -> Scalar:
         moves = _changes(start, end) & (end.rate != 0.0)
         since = end.depth / jnp.where(moves, end.rate, 1.0)
         return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
@@ -112,14 +112,14 @@ def _times(scene: Scene, before: Reaches, after: Reaches) -> Times:
 
 
 def _mean_forces(
-    system: System, y: Variables, memory: Memory
+    system: System, y: Variables, entry_speeds: EntrySpeeds
 ) -> dict[str, dict[str, LoadedContact]]:
     """The forces of closed contacts, means of those at the wall and where the step ends."""
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: dict[str, dict[str, LoadedContact]] = {}
     for name, labels in _jumping_contacts(system.scene).items():
         joint, bristles = joints[name], y.bristles.get(name, {})
-        contacts, speeds = joint.contacts(motions), memory.get(name, {})
+        contacts, speeds = joint.contacts(motions), entry_speeds.get(name, {})
         forces[name] = {
             label: _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
             for label in labels
@@ -147,10 +147,10 @@ def _mean_force(
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
     if not law.slope_jumps():
-        return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.reach()))
+        return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.onset_offset()))
     if not law.force_jumps:
         return _multiplied(force(contact), 0.5)
-    at_wall = at_depth(INSIDE - law.reach())
+    at_wall = at_depth(INSIDE - law.onset_offset())
     return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
 
 

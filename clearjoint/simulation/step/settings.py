@@ -27,7 +27,7 @@ class Settings:
 
     A copy with another number:
 
-        dataclasses.replace(cj.presets.study, ledger=True)
+        dataclasses.replace(cj.presets.accurate, ledger=True)
 
     **Arguments:**
 

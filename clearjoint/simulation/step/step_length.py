@@ -8,7 +8,7 @@ from jaxtyping import PyTree
 
 from ...dynamics.breakpoints import next_breakpoint
 from ...dynamics.bristles import full_deflections
-from ...dynamics.contact_events import Reaches, begins
+from ...dynamics.contact_events import ContactGaps, begins
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Vector
 from ...model.bodies import BodyState
@@ -25,15 +25,15 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
-    if method.landing is None or not step.reaches:
+    if method.landing is None or not step.contact_gaps:
         return t1
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
-    due = method.landing.due(step.reaches, step.second_rates)
+    due = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
     return jnp.minimum(t1, step.t + jnp.maximum(due, resolution))
 
 
 def lengths_after_contacts(
-    step: Step, after: Reaches, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
+    step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
     """`full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
@@ -48,7 +48,7 @@ def lengths_after_contacts(
     last = step.proposal
     length_tried = t1 - step.t
     is_cut = length_tried < CUT * last.full_length
-    begins_contact = begins(step.reaches, after)
+    begins_contact = begins(step.contact_gaps, after)
     entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
     length = _uncut(last, is_cut, proposed)
     length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)

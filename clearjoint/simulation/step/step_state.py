@@ -7,13 +7,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import Reaches
-from ...dynamics.contact_forces import Bristles, Memory
+from ...dynamics.contact_events import ContactGaps
+from ...dynamics.contact_forces import Bristles, EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
 from .landing import Landing
-from .time_map import AbstractGrading
+from .time_map import AbstractTimeMap
 from .types import ControllerState, DenseInformation, SecondRates, SolverState
 
 T = TypeVar("T")
@@ -44,7 +44,7 @@ class Tangents(eqx.Module):
     """Derivatives of a step's state with respect to p parameters, which come first in each leaf."""
 
     y: Variables
-    memory: Memory
+    entry_speeds: EntrySpeeds
     solver_state: SolverState
 
 
@@ -73,15 +73,15 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """Everything between two steps: enough to go on from.
 
-    `t` s, variables, `memory` and `reaches` are those at the end of the last accepted step, and
+    `t` s, variables, `entry_speeds` and `contact_gaps` are those at the end of the last accepted step, and
     `attempts` and `accepted` count the steps so far. `second_rates` are zero where the solver does
     not tell the rates there. `tangents` is ``None`` in runs without derivatives.
     """
 
     t: Scalar
     y: Variables
-    memory: Memory
-    reaches: Reaches
+    entry_speeds: EntrySpeeds
+    contact_gaps: ContactGaps
     second_rates: SecondRates
     solver_state: SolverState
     proposal: Proposal
@@ -96,25 +96,25 @@ class Attempt(eqx.Module):
 
     - `step`: after the trial, with the proposal for the next one.
     - `kept`: whether the trial was accepted; if not, `step` is where it was.
-    - `t_start`, `memory_start`: s, and entry speeds, where it began.
+    - `t_start`, `entry_speeds_start`: s, and entry speeds, where it began.
     - `information`: what its dense output is made of.
-    - `grading`: how its time passed; ``None`` where it passes evenly in all steps.
+    - `time_map`: how its time passed; ``None`` where it passes evenly in all steps.
     - `tangents`: what is needed to look at its derivatives; ``None`` without any.
     """
 
     step: Step
     kept: Condition
     t_start: Scalar
-    memory_start: Memory
+    entry_speeds_start: EntrySpeeds
     information: DenseInformation
-    grading: AbstractGrading | None
+    time_map: AbstractTimeMap | None
     tangents: "TangentsInside | None" = None
 
 
 class TangentsInside(eqx.Module):
     """What is needed to look at the derivatives inside a step: as the fields of `Attempt`."""
 
-    memory_start: Memory
+    entry_speeds_start: EntrySpeeds
     information: DenseInformation
 
 

@@ -17,20 +17,20 @@ import jax.numpy as jnp
 from ...dynamics.breakpoints import breakpoints, seen
 from ...dynamics.bristles import initial_bristles, updated_bristles
 from ...dynamics.contact_events import (
-    Reach,
-    Reaches,
+    ContactGap,
+    ContactGaps,
     begins,
     begins_at_once,
-    has_memory,
-    initial_memory,
-    updated_memory,
+    initial_entry_speeds,
+    updated_entry_speeds,
+    uses_entry_speed,
 )
-from ...dynamics.contact_forces import Bristles, Memory
+from ...dynamics.contact_forces import Bristles, EntrySpeeds
 from ...dynamics.energy import bristle_energy
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
-from .acceptance import judge
+from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
 from .program_size import shapes_of
 from .saltation import across_contacts, contacts_jump, slopes_jump
@@ -58,19 +58,19 @@ def start(
     t_end: Scalar,
     first_step: Scalar | None,
     y: Variables,
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
     derivatives: bool = False,
 ) -> Step:
     """What there is before the first step from t0.
 
-    **Arguments:** `first_step`: s; chosen by the controller unless given. `memory`: entry speeds;
+    **Arguments:** `first_step`: s; chosen by the controller unless given. `entry_speeds`: entry speeds;
     from the contacts at t0 if it is empty. `derivatives`: whether the step will carry them.
     """
-    reaches = system.reaches(y.motion)
-    memory = memory or initial_memory(system.scene, reaches)
+    contact_gaps = system.contact_gaps(y.motion)
+    entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
-    y = replace(y, work=_ledger(system, t0, y, memory, derivatives))
-    term, args = term_of(method), (system, memory)
+    y = replace(y, work=_ledger(system, t0, y, entry_speeds, derivatives))
+    term, args = term_of(method), (system, entry_speeds)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
     )
@@ -80,15 +80,15 @@ def start(
     step = Step(
         t=t0,
         y=y,
-        memory=memory,
-        reaches=reaches,
-        second_rates=_second_rates(method, system, y, solver_state, reaches),
+        entry_speeds=entry_speeds,
+        contact_gaps=contact_gaps,
+        second_rates=_second_rates(method, system, y, solver_state, contact_gaps),
         solver_state=solver_state,
         proposal=Proposal(
             t_next=t_next,
             full_length=t_next - t0,
-            begins_contact=begins_at_once(reaches),
-            since_begin=_since_begin(reaches) if derivatives else None,
+            begins_contact=begins_at_once(contact_gaps),
+            since_begin=_since_begin(contact_gaps) if derivatives else None,
             entry_length=t_next - t0,
             made_jump=False,
             controller_state=controller_state,
@@ -100,23 +100,23 @@ def start(
     return jax.tree.map(jnp.asarray, step)
 
 
-def _since_begin(reaches: Reaches) -> Scalar:
+def _since_begin(contact_gaps: ContactGaps) -> Scalar:
     """Time in s for which a contact has existed at the start of a run, of which nothing is known
     unless it begins there."""
-    return jnp.where(begins_at_once(reaches), 0.0, jnp.inf)
+    return jnp.where(begins_at_once(contact_gaps), 0.0, jnp.inf)
 
 
 def _ledger(
-    system: System, t: Scalar, y: Variables, memory: Memory, derivatives: bool
+    system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
 ) -> dict[str, Scalar]:
     """The ledger's integrals at the start: those given, and for the others the scene has zero, or
     for friction what bristles hold, which it books."""
     _, powers = shapes_of(
-        lambda: system.rates(y.motion, memory, t, bristles=y.bristles), derivatives
+        lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
     )
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
     if y.bristles and "friction" in powers.keys() - y.work.keys():
-        forces = system.contact_forces(y.motion, memory, y.bristles)
+        forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
         held = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
         work["friction"] = work["friction"] if held is None else jnp.asarray(held)
     return work
@@ -126,8 +126,8 @@ class _Arrival(eqx.Module):
     """The state at the end of a trial, if it is accepted: fields as those of `Step`."""
 
     y: Variables
-    memory: Memory
-    reaches: Reaches
+    entry_speeds: EntrySpeeds
+    contact_gaps: ContactGaps
     second_rates: SecondRates
     tangents: Tangents | None
 
@@ -140,32 +140,32 @@ def attempt(
     If the step has tangents, `family` is that of the scene, and says along what they are.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    after = system.reaches(trial.outcome.y.motion)
-    verdict = judge(method, system, step, trial, after, t_end)
-    keep = verdict.keep
+    after = system.contact_gaps(trial.outcome.y.motion)
+    decision = decide_step(method, system, step, trial, after, t_end)
+    keep = decision.keep
     arrival = _arrival(method, system, family, step, trial, after, keep)
     inside = None
     if step.tangents is not None and trial.tangents is not None:
-        inside = TangentsInside(step.tangents.memory, trial.tangents.information)
+        inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     return Attempt(
         step=Step(
             t=jnp.where(keep, trial.t1, step.t),
             y=choose(keep, arrival.y, step.y),
-            memory=choose(keep, arrival.memory, step.memory),
-            reaches=choose(keep, arrival.reaches, step.reaches),
+            entry_speeds=choose(keep, arrival.entry_speeds, step.entry_speeds),
+            contact_gaps=choose(keep, arrival.contact_gaps, step.contact_gaps),
             second_rates=arrival.second_rates,
             solver_state=choose(keep, trial.outcome.solver_state, step.solver_state),
-            proposal=verdict.proposal,
-            result=verdict.result,
+            proposal=decision.proposal,
+            result=decision.result,
             attempts=step.attempts + 1,
             accepted=step.accepted + keep,
             tangents=choose(keep, arrival.tangents, step.tangents),
         ),
         kept=keep,
         t_start=step.t,
-        memory_start=step.memory,
+        entry_speeds_start=step.entry_speeds,
         information=trial.outcome.information,
-        grading=trial.grading,
+        time_map=trial.time_map,
         tangents=inside,
     )
 
@@ -176,7 +176,7 @@ def _arrival(
     family: SystemFamily | None,
     step: Step,
     trial: Trial,
-    after: Reaches,
+    after: ContactGaps,
     keep: Condition,
 ) -> _Arrival:
     """What a trial arrives at, with the contacts `after`: memory, forces that jump, tangents."""
@@ -186,15 +186,15 @@ def _arrival(
         _second_rates(method, system, y1, trial.outcome.solver_state, after),
         step.second_rates,
     )
-    memory = _memory_after(method, system, step, y1, after, t1, keep, second_rates)
+    entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
     y1, y_tangents = _across_jumps(method, system, family, step, trial, keep)
     if joints_have_breakpoints(system.scene):
-        after = system.reaches(y1.motion)
+        after = system.contact_gaps(y1.motion)
     tangents = None
     if family is not None:
         assert y_tangents is not None
         tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
-    return _Arrival(y1, memory, after, second_rates, tangents)
+    return _Arrival(y1, entry_speeds, after, second_rates, tangents)
 
 
 def _across_jumps(
@@ -215,29 +215,29 @@ def _across_jumps(
         return y1, y_tangents
     t1 = trial.t1
 
-    def across(system: System, y: Variables, memory: Memory) -> tuple[Variables, None]:
+    def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         if contacts:
             time = seen(system, step.t, t1)
-            y = across_contacts(system, step.reaches, y, memory, time, keep)
+            y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
         if switches:
-            y = across_breakpoints(system, step.t, y, memory, t1, keep)
+            y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
             y = replace(y, bristles=_bristles_after(method, system, step, y))
         return y, None
 
     if family is None:
-        return across(system, y1, step.memory)[0], None
+        return across(system, y1, step.entry_speeds)[0], None
     assert step.tangents is not None
-    tangents = y_tangents, step.tangents.memory
-    y1, _, y_tangents = family.pushed(across, (y1, step.memory), tangents)
+    tangents = y_tangents, step.tangents.entry_speeds
+    y1, _, y_tangents = family.pushed(across, (y1, step.entry_speeds), tangents)
     return y1, y_tangents
 
 
 def _bristles_after(method: Method, system: System, step: Step, y: Variables) -> Bristles:
     """The deflections of bristles if the step is accepted."""
-    after, motions = system.reaches(y.motion), system.motions(y.motion)
+    after, motions = system.contact_gaps(y.motion), system.motions(y.motion)
     lands = method.landing is not None
-    return updated_bristles(system.scene, y.bristles, motions, step.reaches, after, lands)
+    return updated_bristles(system.scene, y.bristles, motions, step.contact_gaps, after, lands)
 
 
 def _tangents_after(
@@ -255,48 +255,58 @@ def _tangents_after(
     end, start = trial.tangents, step.tangents
     assert end is not None and start is not None
 
-    def memory_after(system: System, y1: Variables, memory: Memory) -> tuple[Memory, None]:
-        after = system.reaches(y1.motion)
-        return updated_memory(system.scene, memory, step.reaches, after, second_rates), None
+    def memory_after(
+        system: System, y1: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[EntrySpeeds, None]:
+        after = system.contact_gaps(y1.motion)
+        return updated_entry_speeds(
+            system.scene, entry_speeds, step.contact_gaps, after, second_rates
+        ), None
 
     _, _, memory_tangents = family.pushed(
-        memory_after, (trial.outcome.y, step.memory), (end.y, start.memory)
+        memory_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
     )
     return Tangents(y_tangents, memory_tangents, end.solver_state)
 
 
-def _memory_after(
+def _entry_speeds_after(
     method: Method,
     system: System,
     step: Step,
     y1: Variables,
-    after: Reaches,
+    after: ContactGaps,
     t1: Scalar,
     keep: Condition,
     second_rates: SecondRates,
-) -> Memory:
+) -> EntrySpeeds:
     """The memory if the step is accepted."""
-    if not has_memory(system.scene):
-        return step.memory
+    if not uses_entry_speed(system.scene):
+        return step.entry_speeds
     if not isinstance(method.solver, UnrolledExplicit):
         second_rates = jax.lax.cond(
-            keep & begins(step.reaches, after),
+            keep & begins(step.contact_gaps, after),
             lambda: _end_second_rates(method, system, step, y1, t1),
             lambda: second_rates,
         )
-    return updated_memory(system.scene, step.memory, step.reaches, after, second_rates)
+    return updated_entry_speeds(
+        system.scene, step.entry_speeds, step.contact_gaps, after, second_rates
+    )
 
 
 def _second_rates(
-    method: Method, system: System, y: Variables, solver_state: SolverState, reaches: Reaches
+    method: Method,
+    system: System,
+    y: Variables,
+    solver_state: SolverState,
+    contact_gaps: ContactGaps,
 ) -> SecondRates:
     """Second derivatives of the gaps where the solver has the rates of the variables; else zero."""
-    if reaches and isinstance(method.solver, UnrolledExplicit):
+    if contact_gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return jax.tree.map(
-        lambda reach: jnp.zeros_like(reach.rate),
-        reaches,
-        is_leaf=lambda node: isinstance(node, Reach),
+        lambda gap: jnp.zeros_like(gap.rate),
+        contact_gaps,
+        is_leaf=lambda node: isinstance(node, ContactGap),
     )
 
 
@@ -304,7 +314,7 @@ def _end_second_rates(
     method: Method, system: System, step: Step, y1: Variables, t1: Scalar
 ) -> SecondRates:
     """Second derivatives of the gaps at the end of a step."""
-    rates = term_of(method).vf(t1, y1, (system, step.memory))
+    rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
     return system.second_rates(y1.motion, rates.motion)
 
 

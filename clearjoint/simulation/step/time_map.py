@@ -21,7 +21,7 @@ LEAST = 1e-300
 """What stands for zero under a root, which has a slope there."""
 
 
-class AbstractGrading(eqx.Module):
+class AbstractTimeMap(eqx.Module):
     """How the time of a step passes with the place in it."""
 
     @abc.abstractmethod
@@ -43,7 +43,7 @@ class AbstractGrading(eqx.Module):
         return proposed
 
 
-class FromBegin(AbstractGrading):
+class FromOnset(AbstractTimeMap):
     """Time as the square of the place where a contact `begins` at the start of the step; else it
     passes evenly."""
 
@@ -62,7 +62,7 @@ class FromBegin(AbstractGrading):
         return jnp.where(self.begins, jnp.sqrt(jnp.maximum(part, 0.0)), part)
 
 
-class WithinContact(AbstractGrading):
+class WithinContact(AbstractTimeMap):
     """Steps even in the root of the time from the begin or to the end of a contact, whichever is
     nearer.
 
@@ -81,7 +81,7 @@ class WithinContact(AbstractGrading):
         """The grading of a step.
 
         **Arguments:** `touches`: whether any contact is closed; `begins`: whether one begins at the
-        start; `since`: s, time since one last began; `due`: s, time until the first one ends.
+        start; `since`: s, time since one last began; `time_to_next_event`: s, time until the first one ends.
         """
         nears_end = ~begins & (due < since)
         known = touches & jnp.isfinite(jnp.minimum(since, due))

@@ -10,11 +10,11 @@ from jaxtyping import PyTree
 
 from ...compilation import traced_once
 from ...dynamics.breakpoints import breakpoints, seen
-from ...dynamics.contact_events import closed, has_memory, touches
-from ...dynamics.contact_forces import Closed, Memory
+from ...dynamics.contact_events import closed, touches, uses_entry_speed
+from ...dynamics.contact_forces import Closed, EntrySpeeds
 from ...dynamics.system import System
 from ...fields.types import Single
-from ...math.groups import total
+from ...math.groups import sum_
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import correct
@@ -22,7 +22,7 @@ from .rates import rates_of
 from .saltation import contacts_jump, slopes_jump
 from .step_state import Method, Step, Variables, choose
 from .systems import SystemFamily
-from .time_map import AbstractGrading, FromBegin, WithinContact
+from .time_map import AbstractTimeMap, FromOnset, WithinContact
 from .types import DenseInformation, SolverState
 from .unrolled_runge_kutta import UnrolledExplicit
 
@@ -39,20 +39,24 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
-    closed_contacts = closed(step.reaches) if step is not None and lands else None
+    closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
 
-    def rates(t: Single, y: Variables, args: tuple[System, Memory]) -> Variables:
-        system, memory = args
+    def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
+        system, entry_speeds = args
         t = seen(system, t if step is None else step.t, t)
-        return traced_rates(system, y, memory, t, closed_contacts)
+        return traced_rates(system, y, entry_speeds, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
 
 
 def _rates(
-    system: System, y: Variables, memory: Memory, t: Single, closed_contacts: Closed | None
+    system: System,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    t: Single,
+    closed_contacts: Closed | None,
 ) -> Variables:
-    rates = rates_of(system, y, memory, t, closed_contacts)
+    rates = rates_of(system, y, entry_speeds, t, closed_contacts)
     return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
 
@@ -75,35 +79,35 @@ class SolverStep(eqx.Module):
 class Trial(eqx.Module):
     """A step as the solver made it.
 
-    - `t1`: s, where it ends; `grading`: how its time passes.
+    - `t1`: s, where it ends; `time_map`: how its time passes.
     - `outcome`: what it gives, and `tangents` the derivatives of that, ``None`` without any.
     - `finite`: whether both were finite. If not, the variables are those of the start.
     - `solver_result`: the solver's own code.
     """
 
     t1: Scalar
-    grading: AbstractGrading | None
+    time_map: AbstractTimeMap | None
     outcome: SolverStep
     tangents: SolverStep | None
     finite: Condition
     solver_result: diffrax.RESULTS
 
 
-def grading_of(method: Method, step: Step, t1: Scalar) -> AbstractGrading | None:
+def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
     """How time passes in the step up to t1; ``None`` where it passes evenly in all steps.
 
     Without derivatives, grading the steps out of a contact too gained nothing: as many steps, and
     more of them in a journal that rolls along the wall.
     """
-    if method.landing is None or not step.reaches:
+    if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
         return None
     begins, since = step.proposal.begins_contact, step.proposal.since_begin
     if since is None:
-        return FromBegin(begins)
-    due = method.landing.end_due(step.reaches, step.second_rates)
-    return WithinContact.of(t1 - step.t, touches(step.reaches), begins, since, due)
+        return FromOnset(begins)
+    due = method.landing.time_to_contact_end(step.contact_gaps, step.second_rates)
+    return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, due)
 
 
 def try_step(
@@ -111,20 +115,20 @@ def try_step(
 ) -> Trial:
     """The solver's step up to t1, corrected as the stabilisation wants it."""
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
-    grading = grading_of(method, step, t1)
-    options = {} if grading is None else {"grading": grading}
+    time_map = time_map_of(method, step, t1)
+    options = {} if time_map is None else {"grading": time_map}
 
     def advance(
-        system: System, y: Variables, memory: Memory, solver_state: SolverState
+        system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
         if slopes_may_jump(method, system.scene):
-            solver_state = _after_jump(method, system, step, t1, (y, memory, solver_state))
+            solver_state = _after_jump(method, system, step, t1, (y, entry_speeds, solver_state))
         y1, error, information, solver_state, result = method.solver.step(
             term_of(method, step),
             step.t,
             t1,
             y,
-            (system, memory),
+            (system, entry_speeds),
             solver_state,
             made_jump,
             **options,
@@ -134,17 +138,17 @@ def try_step(
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
 
-    start = step.y, step.memory, step.solver_state
+    start = step.y, step.entry_speeds, step.solver_state
     if family is None:
         outcome, result = advance(system, *start)
         finite, tangents = _all_finite((outcome.y, outcome.error)), None
     else:
         assert step.tangents is not None
-        along = step.tangents.y, step.tangents.memory, step.tangents.solver_state
+        along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.pushed(advance, start, along)
         finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
-    return Trial(t1, grading, _unless(finite, outcome, step.y), tangents, finite, result)
+    return Trial(t1, time_map, _unless(finite, outcome, step.y), tangents, finite, result)
 
 
 def _after_jump(
@@ -152,14 +156,14 @@ def _after_jump(
     system: System,
     step: Step,
     t1: Scalar,
-    start: tuple[Variables, Memory, SolverState],
+    start: tuple[Variables, EntrySpeeds, SolverState],
 ) -> SolverState:
     """What the solver keeps of the last step, of a start of variables, memory and that: anew where
     a contact began or ended there, with the contacts that are closed since."""
-    y, memory, kept = start
+    y, entry_speeds, kept = start
 
     def anew() -> SolverState:
-        return method.solver.init(term_of(method, step), step.t, t1, y, (system, memory))
+        return method.solver.init(term_of(method, step), step.t, t1, y, (system, entry_speeds))
 
     return jax.lax.cond(step.proposal.made_jump, anew, lambda: kept)
 
@@ -198,7 +202,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
-    return has_memory(scene) if method.landing is None else contacts_jump(scene)
+    return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
 
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
@@ -214,7 +218,7 @@ def _all_finite(tree: PyTree[Scalar]) -> Condition:
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
-    return sum(total(_sum(family)) for family in families.values()) == 0.0
+    return sum(sum_(_sum(family)) for family in families.values()) == 0.0
 
 
 def _sum(terms: list[Scalar]) -> Scalar:

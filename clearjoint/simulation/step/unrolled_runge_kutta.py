@@ -22,7 +22,7 @@ from jaxtyping import Float, PyTree
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from ...native import evaluated
-from .time_map import AbstractGrading
+from .time_map import AbstractTimeMap
 from .types import DenseInformation
 
 Weights = Float[np.ndarray, " n"]
@@ -76,18 +76,18 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         args: PyTree,
         solver_state: Y,
         made_jump: Scalar,
-        grading: AbstractGrading | None = None,
+        time_map: AbstractTimeMap | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
         """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
         tableau = _tableau(self.method)
         h = t1 - t0
         last = solver_state if made_jump is False else terms.vf(t0, y0, args)
-        stages, y = [_per_place(last, 0.0, grading)], y0
+        stages, y = [_per_place(last, 0.0, time_map)], y0
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
-            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, grading) * h
+            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, time_map) * h
             last = terms.vf(t, y, args)
-            stages.append(_per_place(last, fraction, grading))
+            stages.append(_per_place(last, fraction, time_map))
         y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
@@ -132,16 +132,16 @@ class DenseOutput(eqx.Module):
         return jax.tree.map(leaf, self.y0, *self.stages)
 
 
-def _elapsed(place: float, grading: AbstractGrading | None) -> Scalar:
+def _elapsed(place: float, time_map: AbstractTimeMap | None) -> Scalar:
     """The part of a step's time that has passed at a place in it."""
-    return place if grading is None else grading.elapsed(place)
+    return place if time_map is None else time_map.elapsed(place)
 
 
-def _per_place(rates: Y, place: float, grading: AbstractGrading | None) -> Y:
+def _per_place(rates: Y, place: float, time_map: AbstractTimeMap | None) -> Y:
     """Rates against the place in the step, over its length."""
-    if grading is None:
+    if time_map is None:
         return rates
-    slope = grading.slope(place)
+    slope = time_map.slope(place)
     return jax.tree.map(lambda rate: slope * rate, rates)
 
 

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.bristles import initial_bristles
-from ...dynamics.contact_forces import Memory
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Scalar
 from ...parametrisation.parametrised_scene import Coordinates
@@ -28,33 +28,37 @@ def start_with_tangents(
 ) -> Step:
     """`start` for a family of systems, with the derivatives of the initial state."""
 
-    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, Memory], None]:
+    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family.start(values)
         motion = system.encode(state.bodies)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
-        return jax.tree.map(jnp.asarray, (y, state.memory)), None
+        return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
     count = len(family.values)
-    (y, memory), _, (y_along, memory_along) = family.pushed(
+    (y, entry_speeds), _, (y_along, memory_along) = family.pushed(
         initial, (family.values,), (jnp.eye(count),)
     )
     system = family.system()
-    step = start(method, system, t0, t_end, first_step, y, memory, derivatives=True)
+    step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
 
-    def solver_state(system: System, y: Variables, memory: Memory) -> tuple[SolverState, None]:
-        return method.solver.init(term_of(method), t0, t_end, y, (system, memory)), None
+    def solver_state(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[SolverState, None]:
+        return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
 
     none = jnp.zeros(count)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
-    memory_along = memory_along or jax.tree.map(lambda _: none, step.memory)
-    _, _, state_along = family.pushed(solver_state, (step.y, step.memory), (y_along, memory_along))
+    memory_along = memory_along or jax.tree.map(lambda _: none, step.entry_speeds)
+    _, _, state_along = family.pushed(
+        solver_state, (step.y, step.entry_speeds), (y_along, memory_along)
+    )
     return replace(step, tangents=Tangents(y_along, memory_along, state_along))
 
 
-def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, Memory]:
+def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
     """Derivatives of what `look_inside` gives, before it is projected."""
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
     y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
-    return y, choose(t >= end, last.memory, inside.memory_start)
+    return y, choose(t >= end, last.entry_speeds, inside.entry_speeds_start)

@@ -11,12 +11,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...math.vectors import Scalar, Structured, unpack
+from ...math.vectors import ConstantFolded, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
-from ...simulation.lanes.lane import WINDOW, Lane, Orders, Plan, begin_lane, outcome, turn
+from ...simulation.lanes.lane import (
+    WINDOW,
+    Lane,
+    Plan,
+    SegmentRequest,
+    begin_lane,
+    outcome,
+    step_lane,
+)
 from ...simulation.results.impact_table import IMPACT_UNITS
 from ...simulation.step.dense_output import Snapshot
 from ..work import variable_name
@@ -28,7 +36,7 @@ RUN = ""
 
 def programs(
     plan: Plan,
-    form: Structured,
+    folded_scene: ConstantFolded,
     state: State,
     start_time: float,
     channels: dict[str, dict[str, Quantity]],
@@ -36,17 +44,17 @@ def programs(
     """Digests of the run's program (`RUN`), and of that of each variable of the outputs.
 
     **Arguments:** `plan` and `channels` as in `clearjoint.simulation.lanes.tasks.Common`;
-    `form` and `state`: scene and initial state of a lane; `start_time`: s.
+    `folded_scene` and `state`: scene and initial state of a lane; `start_time`: s.
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
     """
-    numbers, rest = eqx.partition(form, eqx.is_array_like)
+    numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
     traced = _Traced(plan, rest, channels)
     time = jnp.asarray(start_time, dtype=float)
     start = fingerprints(traced.begun, numbers, state, time, 1.0)
     lane: Lane = start.shapes[RUN]
     step = fingerprints(traced.taken, numbers, lane, 1.0)
-    row = Snapshot(lane.step.t, lane.step.y, lane.step.memory)
+    row = Snapshot(lane.step.t, lane.step.y, lane.step.entry_speeds)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
     contacts = jax.eval_shape(traced.begun_contacts, numbers, state, time, 1.0)
@@ -73,13 +81,13 @@ class _Traced:
 
     def begun(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> dict[str, Lane]:
         """The lane before its first step."""
-        orders = _orders(time + length, length)
-        return {RUN: begin_lane(self._bare, self._scene(numbers), state, time, orders)}
+        request = _request(time + length, length)
+        return {RUN: begin_lane(self._bare, self._scene(numbers), state, time, request)}
 
     def taken(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """A step of the lane, and what would be reported of it."""
         scene = self._scene(numbers)
-        after = turn(self._bare, scene, lane, _orders(end_time, end_time))
+        after = step_lane(self._bare, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(self._bare, scene, lane, end_time))}
 
     @property
@@ -89,15 +97,15 @@ class _Traced:
 
     def begun_contacts(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
         """The lane before its first step, with its contacts."""
-        orders = _orders(time + length, length)
-        return begin_lane(self._tabling, self._scene(numbers), state, time, orders)
+        request = _request(time + length, length)
+        return begin_lane(self._tabling, self._scene(numbers), state, time, request)
 
     def tabled(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """By variable of the tables of impacts, what is recorded at a step."""
         if not lane.impacts:
             return {}
-        orders = replace(_orders(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
-        after = turn(self._tabling, self._scene(numbers), lane, orders)
+        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
+        after = step_lane(self._tabling, self._scene(numbers), lane, request)
         return {
             variable_name(name, key): record
             for name, record in after.impacts.items()
@@ -146,5 +154,5 @@ class _Traced:
         return row.instant(system, at)
 
 
-def _orders(end_time: Scalar, first_step: Scalar) -> Orders:
-    return Orders(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
+def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
+    return SegmentRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})

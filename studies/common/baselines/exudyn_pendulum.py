@@ -74,7 +74,7 @@ class _Model:
     system: Any
     arms: tuple[int, int]
     contact: int
-    memory: int
+    entry_speeds: int
 
 
 def _arm(system: Any, inertia: tuple[float, float, float], position: list[float]) -> int:
@@ -108,13 +108,13 @@ def _base(
     """Contact of the base at `z`, m: its object and its data node."""
     law = ravn_contact(clearance, restitution, young)
     journal = system.AddMarker(eu.MarkerBodyRigid(bodyNumber=arm, localPosition=[-0.5, 0.0, z]))
-    memory = system.AddNode(
+    entry_speeds = system.AddNode(
         eu.NodeGenericData(initialCoordinates=[clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
     )
     contact = system.AddObject(
         eu.ObjectContactSphereSphere(
             markerNumbers=[journal, _bearing(system, journal, z)],
-            nodeNumber=memory,
+            nodeNumber=entry_speeds,
             spheresRadii=[BEARING_RADIUS - clearance, BEARING_RADIUS],
             isHollowSphere1=True,
             contactStiffness=law.stiffness,
@@ -124,7 +124,7 @@ def _base(
             minimumImpactVelocity=ENTRY_SPEED_FLOOR,
         )
     )
-    return contact, memory
+    return contact, entry_speeds
 
 
 def _model(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -> _Model:
@@ -134,9 +134,11 @@ def _model(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -
     system.CreateRevoluteJoint(
         itemNumbers=[arm_2, arm_3], position=[1.0, 0.0, 0.0], axis=[1.0, 0.0, 0.0]
     )
-    contact, memory = _base(system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution, young)
+    contact, entry_speeds = _base(
+        system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution, young
+    )
     _base(system, arm_2, 0.5 * JOURNAL_LENGTH, clearance, restitution, young)
-    return _Model(system, (arm_2, arm_3), contact, memory)
+    return _Model(system, (arm_2, arm_3), contact, entry_speeds)
 
 
 def _settings(duration: float, step: float) -> Any:
@@ -177,7 +179,7 @@ def run(
 def first_impact(step: float) -> FirstImpact:
     """What the first impact of base V looks like at this largest step, s, every step recorded."""
     model = _model(5e-4, 0.9)
-    force, memory = (
+    force, entry_speeds = (
         model.system.AddSensor(sensor)
         for sensor in (
             eu.SensorObject(
@@ -186,7 +188,7 @@ def first_impact(step: float) -> FirstImpact:
                 outputVariableType=exu.OutputVariableType.Force,
             ),
             eu.SensorNode(
-                nodeNumber=model.memory,
+                nodeNumber=model.entry_speeds,
                 storeInternal=True,
                 outputVariableType=exu.OutputVariableType.Coordinates,
             ),
@@ -195,7 +197,7 @@ def first_impact(step: float) -> FirstImpact:
     model.system.Assemble()
     model.system.SolveDynamic(_settings(0.0105, step))
     forces = model.system.GetSensorStoredData(force)[:, 1:]
-    t, gap, _, entry_speed, _ = model.system.GetSensorStoredData(memory).T
+    t, gap, _, entry_speed, _ = model.system.GetSensorStoredData(entry_speeds).T
     inside = np.argmax(gap < 0.0)
     onset = t[inside] + gap[inside] / entry_speed[inside]
     peak = np.linalg.norm(forces, axis=1).max()
