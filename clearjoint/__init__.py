@@ -1,13 +1,13 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
 The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
-1. `simulation/run/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
-   of its arrays (`unpack` in `math/vectors.py`).
+1. `simulation/run/simulate.py`: `simulate` gives the scene to a compiled program, which makes
+   scalars of its arrays (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
 3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
 4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
-   `model/clearance_joints/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
-   (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
+   `model/clearance_joints/bearing_surfaces.py`, which subtracts the clearance from the journal's
+   eccentricity (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
 5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
    stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
 
@@ -30,13 +30,18 @@ units.
 from .compilation import remember_contents as _remember_contents
 
 # isort: split
+from . import extend as extend
+from . import films as films
+from . import frictions as frictions
+from . import laws as laws
+from . import mechanisms as mechanisms
 from . import presets as presets
 from . import quantities as quantities
+from . import results as results
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
 from .dynamics.constraint_report import constraint_report as constraint_report
 from .dynamics.joint_coordinates.coordinates import JointCoordinates as JointCoordinates
-from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.stabilisation import Baumgarte as Baumgarte
 from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
@@ -46,28 +51,17 @@ from .fields.cautions import LooseBodyWarning as LooseBodyWarning
 from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import PoorFitWarning as PoorFitWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
-from .fields.declarations import quantity as quantity
 from .fields.readable import without_modules as _without_modules
-from .identification.fit import Fit as Fit
 from .identification.identify import FitInterrupted as FitInterrupted
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
-from .identification.levenberg_marquardt import Ending as Ending
-from .identification.levenberg_marquardt import Iteration as Iteration
-from .identification.limits.largest import LargestFeasible as LargestFeasible
 from .identification.limits.largest import largest_feasible as largest_feasible
-from .identification.minimise import Minimum as Minimum
 from .identification.minimise import minimise as minimise
-from .identification.screening.screening import Screened as Screened
 from .identification.screening.screening import Screening as Screening
 from .identification.starts import Starts as Starts
-from .information.analysis import Identifiability as Identifiability
 from .information.analysis import identifiability as identifiability
-from .information.horizon import FitHorizon as FitHorizon
 from .information.horizon import fit_horizon as fit_horizon
 from .information.sensors import Sensor as Sensor
-from .math.smoothing import norm_and_direction as norm_and_direction
-from .math.vectors import Vector as Vector
 from .measurements.readers import Channel as Channel
 from .measurements.readers import from_xarray as from_xarray
 from .measurements.readers import function_from_csv as function_from_csv
@@ -78,17 +72,13 @@ from .model import densities as densities
 from .model.bodies import GROUND as GROUND
 from .model.bodies import Body as Body
 from .model.bodies import BodyState as BodyState
-from .model.bodies import Motion as Motion
 from .model.bodies import State as State
-from .model.bodies import Wrench as Wrench
 from .model.bodies import body_state as body_state
-from .model.clearance_joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.clearance_joints.axial import EndPlay as EndPlay
 from .model.clearance_joints.axial import FixedAxially as FixedAxially
 from .model.clearance_joints.axial import FreeAxially as FreeAxially
 from .model.clearance_joints.backlash import Backlash as Backlash
 from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
-from .model.clearance_joints.carried_journal import CarriedJournal as CarriedJournal
 from .model.clearance_joints.carried_journal import carried_journal as carried_journal
 from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
@@ -96,66 +86,6 @@ from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoin
 from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
 from .model.clearance_joints.pin_in_slot import PinInSlot as PinInSlot
 from .model.clearance_joints.slider_in_guide import SliderInGuide as SliderInGuide
-from .model.contact.bounded_damping import ElastoGap as ElastoGap
-from .model.contact.bounded_damping import FloresKelvinVoigt as FloresKelvinVoigt
-from .model.contact.bounded_damping import ImpactFunction as ImpactFunction
-from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
-from .model.contact.bristles import Dahl as Dahl
-from .model.contact.bristles import ElastoPlastic as ElastoPlastic
-from .model.contact.bristles import LuGre as LuGre
-from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
-from .model.contact.cylinders import LiuCylinder as LiuCylinder
-from .model.contact.cylinders import PereiraCylinder as PereiraCylinder
-from .model.contact.cylinders import PerssonCylinder as PerssonCylinder
-from .model.contact.damping_factors import CarvalhoMartins as CarvalhoMartins
-from .model.contact.damping_factors import ExactRestitution as ExactRestitution
-from .model.contact.damping_factors import Flores2011 as Flores2011
-from .model.contact.damping_factors import GharibHurmuzlu as GharibHurmuzlu
-from .model.contact.damping_factors import Gonthier as Gonthier
-from .model.contact.damping_factors import HerbertMcWhannell as HerbertMcWhannell
-from .model.contact.damping_factors import HuGuo as HuGuo
-from .model.contact.damping_factors import HuntCrossley as HuntCrossley
-from .model.contact.damping_factors import LankaraniNikravesh as LankaraniNikravesh
-from .model.contact.damping_factors import LeeWang as LeeWang
-from .model.contact.damping_factors import PantWijeyewickrema as PantWijeyewickrema
-from .model.contact.damping_factors import SafaeifarFarshidianfar as SafaeifarFarshidianfar
-from .model.contact.damping_factors import YePounding as YePounding
-from .model.contact.damping_factors import ZhiyingQishao as ZhiyingQishao
-from .model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
-from .model.contact.dashpots import BordbarHyppanen as BordbarHyppanen
-from .model.contact.dashpots import Jankowski as Jankowski
-from .model.contact.dashpots import KelvinVoigt as KelvinVoigt
-from .model.contact.dashpots import KuwabaraKono as KuwabaraKono
-from .model.contact.dashpots import Ristow as Ristow
-from .model.contact.dashpots import Tsuji as Tsuji
-from .model.contact.dashpots import clamped_restitution as clamped_restitution
-from .model.contact.friction import AbstractFriction as AbstractFriction
-from .model.contact.friction import Ambrosio as Ambrosio
-from .model.contact.friction import LinearCoulomb as LinearCoulomb
-from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
-from .model.contact.friction import Threlfall as Threlfall
-from .model.contact.gap import Gap as Gap
-from .model.contact.hunt_crossley import AbstractDampedLaw as AbstractDampedLaw
-from .model.contact.hunt_crossley import AbstractHertzianLaw as AbstractHertzianLaw
-from .model.contact.hunt_crossley import Hertz as Hertz
-from .model.contact.hunt_crossley import MemorylessHuntCrossley as MemorylessHuntCrossley
-from .model.contact.laws import AbstractContactLaw as AbstractContactLaw
-from .model.contact.logarithmic_cylinders import (
-    DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
-)
-from .model.contact.logarithmic_cylinders import EsduCylinder as EsduCylinder
-from .model.contact.logarithmic_cylinders import GoldsmithCylinder as GoldsmithCylinder
-from .model.contact.logarithmic_cylinders import JohnsonCylinder as JohnsonCylinder
-from .model.contact.logarithmic_cylinders import RadzimovskyCylinder as RadzimovskyCylinder
-from .model.contact.restitution import delivered_restitution as delivered_restitution
-from .model.contact.restitution import exact_damping_factor as exact_damping_factor
-from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
-from .model.contact.stiffness import GivenStiffness as GivenStiffness
-from .model.contact.stiffness import RavnStiffness as RavnStiffness
-from .model.contact.stribeck import BengisuAkay as BengisuAkay
-from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
-from .model.contact.stribeck import Stribeck as Stribeck
-from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
 from .model.drives.functions_of_time import Polynomial as Polynomial
 from .model.drives.functions_of_time import Spline as Spline
 from .model.drives.motor import Motor as Motor
@@ -163,24 +93,12 @@ from .model.drives.piecewise import PiecewiseConstant as PiecewiseConstant
 from .model.drives.piecewise import PiecewiseLinear as PiecewiseLinear
 from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
 from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
-from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
-from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
 from .model.drives.rotation import DriveTorque as DriveTorque
 from .model.drives.rotation import PrescribedRotation as PrescribedRotation
-from .model.film.butenschoen import ButenschoenFilm as ButenschoenFilm
-from .model.film.capone import CaponeFilm as CaponeFilm
-from .model.film.laws import AbstractFilm as AbstractFilm
-from .model.film.pinkus_sternlicht import PinkusSternlichtFilm as PinkusSternlichtFilm
 from .model.forces.bushing import Bushing as Bushing
 from .model.forces.springs_and_loads import AppliedLoad as AppliedLoad
 from .model.forces.springs_and_loads import SpringDamper as SpringDamper
 from .model.forces.torsional_spring import TorsionalSpring as TorsionalSpring
-from .model.joints.base import AbstractConstraint as AbstractConstraint
-from .model.joints.base import AbstractContactJoint as AbstractContactJoint
-from .model.joints.base import AbstractForce as AbstractForce
-from .model.joints.base import Contact as Contact
-from .model.joints.base import Row as Row
-from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.distance_joint import DistanceJoint as DistanceJoint
 from .model.joints.gear_joint import GearJoint as GearJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
@@ -194,28 +112,11 @@ from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
 from .model.joints.screw_joint import ScrewJoint as ScrewJoint
 from .model.joints.universal_joint import UniversalJoint as UniversalJoint
-from .model.mechanisms.andrews_squeezer import andrews_squeezer as andrews_squeezer
-from .model.mechanisms.bricard import bricard as bricard
-from .model.mechanisms.common import STEEL as STEEL
-from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
-from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
-from .model.mechanisms.four_bar import four_bar as four_bar
-from .model.mechanisms.gear_pair import gear_pair as gear_pair
-from .model.mechanisms.guided_slider_crank import guided_slider_crank as guided_slider_crank
-from .model.mechanisms.quick_return import quick_return as quick_return
-from .model.mechanisms.robot_arm import robot_arm as robot_arm
-from .model.mechanisms.rotor_in_bearing import rotor_in_bearing as rotor_in_bearing
-from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
-from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
-from .model.mechanisms.slider_crank import slider_crank as slider_crank
-from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.orientations import rotation as rotation
-from .model.pen import Marker as Marker
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
 from .parametrisation.paths import parameters as parameters
 from .parametrisation.paths import set_value as set_value
-from .parametrisation.scales import AbstractScale as AbstractScale
 from .parametrisation.scales import Bounded as Bounded
 from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
@@ -227,7 +128,6 @@ from .runtime import configure as configure
 from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
-from .scene_files.urdf import JointLimits as JointLimits
 from .scene_files.urdf import load_urdf as load_urdf
 from .scene_files.urdf import urdf_limits as urdf_limits
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
@@ -235,31 +135,19 @@ from .simulation.reductions.dissipated_energy import DissipatedEnergy as Dissipa
 from .simulation.reductions.dissipated_energy import MeanPowerLost as MeanPowerLost
 from .simulation.reductions.impact_count import ImpactCount as ImpactCount
 from .simulation.reductions.quantiles import Quantiles as Quantiles
-from .simulation.reductions.reductions import AbstractReduction as AbstractReduction
 from .simulation.reductions.reductions import Peak as Peak
 from .simulation.reductions.reductions import Statistics as Statistics
 from .simulation.reductions.wear import ArchardWear as ArchardWear
-from .simulation.results.impact_table import Impacts as Impacts
 from .simulation.results.law_ranges import beyond_law_ranges as beyond_law_ranges
-from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
-from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
-from .simulation.results.observe import MotionMode as MotionMode
-from .simulation.results.observe import Observation as Observation
 from .simulation.results.observe import observe as observe
 from .simulation.results.solution import SimulationError as SimulationError
-from .simulation.results.solution import Solution as Solution
-from .simulation.results.solution import Trajectory as Trajectory
 from .simulation.run.interruptions import RunInterrupted as RunInterrupted
 from .simulation.run.saving import Saving as Saving
-from .simulation.run.sections import Crossings as Crossings
 from .simulation.run.sections import Section as Section
-from .simulation.run.sensitivities import Sensitivities as Sensitivities
 from .simulation.run.sensitivities import sensitivities as sensitivities
-from .simulation.run.settle import Settled as Settled
 from .simulation.run.settle import Settling as Settling
 from .simulation.run.settle import settle as settle
 from .simulation.run.simulate import simulate as simulate
-from .simulation.run.wall_impact import FreeImpact as FreeImpact
 from .simulation.run.wall_impact import free_impact as free_impact
 from .simulation.step.settings import Settings as Settings
 from .sweeps.axes import Axis as Axis
@@ -272,6 +160,17 @@ from .views.viewing import View as View
 from .views.viewing import view as view
 
 __dir__ = _without_modules(
-    globals(), "densities", "extend", "plot", "presets", "quantities", "testing"
+    globals(),
+    "densities",
+    "extend",
+    "films",
+    "frictions",
+    "laws",
+    "mechanisms",
+    "plot",
+    "presets",
+    "quantities",
+    "results",
+    "testing",
 )
 _remember_contents()

@@ -63,6 +63,7 @@ from .model.contact.laws import contact_normal_force as contact_normal_force
 from .model.contact.limits import Limit as Limit
 from .model.contact.stiffness import AbstractElasticity as AbstractElasticity
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
+from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
 from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
 from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
 from .model.film.laws import AbstractFilm as AbstractFilm
@@ -82,6 +83,7 @@ from .model.joints.motion_subspaces import AbstractMotionSubspace as AbstractMot
 from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist
+from .model.pen import Marker as Marker
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component

@@ -13,13 +13,9 @@ from clearjoint import (
     Baumgarte,
     Body,
     ClearanceJoint,
-    Dahl,
     EndPlay,
     FixedAxially,
-    Hertz,
-    LankaraniNikravesh,
     PrescribedRotation,
-    RegularisedCoulomb,
     RevoluteJoint,
     Scene,
     SphericalJoint,
@@ -32,6 +28,8 @@ from clearjoint.dynamics.contact_events import uses_entry_speed
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.stabilisation import Unstabilised
 from clearjoint.dynamics.system import System
+from clearjoint.frictions import Dahl, RegularisedCoulomb
+from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import unpack
 from clearjoint.simulation.run.segments import begin
 from clearjoint.simulation.step.discontinuity_monitor import may_have_undeclared_jump

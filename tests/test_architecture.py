@@ -16,7 +16,7 @@ from clearjoint.simulation.step import presets as inner
 from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
 
 HIGHEST_FLOOR = 9
-MODULES_BESIDE_ROOMS = 7
+MODULES_BESIDE_ROOMS = 12
 PLACES_OF_ANY = 60
 FLOORS = (
     ("compilation", "math", "result_codes"),

@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint import quantities as q
 
 BODY = cj.Body(1.0, (0.01, 0.1, 0.1))
-LAW = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
+LAW = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 HINGE = cj.RevoluteJoint("ground", "arm", ORIGIN, (-0.5, 0, 0), AXIS, AXIS)
 MOTOR = cj.PrescribedRotation("ground", "arm", AXIS, 10.0)
@@ -124,7 +124,7 @@ ERRORS = {
         "one of the two",
     ),
     "a law without its numbers": (
-        lambda: pin(law=cj.LankaraniNikravesh),
+        lambda: pin(law=cj.laws.LankaraniNikravesh),
         "`law`",
         "LankaraniNikravesh",
         "an AbstractContactLaw",
@@ -132,14 +132,14 @@ ERRORS = {
     ),
     "a law by its name": (lambda: pin(law="hertz"), "`law`", "'hertz'", "Abstract", "pass one of"),
     "a law's arguments swapped": (
-        lambda: cj.LankaraniNikravesh(LAW.stiffness, 0.9),
+        lambda: cj.laws.LankaraniNikravesh(LAW.stiffness, 0.9),
         "`restitution`",
         "RavnStiffness",
         "a number",
         "pass a float",
     ),
     "a stiffness by a material": (
-        lambda: cj.LankaraniNikravesh(0.9, "steel"),
+        lambda: cj.laws.LankaraniNikravesh(0.9, "steel"),
         "`stiffness`",
         "'steel'",
         "a number",
@@ -188,7 +188,7 @@ ERRORS = {
         "cj.set_value(",
     ),
     "a mechanism with its state": (
-        lambda: run(scene=cj.double_pendulum()),
+        lambda: run(scene=cj.mechanisms.double_pendulum()),
         "`scene`",
         "'tuple'",
         "a Scene",
@@ -440,7 +440,7 @@ WARNINGS = {
         "1 mm is 1e-3 m",
     ),
     "gigapascals": (
-        lambda: cj.RavnStiffness(207, 0.3),
+        lambda: cj.laws.RavnStiffness(207, 0.3),
         cj.UnusualValueWarning,
         "`young_modulus`",
         "207 Pa",
@@ -469,5 +469,11 @@ def test_what_is_held_is_not_warned_of():
         scene(bodies={"arm": BODY, "crank": BODY}, joints={"a": crank, "b": rod, "motor": MOTOR})
         scene(joints={})
         scene(bodies={"arm": BODY, "leg": BODY}, forces={"spring": spring})
-        for make in (cj.slider_crank, cj.four_bar, cj.gear_pair, cj.robot_arm, cj.rotor_in_bearing):
+        for make in (
+            cj.mechanisms.slider_crank,
+            cj.mechanisms.four_bar,
+            cj.mechanisms.gear_pair,
+            cj.mechanisms.robot_arm,
+            cj.mechanisms.rotor_in_bearing,
+        ):
             make()

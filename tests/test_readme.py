@@ -36,4 +36,4 @@ def test_all_python_runs(tmp_path, monkeypatch):
     plt.close("all")
     assert len(blocks) == 3
     assert int((names["sweep"]["result"] != 0).sum()) == 0
-    assert names["fit"].ending is cj.Ending.CONVERGED
+    assert names["fit"].ending is cj.results.Ending.CONVERGED

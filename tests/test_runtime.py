@@ -85,7 +85,7 @@ print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint.runtime.threads_of_swee
 print(jax.config.jax_compilation_cache_dir, keeps_programs())
 clearjoint.configure(cache="FOLDER")
 print(clearjoint.runtime.threads_of_sweeps())
-scene, state = clearjoint.double_pendulum()
+scene, state = clearjoint.mechanisms.double_pendulum()
 print(clearjoint.simulate(scene, state, 1e-4).final.bodies["arm 2"].position.dtype)
 """
 

@@ -40,7 +40,7 @@ def check_names(scene: Scene, state: State) -> None:
         "scene",
         type(scene).__name__,
         "a Scene",
-        "pass one; what makes a mechanism returns two things: scene, state = cj.four_bar()",
+        "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()",
     )
     require(
         isinstance(state, State),
@@ -87,13 +87,13 @@ def assemble(
 
     - `state`: the guess; velocities may be rough as well.
     - `t`: s, for constraints that depend on time.
-    - `resting`: names of clearance joints whose journals shall lie along the wall, where gravity and
-      the scene's forces press them while nothing moves yet.
+    - `resting`: names of clearance joints whose journals shall lie against the wall, where gravity
+      and the scene's forces press them while nothing moves yet.
 
     **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them; for
     a joint to be seated that has no clearance, or whose journal nothing presses against the wall.
 
-    >>> scene, guess = cj.slider_crank(clearance=None)
+    >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
     >>> bool(np.allclose(state.bodies["slider"].position, guess.bodies["slider"].position))
     True

@@ -63,7 +63,7 @@ def constraint_report(
     **Arguments:** `coordinates`: take the joints that these eliminate as given, and look for
     redundancy among the rows that remain. Otherwise among all, in their order.
 
-    >>> report = cj.constraint_report(*cj.bricard())
+    >>> report = cj.constraint_report(*cj.mechanisms.bricard())
     >>> report.degrees_of_freedom(), len(report.redundant)
     (1, 1)
     """

@@ -42,7 +42,7 @@ class AbstractMechanics(abc.ABC):
 
     `motions`: pose and twist of each body, the ground included.
 
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
     >>> mechanics = system.mechanics(variables)
@@ -89,7 +89,7 @@ class AbstractMechanics(abc.ABC):
 class AbstractCoordinates(eqx.Module):
     """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # is one
     frozenset({'elbow'})
     """

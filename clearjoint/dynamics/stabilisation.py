@@ -19,7 +19,7 @@ class AbstractStabilisation(AbstractConverting):
     ```python
     import clearjoint as cj
 
-    class CriticallyDamped(cj.AbstractStabilisation):
+    class CriticallyDamped(cj.extend.AbstractStabilisation):
         time_constant: float  # s
 
         def target(self, value, rate):

@@ -58,7 +58,7 @@ class System(eqx.Module):
     `origin`: s, the time at which a clock of its own shows zero, so that long after time zero steps
     are as short as they have to be; ``None`` for the clock of the scene.
 
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
     >>> list(system.motions(variables))

@@ -19,7 +19,7 @@ class AbstractTabular(abc.ABC):
     import clearjoint as cj
     import numpy as np
 
-    crossings = cj.Crossings(np.array([0.1, 0.2]), {"x": np.array([1e-4, 2e-4])}, {"x": "m"})
+    crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"x": np.ones(2)}, {"x": "m"})
     print(crossings.to_dataframe().columns.tolist())  # ["x [m]"]
     ```
     """

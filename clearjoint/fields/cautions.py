@@ -23,7 +23,7 @@ class UnusualValueWarning(UserWarning):
     >>> import warnings
     >>> with warnings.catch_warnings(record=True) as seen:
     ...     warnings.simplefilter("always")
-    ...     _ = cj.RavnStiffness(207.0, 0.3)  # GPa?
+    ...     _ = cj.laws.RavnStiffness(207.0, 0.3)  # GPa?
     >>> print(str(seen[-1].message)[:66])
     Argument `young_modulus` is 207 Pa, where at least 1e+09 Pa is usu
     """

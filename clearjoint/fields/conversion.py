@@ -31,7 +31,7 @@ class AbstractConverting(AbstractReadable):
     - else a 64-bit array, or several, of the numbers, tuples and lists that it is given. No number
       is then part of the program: another value compiles nothing anew.
 
-    `clearjoint.quantity("N m")` in its place also declares unit, shape and range, and with
+    `clearjoint.extend.quantity("N m")` in its place also declares unit, shape and range, and with
     ``table=True`` that it is a table, which stays an array. A number that the program's form
     depends on, such as how often something is repeated, and a function are declared with
     ``equinox.field(static=True)``.

@@ -87,8 +87,8 @@ def quantity(
       `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
     - `options`: of `equinox.field`, such as its `default`.
 
-    >>> class Blade(cj.AbstractFriction):
-    ...     coefficient: float = cj.quantity("1", positive=True, zero=True)
+    >>> class Blade(extend.AbstractFriction):
+    ...     coefficient: float = extend.quantity("1", positive=True, zero=True)
     ...     def ratio(self, slip_speed):
     ...         return self.coefficient * jnp.tanh(slip_speed / 1e-3)
     >>> Blade(0.1)
@@ -102,7 +102,7 @@ def quantity(
 def optional_quantity(unit: str, **options: Any) -> Any:
     """A `quantity` that may be ``None``: absent, and then without cost.
 
-    >>> class Damper(cj.AbstractForce):
+    >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
     ...     def body_names(self):
     ...         return ()

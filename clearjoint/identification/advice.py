@@ -169,7 +169,8 @@ class Evidence:
         end = float(self.measurements.times()[-1])
         if self.horizon is None:
             return (
-                "Ask cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...) how long "
+                "Ask cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...) how "
+                "long "
                 "a record a single run can fit."
             )
         if end > self.horizon.single_shot:

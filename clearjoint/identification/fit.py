@@ -261,7 +261,8 @@ class Fit(AbstractTabular):
             self._head(),
             *first,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
-            f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of freedom, "
+            f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
+            "freedom, "
             f"p = {self.p_value:.2g}",
             series_table(self.residuals, self.rms, self.whiteness, self.normality),
         ]

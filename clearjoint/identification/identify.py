@@ -60,7 +60,9 @@ class FitInterrupted(KeyboardInterrupt):
             values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
             text = (
                 f"The fit was interrupted; the best so far has chi squared "
-                f"{fits[-1].chi_squared:.6g} of {fits[-1].degrees_of_freedom} expected, at {values}. It is in "
+                f"{fits[-1].chi_squared:.6g} of {fits[-1].degrees_of_freedom} expected, at {values}"
+                ". "
+                "It is in "
                 "the exception's `fits`, and a next fit may start from its estimates."
             )
         super().__init__(text)
@@ -108,8 +110,8 @@ def identify(
       `max_steps` bound what a run with absurd parameters costs.
     - `max_iterations`: of each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
-    - `horizon`: from `clearjoint.fit_horizon`, to warn if the record is longer than a fit by a single
-      run can use.
+    - `horizon`: from `clearjoint.fit_horizon`, to warn if the record is longer than a fit by a
+      single run can use.
     - `check_runs`: how thoroughly the covariance is tested once the search has converged. Some
       twenty runs for each parameter compare chi squared, up to four standard errors around the
       estimates, with what the covariance predicts. Where they differ, chi squared has several
@@ -235,7 +237,8 @@ def _warn_of_poor(fits: Sequence[Fit]) -> None:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits end so. The first: "
         end = f"{poor[0].ending.value}, chi squared {poor[0].chi_squared:.3g} of "
         caution(
-            f"The fit ends far above the noise ({end}{poor[0].degrees_of_freedom} expected). {many}What to "
+            f"The fit ends far above the noise ({end}{poor[0].degrees_of_freedom} expected). {many}"
+            "What to "
             f"try, in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )

@@ -62,7 +62,7 @@ E = TypeVar("E", bound=LinearisedMisfit)
 class Ending(Enum):
     """How a search ended; the value is the message.
 
-    >>> cj.Ending.CONVERGED.value
+    >>> cj.results.Ending.CONVERGED.value
     'converged'
     """
 
@@ -84,7 +84,7 @@ class Iteration:
     - `trust`: in the linear model: one over the damping of Levenberg and Marquardt; where whole
       steps are taken, the part of a step that the search begins with.
 
-    >>> step = cj.Iteration(3, True, 101.2, coordinates=np.zeros(2), decrement=0.1, trust=1.0)
+    >>> step = cj.results.Iteration(3, True, 101.2, np.zeros(2), decrement=0.1, trust=1.0)
     >>> step.accepted
     True
     """

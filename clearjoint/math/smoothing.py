@@ -31,7 +31,7 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector.
 
-    >>> norm, direction = cj.norm_and_direction(cj.Vector(3.0, 4.0, 0.0))
+    >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")
     5.0, 0.6, 0.8
     """

@@ -91,7 +91,7 @@ def square_root(a: Scalar) -> Scalar:
 class Vector:
     """A vector of three scalar components.
 
-    >>> force, arm = cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)
+    >>> force, arm = extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)
     >>> arm.cross(force).z, arm.dot(force)
     (5.0, 0.0)
     """
@@ -325,8 +325,8 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 
     Where all arrays have so many `leading` axes in front, scalars are arrays along these.
 
-    The tree may come as `ConstantFolded`: its structural components become Python numbers. Fields that
-    are declared as tables keep their arrays.
+    The tree may come as `ConstantFolded`: its structural components become Python numbers. Fields
+    that are declared as tables keep their arrays.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0

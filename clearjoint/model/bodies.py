@@ -36,7 +36,7 @@ from . import solids
 GROUND = "ground"
 """The name of the fixed body, which every scene has and no state holds.
 
->>> scene, _ = cj.double_pendulum()
+>>> scene, _ = cj.mechanisms.double_pendulum()
 >>> scene.joints["shoulder"].bearing_body == cj.GROUND
 True
 """
@@ -315,7 +315,7 @@ class Wrench:
     """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motion.wrench(cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)).moment.z  # N m
+    >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
     5.0
     """
 
@@ -360,7 +360,7 @@ class Motion:
     position, and so are their velocities.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
-    >>> motion.velocity_at(cj.Vector(0.5, 0.0, 0.0))  # v + w x r
+    >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
     Vector(x=2, y=1.5, z=0.0)
     """
 

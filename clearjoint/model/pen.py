@@ -18,7 +18,7 @@ class Marker(NamedTuple):
     """A point of a body, (3,) m in its axes, and a direction there, (3,) of any length, if the
     element has one.
 
-    >>> cj.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
+    >>> extend.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
     array([0. , 0.6, 0.8])
     """
 
@@ -43,7 +43,7 @@ class AbstractPen(abc.ABC):
     ```python
     import clearjoint as cj
 
-    class Rope(cj.AbstractForce):
+    class Rope(cj.extend.AbstractForce):
         body: str
 
         def body_names(self):
@@ -53,7 +53,7 @@ class AbstractPen(abc.ABC):
             return {}
 
         def draw(self, pen):
-            pen.spring(cj.Marker("ground", (0, 0, 1)), cj.Marker(self.body, (0, 0, 0)))
+            pen.spring(Marker("ground", (0, 0, 1)), Marker(self.body, (0, 0, 0)))
 
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"rope": Rope("ball")})
     ```

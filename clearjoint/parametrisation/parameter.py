@@ -38,7 +38,7 @@ class Parameter:
     late.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
-    >>> scene, state = cj.double_pendulum(clearance=0.5e-3)
+    >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)
     >>> print(f"{parameter.coordinate_in(scene, state):.4f}")  # log(0.5e-3)
     -7.6009
     """

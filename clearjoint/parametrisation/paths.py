@@ -88,7 +88,7 @@ def set_value(tree: PyTree, place: Place, value: Leaf) -> PyTree:
 
     **Raises:** `ValueError` if the value has another shape than what it replaces.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
     >>> float(wider.joints["shoulder"].clearance)
     0.001
@@ -155,7 +155,7 @@ def unit_at(tree: PyTree, place: Place) -> str:
 def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
     """All numbers of a scene or state by name: value and unit.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> [name for name in cj.parameters(scene) if "clearance" in name]
     ["joints['shoulder'].clearance"]
     """

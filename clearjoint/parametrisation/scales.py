@@ -26,7 +26,7 @@ class AbstractScale(abc.ABC):
     import clearjoint as cj
 
     @dataclass(frozen=True)
-    class Squared(cj.AbstractScale):
+    class Squared(cj.extend.AbstractScale):
         unit: float = 1.0
         stride = 1.0
 

@@ -45,7 +45,7 @@ def journal_frames(
 
     **Returns:** the figure.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -95,7 +95,7 @@ def animate_journal(
     - `instants`: (M,) s, one a frame; each shows the observed instant nearest to it.
     - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)

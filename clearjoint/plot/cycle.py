@@ -104,7 +104,7 @@ def poincare_section(
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
     >>> values = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}
-    >>> axes = plot.poincare_section(cj.Crossings(np.arange(3.0), values), section)
+    >>> axes = plot.poincare_section(cj.results.Crossings(np.arange(3.0), values), section)
     >>> axes.get_xlabel()
     'x, µm'
     """

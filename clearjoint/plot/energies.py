@@ -40,7 +40,7 @@ def energy_ledger(
 
     **Returns:** the axes, (2,); time in ms or s, energies in J, mJ or so.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> settings, save = cj.Settings(ledger=True), cj.Saving(np.linspace(0, 0.02, 2001))
     >>> solution = cj.simulate(scene, state, 0.02, settings, save, progress=False)
     >>> above, below = plot.energy_ledger(cj.observe(scene, solution))

@@ -22,7 +22,7 @@ ROW = 1.9
 
 
 class FittedModel(Protocol):
-    """What is drawn of a fit, such as `clearjoint.Fit`."""
+    """What is drawn of a fit, such as `clearjoint.results.Fit`."""
 
     @property
     def measurements(self) -> Measurements:

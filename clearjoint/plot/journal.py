@@ -58,7 +58,7 @@ def eccentricities(
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
@@ -101,7 +101,7 @@ def eccentricity_vectors(
     their labels: (3,) each, or (N, 3) for a bearing that moves. The bearing's own x and y, which
     move with it, unless given; those of a bearing whose axis is its body's z are the body's.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -140,7 +140,7 @@ def journal_orbit(
 
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
@@ -177,7 +177,7 @@ def orbit_in_contact(
 
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)

@@ -28,7 +28,7 @@ def hysteresis(
 
     **Raises:** `ValueError` where there is no impact, or too few instants in one.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -56,7 +56,7 @@ def hysteresis(
 def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
     """Area inside the hysteresis loop of one impact, J: what is dissipated at that contact.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)

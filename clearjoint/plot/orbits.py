@@ -31,7 +31,7 @@ def orbit(
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance. A dot marks
     the beginning.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
     >>> channels = {"x": (x, "m"), "y": (y, "m")}
     >>> saved = cj.Saved(np.linspace(0.0, 0.02, 201), channels)

@@ -53,7 +53,7 @@ def contact_rose(
     **Raises:** `ValueError` for a joint without a journal, another weight, and axes that are not
     polar.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -116,7 +116,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     **Raises:** `ValueError` for names that the sweep has not, several lanes, and axes that are not
     polar.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
     >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
     >>> axes = {"clearance": clearance}

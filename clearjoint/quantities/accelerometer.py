@@ -41,7 +41,7 @@ class AccelerometerReading(AbstractQuantity):
 
     **Arguments:** `sensor`: its name.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
     >>> reading = cj.quantities.AccelerometerReading("arm 2 accelerometer")
     >>> reading.unit, reading == found.reading
@@ -69,7 +69,7 @@ class AccelerometerReading(AbstractQuantity):
 class Accelerometer(NamedTuple):
     """A scene and its state with an accelerometer, and the quantity that it reads.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
     >>> spring = found.scene.forces["arm 2 accelerometer spring"]
     >>> speed = np.sqrt(spring.stiffness / found.scene.bodies["arm 2 accelerometer"].mass)
@@ -108,7 +108,7 @@ def accelerometer(
     ```python
     import clearjoint as cj
 
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     scene, state, reading = cj.accelerometer(
         scene, state, "arm 2", point=(0.25, 0.0, 0.0), axis=(0.0, 1.0, 0.0), frequency=2e3
     )

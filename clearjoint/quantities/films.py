@@ -17,7 +17,7 @@ class FilmForce(AbstractJointQuantity):
     """Force of the film of a joint on its journal, N: its magnitude, or a global component.
 
     >>> force = cj.quantities.FilmForce("bearing", "y")
-    >>> force.check(cj.rotor_in_bearing(film=cj.CaponeFilm(0.02))[0])  # is there a film?
+    >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
     """
 
     joint: str = eqx.field(static=True)

@@ -31,7 +31,7 @@ class Instant:
     Bodies, joints and contacts have their own names, also where the run computes several alike
     ones as a group.
 
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
     >>> now = extend.Instant(system, 0.1, variables, entry_speeds={}, work={})

@@ -155,7 +155,7 @@ class BristleDeflection(AbstractContactQuantity):
     friction is an `AbstractBristleFriction` have it.
 
     >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
-    >>> deflection.check(cj.double_pendulum(friction=cj.Dahl(0.1))[0])  # are there bristles?
+    >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
     """
 
     joint: str = eqx.field(static=True)
@@ -222,7 +222,7 @@ class Eccentricity(AbstractJournalQuantity):
     axis, m. `base` is "V" or "W".
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
-    >>> eccentricity.check(cj.double_pendulum()[0])  # is there such a joint?
+    >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # is there such a joint?
     """
 
     joint: str = eqx.field(static=True)
@@ -243,7 +243,7 @@ class Multiplier(AbstractJointQuantity):
     Joints that the coordinates eliminate have none; see `Reaction`.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
-    >>> torque.check(cj.slider_crank()[0])  # is there such a row?
+    >>> torque.check(cj.mechanisms.slider_crank()[0])  # is there such a row?
     """
 
     joint: str = eqx.field(static=True)

@@ -14,7 +14,20 @@ except ImportError as error:
         'The reference pages need pdoc: pip install "clearjoint[reference]"'
     ) from error
 
-MODULES = ("", ".extend", ".plot", ".presets", ".quantities", ".simulation.presets", ".testing")
+MODULES = (
+    "",
+    ".extend",
+    ".films",
+    ".frictions",
+    ".laws",
+    ".mechanisms",
+    ".plot",
+    ".presets",
+    ".quantities",
+    ".results",
+    ".simulation.step.presets",
+    ".testing",
+)
 
 
 def main() -> None:

@@ -86,7 +86,7 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     **Raises:** `ValueError` that names the place of what a file can't hold: a function, NaN, or an
     object whose constructor does not make it anew from its fields.
 
-    >>> cj.save(*cj.double_pendulum(), "pendulum.toml")
+    >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
     >>> list(scene.bodies)
     ['arm 2', 'arm 3']
@@ -143,8 +143,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Quadratic(cj.AbstractContactLaw):
-        stiffness: float = cj.quantity("N/m^2", positive=True)
+    class Quadratic(cj.extend.AbstractContactLaw):
+        stiffness: float = cj.extend.quantity("N/m^2", positive=True)
         uses_entry_speed = False
         force_jumps = False
 

@@ -88,7 +88,7 @@ class JointLimits:
     """What a URDF file allows a joint: `lower` and `upper`, rad or m; `effort`, N m or N; and
     `velocity`, rad/s or m/s. What the file does not say is infinite.
 
-    >>> cj.JointLimits(effort=10.0).velocity
+    >>> cj.results.JointLimits(effort=10.0).velocity
     inf
     """
 
@@ -137,7 +137,7 @@ def load_urdf(
         "bearing_radius": 10e-3,
         "clearance": 0.05e-3,
         "journal_length": 20e-3,
-        "law": cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
+        "law": cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
     }
     wrist = {"backlash": "0.1 deg", "torsional_stiffness": "2e4 N m/rad"}
     scene, state = cj.load_urdf("arm.urdf", play={"elbow": elbow, "wrist": wrist})

@@ -100,7 +100,7 @@ class ImpactTable:
     **Raises:** `ValueError` for a count that is none, and a window that does not end after its
     begin.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
     [('shoulder', 'V'), ('shoulder', 'W')]
     """

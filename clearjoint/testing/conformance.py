@@ -52,7 +52,7 @@ def check_law(
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
 
-    >>> testing.check_law(cj.HuntCrossley(0.8, 1e9))
+    >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
@@ -188,7 +188,7 @@ def check_friction(friction: AbstractFriction) -> None:
     """Check a friction law: against the slip, zero without it, finite derivatives at rest, by its
     parameters too, and behaviour under vmap.
 
-    >>> testing.check_friction(cj.RegularisedCoulomb(0.1))
+    >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
@@ -220,7 +220,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     negative energy, derivatives are finite at rest, by its parameters too, and vmap gives what one
     lane does.
 
-    >>> testing.check_bristles(cj.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
+    >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """
     full = jnp.asarray(friction.full_deflection(), float)
     _require(full > 0.0, "full_deflection() is not positive.")

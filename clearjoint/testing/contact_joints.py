@@ -58,7 +58,7 @@ def check_contact_joint(
 
     **Raises:** `AssertionError` that says what is wrong with which contact.
 
-    >>> law = cj.LankaraniNikravesh(0.9, cj.STEEL)
+    >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> arm = testing.moving((1e-4, 0, 2e-4), (1, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), (3, 2, 1))

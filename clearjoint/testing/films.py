@@ -39,7 +39,7 @@ def check_film(
 
     **Arguments:** `bearing_radius`, radial `clearance` and `length`, m.
 
-    >>> testing.check_film(cj.CaponeFilm(0.02))
+    >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
     for complaint in complaints_of_film(film, bearing_radius, clearance, length):
         raise AssertionError(complaint)

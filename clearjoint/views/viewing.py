@@ -53,7 +53,7 @@ class View:
       and as large bearings. `force_scale`: length of the arrow of the largest force over that
       force, m/N.
 
-    >>> four_bar = cj.view(*cj.four_bar(), title="four-bar", clearance_scale=50.0)
+    >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
     View of four-bar (one state): save it with .save("view.html")
     >>> four_bar.clearance_scale, four_bar.save("four_bar.html").name
@@ -92,7 +92,7 @@ class View:
         ```python
         import clearjoint as cj
 
-        cj.view(*cj.four_bar()).save("four_bar.png")
+        cj.view(*cj.mechanisms.four_bar()).save("four_bar.png")
         ```
         """
         file = Path(file)
@@ -162,7 +162,7 @@ def view(
     ```python
     import clearjoint as cj
 
-    scene, state = cj.four_bar({"rocker pin": 0.2e-3})
+    scene, state = cj.mechanisms.four_bar({"rocker pin": 0.2e-3})
     cj.view(scene, state).save("four_bar.html")
     ```
 

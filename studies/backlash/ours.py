@@ -30,7 +30,7 @@ def shafts() -> tuple[cj.Scene, cj.State]:
     """The scene, and its state at the start."""
     mass = TOGETHER / RADIUS**2
     requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
-    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    law = cj.laws.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
     bodies = {
         "motor": cj.Body(1.0, (5e-3, 5e-3, MOTOR)),
         "link": cj.Body(1.0, (5e-3, 5e-3, LINK)),

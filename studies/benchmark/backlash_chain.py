@@ -59,7 +59,7 @@ def chain(joints: int) -> tuple[cj.Scene, cj.State]:
     about_hinge = LINK + MASS * (0.5 * LENGTH) ** 2
     mass = ROTOR * about_hinge / (ROTOR + about_hinge) / RADIUS**2
     requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
-    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    law = cj.laws.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
     bodies, elements, states = {}, {}, {}
     before, end = "ground", centre
     for k in range(joints):
@@ -107,7 +107,7 @@ class Here:
 
     def run(self, rtol: float) -> tuple[np.ndarray, Sample]:
         """Angles of the links at the end, rad, (joints,), and the time of the call."""
-        found: list[cj.Solution] = []
+        found: list[cj.results.Solution] = []
 
         def call() -> int:
             settings = cj.Settings(rtol=rtol)

@@ -9,7 +9,7 @@ LENGTH, MASS, CLEARANCE, RESTITUTION = 0.2, 1.0, 5e-4, 0.9
 def chain(rods: int) -> tuple[cj.Scene, cj.State]:
     """Slender rods in a row along X, at rest, with joints about Z; gravity along -Y."""
     across = MASS * LENGTH**2 / 12
-    law = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.STEEL)
+    law = cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.mechanisms.STEEL)
     bodies, joints, states = {}, {}, {}
     before, end = "ground", (0.0, 0.0, 0.0)
     for k in range(rods):

@@ -100,7 +100,7 @@ def _least(samples: list[Sample]) -> float:
 
 @cache
 def _pendulum() -> tuple[cj.Scene, cj.State]:
-    return cj.double_pendulum()
+    return cj.mechanisms.double_pendulum()
 
 
 def _settings(tolerance: float) -> cj.Settings:
@@ -117,7 +117,7 @@ def _derivatives(count: int, tolerance: float, span: float) -> int:
     return int(derivatives(count, tolerance, span).attempts)
 
 
-def derivatives(count: int, tolerance: float, span: float) -> cj.Sensitivities:
+def derivatives(count: int, tolerance: float, span: float) -> cj.results.Sensitivities:
     """Of arm 2's height at the end by the first so many parameters."""
     scene, state = _pendulum()
     return cj.sensitivities(

@@ -38,20 +38,20 @@ print_first_call(sys.argv[2], sys.argv[3], imported)
 """
 
 
-class OwnLaw(cj.LankaraniNikravesh):
+class OwnLaw(cj.laws.LankaraniNikravesh):
     """A law that is no class of the package's: a call with it is traced in every process."""
 
 
 def four_bar() -> tuple[cj.Scene, cj.State]:
     """A four-bar with play of 0.2 mm at both ends of its coupler, restitution 0.8 and friction, at
     rest."""
-    return cj.four_bar(PLAY, 0.8, friction=cj.RegularisedCoulomb(0.1))
+    return cj.mechanisms.four_bar(PLAY, 0.8, friction=cj.frictions.RegularisedCoulomb(0.1))
 
 
 def own_law() -> tuple[cj.Scene, cj.State]:
     """The pendulum with a user's own law."""
-    law = OwnLaw(restitution=0.9, stiffness=cj.STEEL)
-    return cj.double_pendulum(0.5e-3, law=law)
+    law = OwnLaw(restitution=0.9, stiffness=cj.mechanisms.STEEL)
+    return cj.mechanisms.double_pendulum(0.5e-3, law=law)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Mechanism:
 
 
 MECHANISMS = {
-    "pendulum": Mechanism(lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
+    "pendulum": Mechanism(lambda: cj.mechanisms.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
     "pendulum with a user's law": Mechanism(own_law, "shoulder", "arm 2"),
     "four-bar": Mechanism(four_bar, "crank pin", "coupler"),
     "eight bodies": Mechanism(lambda: chain(RODS), "joint 1", f"rod {RODS}"),

@@ -90,7 +90,7 @@ def print_first_answer(of: str, number: int) -> None:
 
 def _scene(of: str, number: int) -> tuple[cj.Scene, cj.State]:
     if of == "parameters":
-        return cj.double_pendulum(0.5e-3, 0.9)
+        return cj.mechanisms.double_pendulum(0.5e-3, 0.9)
     return chain(number) if of == "plays" else ideal_chain(number)
 
 

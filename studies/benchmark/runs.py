@@ -108,7 +108,7 @@ def _settings() -> cj.Settings:
 
 
 def _run(span: float, k: int) -> Sample:
-    scene, state = cj.double_pendulum(_clearance(k), RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(_clearance(k), RESTITUTION)
 
     def call() -> int:
         return int(cj.simulate(scene, state, span, _settings(), progress=False).attempts)
@@ -117,7 +117,7 @@ def _run(span: float, k: int) -> Sample:
 
 
 def _end(span: float, k: int, settings: cj.Settings) -> np.ndarray:
-    scene, state = cj.double_pendulum(_clearance(k), RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(_clearance(k), RESTITUTION)
     final = cj.simulate(scene, state, span, settings, progress=False).final
     return np.asarray(final.bodies["arm 2"].position)
 

@@ -76,7 +76,7 @@ def _on_threads(plan: Plan, name: str, lanes: int, span: float, peak: bool) -> l
 
 def swept(lanes: int, span: float, peak: bool, threads: int) -> int:
     """Sweep the clearances, and return the number of attempted steps."""
-    scene, state = cj.double_pendulum(restitution=RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(restitution=RESTITUTION)
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, np.geomspace(LEAST, MOST, lanes))
     outputs = {"force": cj.Peak(cj.quantities.ContactForce("shoulder"), "N")} if peak else {}
     results = cj.sweep(

@@ -81,7 +81,7 @@ class Yardstick:
         """How far it is from clearjoint, at the tolerance and the span of the comparison."""
         there = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
         here = cj.simulate(
-            *cj.double_pendulum(CLEARANCE, RESTITUTION),
+            *cj.mechanisms.double_pendulum(CLEARANCE, RESTITUTION),
             CHECKED_SPAN,
             cj.Settings(rtol=CHECKED_RTOL),
             save=cj.Saving(impacts=True),

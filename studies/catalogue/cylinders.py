@@ -44,22 +44,24 @@ def dubowsky_freudenstein(load: np.ndarray) -> np.ndarray:
 
 
 FORMULAS = {
-    cj.JohnsonCylinder: ("Johnson 1985", johnson),
-    cj.EsduCylinder: ("ESDU 78035", esdu),
-    cj.RadzimovskyCylinder: ("Radzimovsky 1953", radzimovsky),
-    cj.GoldsmithCylinder: ("Goldsmith 1960, m = 3", dubowsky_freudenstein),
-    cj.DubowskyFreudensteinCylinder: ("Dubowsky, Freudenstein 1971", dubowsky_freudenstein),
+    cj.laws.JohnsonCylinder: ("Johnson 1985", johnson),
+    cj.laws.EsduCylinder: ("ESDU 78035", esdu),
+    cj.laws.RadzimovskyCylinder: ("Radzimovsky 1953", radzimovsky),
+    cj.laws.GoldsmithCylinder: ("Goldsmith 1960, m = 3", dubowsky_freudenstein),
+    cj.laws.DubowskyFreudensteinCylinder: ("Dubowsky, Freudenstein 1971", dubowsky_freudenstein),
 }
 AT_EIGHT_MICROMETRES = {
-    cj.LiuCylinder: ("Liu et al. 2007", 2536.0),
-    cj.PereiraCylinder: ("Pereira et al. 2011, 2014", 9612.0),
+    cj.laws.LiuCylinder: ("Liu et al. 2007", 2536.0),
+    cj.laws.PereiraCylinder: ("Pereira et al. 2011, 2014", 9612.0),
 }
 """N, by a script apart."""
 
 
 def force(contact: AbstractElasticity, depths: np.ndarray) -> np.ndarray:
     """Forces in N at penetrations (N,) in m."""
-    return np.asarray(contact.force(cj.Gap(jnp.asarray(depths), 0.0, RADIUS, CLEARANCE), 1.5))
+    return np.asarray(
+        contact.force(cj.extend.Gap(jnp.asarray(depths), 0.0, RADIUS, CLEARANCE), 1.5)
+    )
 
 
 def checks(quick: bool) -> list[Check]:
@@ -80,7 +82,7 @@ def checks(quick: bool) -> list[Check]:
 
 def _of_persson() -> Check:
     """Half-angles of two loads, in degrees."""
-    contact = cj.PerssonCylinder(YOUNG, POISSON, length=LENGTH)
+    contact = cj.laws.PerssonCylinder(YOUNG, POISSON, length=LENGTH)
 
     def degrees(load: float) -> float:
         angle: Any = brentq(lambda a: float(contact.load(a, CLEARANCE)) - load, 1e-6, 1.4)

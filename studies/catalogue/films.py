@@ -20,7 +20,7 @@ STABLE_FROM = 0.756
 FIGURE = "[films](films.png)"
 
 
-def steady(film: cj.AbstractFilm, ratio: float, length: float) -> np.ndarray:
+def steady(film: cj.extend.AbstractFilm, ratio: float, length: float) -> np.ndarray:
     """Radial and tangential force in N of a journal that spins by 1 rad/s and stays."""
     offset, rate = Vector(ratio, 0.0, 0.0), Vector(0.0, -0.5 * ratio, 0.0)
     axis = Vector(0.0, 0.0, 1.0)
@@ -28,7 +28,7 @@ def steady(film: cj.AbstractFilm, ratio: float, length: float) -> np.ndarray:
     return np.array([float(force.x), float(force.y)])
 
 
-def sommerfeld_number(film: cj.AbstractFilm, ratio: float, width: float) -> float:
+def sommerfeld_number(film: cj.extend.AbstractFilm, ratio: float, width: float) -> float:
     """Load over width, diameter, viscosity and spin, times the relative clearance squared."""
     length = 2.0 * RADIUS * width
     unit = 2.0 * RADIUS * length * VISCOSITY * (RADIUS / CLEARANCE) ** 2
@@ -44,14 +44,14 @@ def checks(quick: bool) -> list[Check]:
 def _of_the_short() -> Check:
     length = 20e-3
     unit = VISCOSITY * RADIUS * length**3 / (4.0 * CLEARANCE**2)
-    found = steady(cj.CaponeFilm(VISCOSITY), 0.5, length) / unit
+    found = steady(cj.films.CaponeFilm(VISCOSITY), 0.5, length) / unit
     off = float(np.abs(found / (-16.0 / 9.0, math.pi * 0.5 / 0.75**1.5) - 1.0).max())
     against = "radial and tangential force at half the clearance: closed form"
     return Check("CaponeFilm", "Capone 1986, 1991", against, off, 1e-12, FIGURE)
 
 
 def _of_the_finite() -> Check:
-    film = cj.ButenschoenFilm(VISCOSITY)
+    film = cj.films.ButenschoenFilm(VISCOSITY)
     off = max(
         abs(sommerfeld_number(film, ratio, width) / expected - 1.0)
         for width, row in SOMMERFELD_NUMBERS.items()
@@ -63,7 +63,7 @@ def _of_the_finite() -> Check:
 
 def _of_the_endless() -> Check:
     length, ratio = 20e-3, 0.6
-    found = steady(cj.PinkusSternlichtFilm(VISCOSITY), ratio, length)
+    found = steady(cj.films.PinkusSternlichtFilm(VISCOSITY), ratio, length)
     found = found / (VISCOSITY * length * RADIUS**3 / CLEARANCE**2)
     square = ratio**2
     radial = -12.0 * square / ((2.0 + square) * (1.0 - square))
@@ -80,9 +80,9 @@ def _bearing() -> cj.LubricatedJoint:
         bearing_radius=RADIUS,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.7, 1e10),
+        law=cj.laws.LankaraniNikravesh(0.7, 1e10),
     )
-    return cj.LubricatedJoint(dry, cj.CaponeFilm(VISCOSITY), transition=1e-6)
+    return cj.LubricatedJoint(dry, cj.films.CaponeFilm(VISCOSITY), transition=1e-6)
 
 
 def fastest_growth(ratio: float, speed: float, mass: float) -> float:
@@ -117,7 +117,10 @@ def figure() -> Figure:
     ratios = np.linspace(0.02, 0.95, 60)
     colours = (style.BLUE, style.VERMILLION, style.GREEN)
     for (width, row), colour in zip(SOMMERFELD_NUMBERS.items(), colours, strict=True):
-        for film, dash in ((cj.ButenschoenFilm(VISCOSITY), "-"), (cj.CaponeFilm(VISCOSITY), ":")):
+        for film, dash in (
+            (cj.films.ButenschoenFilm(VISCOSITY), "-"),
+            (cj.films.CaponeFilm(VISCOSITY), ":"),
+        ):
             numbers = [sommerfeld_number(film, float(ratio), width) for ratio in ratios]
             label = f"B/D = {width:g}" if dash == "-" else None
             left.plot(ratios, numbers, dash, color=colour, label=label)
@@ -149,4 +152,4 @@ def figure() -> Figure:
 
 def _load(ratio: float) -> float:
     length = 20e-3
-    return float(np.linalg.norm(steady(cj.CaponeFilm(VISCOSITY), ratio, length))) * 200.0
+    return float(np.linalg.norm(steady(cj.films.CaponeFilm(VISCOSITY), ratio, length))) * 200.0

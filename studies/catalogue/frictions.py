@@ -18,34 +18,34 @@ STIFFNESS, STRIBECK_SPEED = 1e5, 0.01
 SPEEDS = np.array([1e-4, 5e-4, 2e-3, 0.01, 0.05, 0.3])
 """m/s."""
 FIGURE = "[friction](frictions.png)"
-LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarray]]] = {
+LAWS: dict[str, tuple[cj.extend.AbstractFriction, str, Callable[[np.ndarray], np.ndarray]]] = {
     "RegularisedCoulomb": (
-        cj.RegularisedCoulomb(FAST, 1e-3),
+        cj.frictions.RegularisedCoulomb(FAST, 1e-3),
         "Coulomb",
         lambda v: FAST * np.tanh(v / 1e-3),
     ),
     "LinearCoulomb": (
-        cj.LinearCoulomb(FAST, 1e-3),
+        cj.frictions.LinearCoulomb(FAST, 1e-3),
         "Coulomb",
         lambda v: FAST * np.minimum(v / 1e-3, 1.0),
     ),
     "Threlfall": (
-        cj.Threlfall(FAST, 1e-3),
+        cj.frictions.Threlfall(FAST, 1e-3),
         "Threlfall 1978",
         lambda v: FAST * (1.0 - np.exp(-3.0 * np.minimum(v / 1e-3, 1.0))),
     ),
     "Ambrosio": (
-        cj.Ambrosio(FAST, 1e-4, 1e-3),
+        cj.frictions.Ambrosio(FAST, 1e-4, 1e-3),
         "Ambrósio 2003",
         lambda v: FAST * np.clip((v - 1e-4) / 9e-4, 0.0, 1.0),
     ),
     "Stribeck": (
-        cj.Stribeck(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, regularisation_speed=1e-6),
+        cj.frictions.Stribeck(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, regularisation_speed=1e-6),
         "Stribeck 1902",
         lambda v: _curve(v),
     ),
     "BengisuAkay": (
-        cj.BengisuAkay(SLOW, FAST, breakaway_speed=2e-3, decay=50.0),
+        cj.frictions.BengisuAkay(SLOW, FAST, breakaway_speed=2e-3, decay=50.0),
         "Bengisu, Akay 1994",
         lambda v: np.where(
             v < 2e-3,
@@ -54,7 +54,7 @@ LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarra
         ),
     ),
     "BrownMcPhee": (
-        cj.BrownMcPhee(SLOW, FAST, transition_speed=2e-3),
+        cj.frictions.BrownMcPhee(SLOW, FAST, transition_speed=2e-3),
         "Brown, McPhee 2016",
         lambda v: (
             FAST * np.tanh(4.0 * v / 2e-3)
@@ -62,14 +62,14 @@ LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarra
         ),
     ),
 }
-BRISTLES: dict[str, tuple[cj.AbstractBristleFriction, str]] = {
-    "Dahl": (cj.Dahl(FAST, STIFFNESS), "Dahl 1968"),
+BRISTLES: dict[str, tuple[cj.extend.AbstractBristleFriction, str]] = {
+    "Dahl": (cj.frictions.Dahl(FAST, STIFFNESS), "Dahl 1968"),
     "LuGre": (
-        cj.LuGre(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS),
+        cj.frictions.LuGre(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS),
         "Canudas de Wit et al. 1995",
     ),
     "ElastoPlastic": (
-        cj.ElastoPlastic(
+        cj.frictions.ElastoPlastic(
             SLOW,
             FAST,
             stribeck_speed=STRIBECK_SPEED,
@@ -102,19 +102,19 @@ def checks(quick: bool) -> list[Check]:
 
 
 def deflection(
-    law: cj.AbstractBristleFriction, times: np.ndarray, speed: Callable[[float], float]
+    law: cj.extend.AbstractBristleFriction, times: np.ndarray, speed: Callable[[float], float]
 ) -> np.ndarray:
     """Deflections (N,) m of a bristle at times (N,) s of a slip at a speed, by SciPy."""
 
     def rate(t: float, z: np.ndarray) -> list[float]:
-        slip = cj.Vector(speed(t), 0.0, 0.0)
-        return [float(law.rate(cj.Vector(float(z[0]), 0.0, 0.0), slip).x)]
+        slip = cj.extend.Vector(speed(t), 0.0, 0.0)
+        return [float(law.rate(cj.extend.Vector(float(z[0]), 0.0, 0.0), slip).x)]
 
     span = (float(times[0]), float(times[-1]))
     return solve_ivp(rate, span, [0.0], "LSODA", times, rtol=1e-9, atol=1e-15).y[0]
 
 
-def _from_closed_form(name: str, law: cj.AbstractBristleFriction) -> float:
+def _from_closed_form(name: str, law: cj.extend.AbstractBristleFriction) -> float:
     """How far a deflection from rest is from (g/sigma_0)(1 - exp(-sigma_0 v t/g))."""
     speed = 5e-3
     level = FAST if name == "Dahl" else float(_curve(np.array(speed)))
@@ -154,7 +154,7 @@ def figure() -> Figure:
         ratio = [
             float(law.ratio(z, law.rate(z, slip), slip).x)
             for z, slip in (
-                (cj.Vector(float(z), 0.0, 0.0), cj.Vector(float(v), 0.0, 0.0))
+                (cj.extend.Vector(float(z), 0.0, 0.0), cj.extend.Vector(float(v), 0.0, 0.0))
                 for z, v in zip(found, slips, strict=True)
             )
         ]

@@ -35,7 +35,7 @@ AIM = cj.Polynomial([TARGET])
 """The motor's constant target, rad."""
 
 
-def machines(target: cj.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
+def machines(target: cj.extend.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
     """One of each, beside each other in the same gravity along -Y; the motor follows a target."""
     scene = cj.Scene(_bodies(), _joints(), _forces(target), (0.0, -GRAVITY, 0.0))
     return scene, cj.State(_states())
@@ -58,9 +58,9 @@ def _bodies() -> dict[str, cj.Body]:
     }
 
 
-def _joints() -> dict[str, cj.AbstractConstraint]:
+def _joints() -> dict[str, cj.extend.AbstractConstraint]:
     far, normal = SHAFT.apply(Z), SLOPE.apply(Z)
-    bearings: dict[str, cj.AbstractConstraint] = {
+    bearings: dict[str, cj.extend.AbstractConstraint] = {
         f"{name} bearing": cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z)
         for name in ("shaft", "pinion", "wheel", "sprung", "driven")
     }
@@ -79,7 +79,7 @@ def _joints() -> dict[str, cj.AbstractConstraint]:
     }
 
 
-def _forces(target: cj.AbstractFunctionOfTime) -> dict[str, cj.AbstractForce]:
+def _forces(target: cj.extend.AbstractFunctionOfTime) -> dict[str, cj.extend.AbstractForce]:
     return {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
         "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),

@@ -75,7 +75,7 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
 
 def _double_pendulum() -> Check:
     impacts = cj.simulate(
-        *cj.double_pendulum(), 0.06, save=cj.Saving(impacts=True), progress=False
+        *cj.mechanisms.double_pendulum(), 0.06, save=cj.Saving(impacts=True), progress=False
     ).impacts
     assert impacts is not None
     base = impacts.of("shoulder", "V")
@@ -92,7 +92,7 @@ def double_four_bar() -> Compared:
     """Tip of the first rod, m, over time, s. With all five rods parallel they are a pendulum, which
     starts on top at 1 rad/s: its angle is Jacobi's amplitude."""
     times = np.linspace(0.0, 10.0, 401)
-    tip = place(path(*cj.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
+    tip = place(path(*cj.mechanisms.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
     square = 3.5 * 9.81 / 3.0
     below = np.sqrt(1.0 + 4.0 * square)
     modulus = 4.0 * square / below**2
@@ -110,7 +110,7 @@ def _double_four_bar() -> Check:
 def bricard() -> Compared:
     """A corner of Bricard's mechanism, m, over time, s."""
     times = np.linspace(0.0, 2.0, 101)
-    corner = place(path(*cj.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
+    corner = place(path(*cj.mechanisms.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
     return Compared(times, corner, np.array(list(CORNERS)), np.transpose(list(CORNERS.values())))
 
 
@@ -122,7 +122,7 @@ def _bricard() -> Check:
 def squeezer() -> Compared:
     """The seven angles of Andrews' mechanism, rad, less whole turns, over time, ms."""
     times = np.linspace(0.0, 0.03, 301)
-    bodies = path(*cj.andrews_squeezer(), times)
+    bodies = path(*cj.mechanisms.andrews_squeezer(), times)
     k = np.stack([turned(bodies[f"K{n}"]) for n in range(1, 8)])
     angles = k - np.stack([0.0 * k[0], k[0], 0.0 * k[0], k[4], 0.0 * k[0], k[6], 0.0 * k[0]])
     end = wrapped(np.array(SQUEEZED))[:, None]
@@ -140,7 +140,7 @@ def four_bar() -> Compared:
     """Angle of the rocker over that of the crank, rad: Freudenstein's equation
     K1 cos(rocker) - K2 cos(crank) + K3 = cos(crank - rocker), solved for the rocker."""
     times = np.linspace(0.0, 1.2, 241)
-    bodies = path(*cj.four_bar(lengths=LENGTHS, speed=5.0), times)
+    bodies = path(*cj.mechanisms.four_bar(lengths=LENGTHS, speed=5.0), times)
     crank, rocker = np.unwrap(turned(bodies["crank"])), turned(bodies["rocker"])
     a, b, c, d = LENGTHS
     ratios = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)

@@ -33,7 +33,7 @@ def turned(body: cj.BodyState, axis: int) -> np.ndarray:
 
 def quick_return() -> Compared:
     """Angle of the lever over that of the crank, rad."""
-    scene, state = cj.quick_return(None, angle=0.3)
+    scene, state = cj.mechanisms.quick_return(None, angle=0.3)
     crank = np.linspace(0.3, 6.3, 61)
     save = cj.Saving((crank - 0.3) / 10.0)
     lever = cj.simulate(scene, state, 0.6, FINE, save, progress=False).states.bodies["lever"]
@@ -49,7 +49,7 @@ def _quick_return() -> Check:
 def spatial_four_bar() -> Compared:
     """Angle of the rocker over that of the crank, rad, by the closure of the loop:
     d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r), d from the rocker's axis to the crank."""
-    scene, state = cj.spatial_four_bar(None, speed=40.0)
+    scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
     save = cj.Saving(np.linspace(0.0, 0.3, 61))
     bodies = cj.simulate(scene, state, 0.3, FINE, save, progress=False).states.bodies
     crank = np.unwrap(turned(bodies["crank"], 1))
@@ -69,7 +69,7 @@ def _spatial_four_bar() -> Check:
 
 def gravity_loads() -> np.ndarray:
     """What gravity asks of the arm's motors, (3,) N m."""
-    scene, state = cj.robot_arm(play=None)
+    scene, state = cj.mechanisms.robot_arm(play=None)
     held = cj.simulate(scene, state, 1e-6, save=cj.Saving([0.0]), progress=False)
     reactions = cj.observe(scene, held).reactions
     moments = [reactions[f"motor {k}"][f"link {k}"].moment[0] for k in (1, 2, 3)]
@@ -85,7 +85,7 @@ def _robot_arm() -> Check:
 def rotor_path() -> tuple[np.ndarray, np.ndarray]:
     """Path (T, 2) of a journal from the wall to where its film carries it, and that place (2,) by
     the film's balance, both in clearances."""
-    scene, state = cj.rotor_in_bearing(CLEARANCE, film=cj.CaponeFilm(0.02))
+    scene, state = cj.mechanisms.rotor_in_bearing(CLEARANCE, film=cj.films.CaponeFilm(0.02))
     bearing = scene.joints["bearing"]
     assert isinstance(bearing, cj.LubricatedJoint)
     weight = 9.81 * float(np.asarray(scene.bodies["rotor"].mass))
@@ -109,15 +109,15 @@ def worn() -> Compared:
     distance, m: V = k F s/H."""
     stiffness, end = 1e10, 0.02
     speeds = np.array([50.0, 100.0, 150.0, 200.0])
-    scene, state = cj.rotor_in_bearing(CLEARANCE, law=cj.Hertz(stiffness))
+    scene, state = cj.mechanisms.rotor_in_bearing(CLEARANCE, law=cj.laws.Hertz(stiffness))
     load = 9.81 * float(np.asarray(scene.bodies["rotor"].mass))
     depth = (0.5 * load / stiffness) ** (2.0 / 3.0)
     wear = cj.ArchardWear("bearing", WEAR_COEFFICIENT, HARDNESS)
     volumes = []
     for speed in speeds:
         offset = (0.0, -1.0 - depth / CLEARANCE)
-        _, state = cj.rotor_in_bearing(
-            CLEARANCE, speed=speed, offset=offset, law=cj.Hertz(stiffness)
+        _, state = cj.mechanisms.rotor_in_bearing(
+            CLEARANCE, speed=speed, offset=offset, law=cj.laws.Hertz(stiffness)
         )
         axis = cj.Axis(lambda scene: scene.joints["motor"].speed, np.array([speed]))
         swept = cj.sweep(scene, state, end, {"speed": axis}, {"wear": wear}, progress=False)

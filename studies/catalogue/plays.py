@@ -29,7 +29,7 @@ def checks(quick: bool) -> list[Check]:
     return [_backlash(), _gears(), _ball(), _pin(), _slider(), _clearance()]
 
 
-def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.Impacts:
+def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.results.Impacts:
     """Those of a run."""
     run = cj.simulate(scene, state, end, TIGHT, cj.Saving(impacts=True), progress=False)
     assert run.impacts is not None
@@ -50,7 +50,7 @@ def shafts(restitution: float) -> tuple[cj.Scene, cj.State]:
     joints: dict[str, Any] = {
         name: cj.RevoluteJoint("ground", name, HERE, HERE, Z_AXIS, Z_AXIS) for name in "ab"
     }
-    law = cj.ExactRestitution(restitution=restitution, stiffness=1e8, exponent=1.0)
+    law = cj.laws.ExactRestitution(restitution=restitution, stiffness=1e8, exponent=1.0)
     joints["play"] = cj.Backlash("b", "a", play=PLAY, radius=RADIUS, law=law)
     states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
     return cj.Scene(bodies, joints), cj.State(states)
@@ -66,7 +66,7 @@ def _backlash() -> Check:
 
 
 def _gears() -> Check:
-    hits = impacts(*cj.gear_pair(backlash=1e-4, restitution=0.8), 0.02)
+    hits = impacts(*cj.mechanisms.gear_pair(backlash=1e-4, restitution=0.8), 0.02)
     base_radius = 20 * 0.5 * 3e-3 * math.cos(math.radians(20.0))
     entries = 10.0 * base_radius * 0.8 ** np.arange(len(hits))
     flights = hits.onset[1:] - hits.separation[:-1]
@@ -78,7 +78,7 @@ def _gears() -> Check:
 
 def _ball() -> Check:
     clearance, restitution = 0.2e-3, 0.7
-    law = cj.ExactRestitution(restitution, 1e16)
+    law = cj.laws.ExactRestitution(restitution, 1e16)
     joint = cj.BallInSocket("ground", "b", socket_radius=10e-3, clearance=clearance, law=law)
     body = cj.Body(2.0, (1e-3, 1e-3, 1e-3))
     scene = cj.Scene({"b": body}, {"joint": joint}, gravity=(0.0, -GRAVITY, 0.0))
@@ -94,7 +94,7 @@ def _ball() -> Check:
 
 def _pin() -> Check:
     speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
-    joint = cj.PinInSlot("ground", "b", play=play, pin_radius=5e-3, law=cj.Hertz(stiffness))
+    joint = cj.PinInSlot("ground", "b", play=play, pin_radius=5e-3, law=cj.laws.Hertz(stiffness))
     scene = cj.Scene({"b": cj.Body(mass, (1e-4, 1e-4, 1e-4))}, {"joint": joint})
     state = cj.State({"b": cj.body_state(HERE, velocity=(0.3, speed, 0.0))})
     hits = impacts(scene, state, 0.012)
@@ -108,7 +108,7 @@ def _pin() -> Check:
 
 
 def _slider() -> Check:
-    scene, state = cj.guided_slider_crank()
+    scene, state = cj.mechanisms.guided_slider_crank()
     hits = impacts(scene, state, 4e-3)
     against = "first touch in Siconos' example, s: converged independent solution"
     source = "Flores, Leine, Glocker 2010"
@@ -118,7 +118,7 @@ def _slider() -> Check:
 
 def _clearance() -> Check:
     clearance = 0.5e-3
-    hits = impacts(*cj.double_pendulum(clearance), 0.012)
+    hits = impacts(*cj.mechanisms.double_pendulum(clearance), 0.012)
     largest = off(hits.onset[0], math.sqrt(2.0 * clearance / GRAVITY))
     against = "fall of the journal to the wall: closed form"
     return Check("ClearanceJoint", "the paper", against, largest, 1e-7, FIGURE)

@@ -63,13 +63,16 @@ def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
     """A sweep over the clearance with the largest deviation of each run, and its play."""
     times = np.linspace(0.0, DURATION, 251)
     ideal = cj.simulate(
-        *cj.double_pendulum(None), DURATION, cj.Settings(rtol=1e-10), save=cj.Saving(times)
+        *cj.mechanisms.double_pendulum(None),
+        DURATION,
+        cj.Settings(rtol=1e-10),
+        save=cj.Saving(times),
     ).saved
     assert ideal is not None
     clearances = np.geomspace(1e-7, 1e-3, 13 if output.quick else 65)
     components: Any = "xyz"
     swept = cj.sweep(
-        *cj.double_pendulum(axial=axial),
+        *cj.mechanisms.double_pendulum(axial=axial),
         DURATION,
         {"clearance": cj.Axis(lambda scene: scene.joints[SHOULDER].clearance, clearances)},
         {

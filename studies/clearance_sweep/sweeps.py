@@ -72,7 +72,7 @@ ORBIT = cj.Saved(orbit_times, {c: (JournalOffset(SHOULDER, c, BASE), "m") for c 
 
 def sweep(output: Output) -> list[str]:
     """Summaries, impacts and orbits over the clearance; returns the findings."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     values = np.geomspace(0.05e-3, 1e-3, 16 if output.quick else 256)
     swept = cj.sweep(
         scene,
@@ -177,7 +177,7 @@ def shared_impacts(speeds: np.ndarray) -> int:
 
 def restitution_map(output: Output) -> list[str]:
     """Summaries over clearance and restitution; returns the findings."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     columns, rows = (6, 4) if output.quick else (32, 24)
     swept = cj.sweep(
         scene,

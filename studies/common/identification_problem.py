@@ -48,7 +48,7 @@ class Attempt:
     """A fit, how many runs with derivatives it took in all its stages, how long, s, and how many
     runs without derivatives found its starts."""
 
-    found: cj.Fit
+    found: cj.results.Fit
     runs: int
     seconds: float
     screening: int = 0
@@ -59,7 +59,7 @@ def ideal(sensor: str, end_time: float) -> tuple[cj.Measurements, dict[str, floa
     name."""
     channels, noise = SENSORS[sensor]
     times = np.arange(1, round(end_time * RATE) + 1) / RATE
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     tight = replace(cj.presets.derivatives, rtol=1e-11)
     found = cj.sensitivities(scene, state, end_time, PARAMETERS, channels, times, settings=tight)
     clean = {name: cj.Series(c, times, found.values[name], noise) for name, c in channels.items()}
@@ -87,7 +87,7 @@ def velocities(data: cj.Measurements) -> cj.Measurements:
 def fit(data: cj.Measurements, guess: dict[str, float], how: str, end_time: float) -> Attempt:
     """Fit in a way: "at once", "windows", "windows, 12 starts", "velocities first", or "screened";
     without the test of the covariance, so that searches alone are timed."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     grow = [end for end in WINDOWS if end < end_time]
     starts: cj.Starts | cj.Screening | None = None
     if how.endswith("starts"):

@@ -15,39 +15,39 @@ RADIUS, CLEARANCE, LENGTH = 10e-3, 0.5e-3, 20e-3
 STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
 MASS, SPEED, STIFFNESS = 2.0, 0.1, 6.6e10
 ELASTICITIES: dict[str, AbstractElasticity] = {
-    "Ravn (spheres)": cj.RavnStiffness(**STEEL),
-    "Liu": cj.LiuCylinder(**STEEL, length=LENGTH),
-    "Goldsmith; Dubowsky–Freudenstein": cj.GoldsmithCylinder(**STEEL, length=LENGTH),
-    "ESDU 78035": cj.EsduCylinder(**STEEL, length=LENGTH),
-    "Radzimovsky": cj.RadzimovskyCylinder(**STEEL, length=LENGTH),
-    "Johnson": cj.JohnsonCylinder(**STEEL, length=LENGTH),
-    "Pereira": cj.PereiraCylinder(**STEEL, length=LENGTH),
-    "Persson (overlap)": cj.PerssonCylinder(**STEEL, length=LENGTH),
+    "Ravn (spheres)": cj.laws.RavnStiffness(**STEEL),
+    "Liu": cj.laws.LiuCylinder(**STEEL, length=LENGTH),
+    "Goldsmith; Dubowsky–Freudenstein": cj.laws.GoldsmithCylinder(**STEEL, length=LENGTH),
+    "ESDU 78035": cj.laws.EsduCylinder(**STEEL, length=LENGTH),
+    "Radzimovsky": cj.laws.RadzimovskyCylinder(**STEEL, length=LENGTH),
+    "Johnson": cj.laws.JohnsonCylinder(**STEEL, length=LENGTH),
+    "Pereira": cj.laws.PereiraCylinder(**STEEL, length=LENGTH),
+    "Persson (overlap)": cj.laws.PerssonCylinder(**STEEL, length=LENGTH),
 }
-FACTORS: dict[str, type[cj.AbstractDampedLaw]] = {
-    "Lee–Wang": cj.LeeWang,
-    "Lankarani–Nikravesh": cj.LankaraniNikravesh,
-    "Hunt–Crossley": cj.HuntCrossley,
-    "Herbert–McWhannell": cj.HerbertMcWhannell,
-    "Zhiying–Qishao": cj.ZhiyingQishao,
-    "Carvalho–Martins": cj.CarvalhoMartins,
-    "Gonthier": cj.Gonthier,
-    "Flores 2011": cj.Flores2011,
-    "Hu–Guo; Ye": cj.HuGuo,
-    "Safaeifar–Farshidianfar": cj.SafaeifarFarshidianfar,
-    "Gharib–Hurmuzlu": cj.GharibHurmuzlu,
-    "Pant–Wijeyewickrema": cj.PantWijeyewickrema,
+FACTORS: dict[str, type[cj.extend.AbstractDampedLaw]] = {
+    "Lee–Wang": cj.laws.LeeWang,
+    "Lankarani–Nikravesh": cj.laws.LankaraniNikravesh,
+    "Hunt–Crossley": cj.laws.HuntCrossley,
+    "Herbert–McWhannell": cj.laws.HerbertMcWhannell,
+    "Zhiying–Qishao": cj.laws.ZhiyingQishao,
+    "Carvalho–Martins": cj.laws.CarvalhoMartins,
+    "Gonthier": cj.laws.Gonthier,
+    "Flores 2011": cj.laws.Flores2011,
+    "Hu–Guo; Ye": cj.laws.HuGuo,
+    "Safaeifar–Farshidianfar": cj.laws.SafaeifarFarshidianfar,
+    "Gharib–Hurmuzlu": cj.laws.GharibHurmuzlu,
+    "Pant–Wijeyewickrema": cj.laws.PantWijeyewickrema,
 }
-MADE: dict[str, Callable[[float], cj.KelvinVoigt | cj.FloresKelvinVoigt]] = {
-    "Kelvin–Voigt; Tsuji (clamped)": lambda c: cj.KelvinVoigt(c, STIFFNESS, MASS),
-    "Kelvin–Voigt of Flores": lambda c: cj.FloresKelvinVoigt(c, STIFFNESS),
+MADE: dict[str, Callable[[float], cj.laws.KelvinVoigt | cj.laws.FloresKelvinVoigt]] = {
+    "Kelvin–Voigt; Tsuji (clamped)": lambda c: cj.laws.KelvinVoigt(c, STIFFNESS, MASS),
+    "Kelvin–Voigt of Flores": lambda c: cj.laws.FloresKelvinVoigt(c, STIFFNESS),
 }
 COLUMNS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
 def elastic_force(elasticity: AbstractElasticity, depths: np.ndarray) -> np.ndarray:
     """Forces in N at depths (N,) in m."""
-    gap = cj.Gap(jnp.asarray(depths), 0.0, RADIUS, CLEARANCE)
+    gap = cj.extend.Gap(jnp.asarray(depths), 0.0, RADIUS, CLEARANCE)
     return np.asarray(elasticity.force(gap, 1.5))
 
 
@@ -58,13 +58,13 @@ def delivered(name: str, requested: np.ndarray) -> np.ndarray:
         if name in FACTORS:
             law = FACTORS[name]
             factors = [float(law(c, STIFFNESS).damping_factor()) for c in requested]
-            return np.asarray(cj.delivered_restitution(np.array(factors)))
+            return np.asarray(cj.laws.delivered_restitution(np.array(factors)))
         return np.array([float(MADE[name](c).delivered_restitution()) for c in requested])
 
 
 def jankowski(requested: np.ndarray) -> np.ndarray:
     """What Jankowski's law delivers, by free impacts."""
-    laws = [cj.Jankowski(c, STIFFNESS, MASS) for c in requested]
+    laws = [cj.laws.Jankowski(c, STIFFNESS, MASS) for c in requested]
     return np.array([cj.free_impact(law, MASS, SPEED).restitution for law in laws])
 
 
@@ -76,7 +76,7 @@ def loop(law: Any, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
     entry = SPEED if law.uses_entry_speed else None
 
     def rates(y):
-        return jnp.stack([y[1], -law.force(cj.Gap(y[0], y[1]), entry) / MASS])
+        return jnp.stack([y[1], -law.force(cj.extend.Gap(y[0], y[1]), entry) / MASS])
 
     def step(y, _):
         a = rates(y)
@@ -87,7 +87,7 @@ def loop(law: Any, steps: int = 4000) -> tuple[np.ndarray, np.ndarray]:
 
     start = jnp.array([1e-12 * scale, SPEED])
     path = jax.jit(lambda start: jax.lax.scan(step, start, None, length=steps)[1])(start)
-    force = np.asarray(jax.vmap(lambda y: law.force(cj.Gap(y[0], y[1]), entry))(path))
+    force = np.asarray(jax.vmap(lambda y: law.force(cj.extend.Gap(y[0], y[1]), entry))(path))
     depth = np.asarray(path[:, 0])
     inside = np.cumsum(depth <= 0.0) == 0
     return depth[inside], force[inside]

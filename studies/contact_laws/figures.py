@@ -36,7 +36,7 @@ def forces() -> Figure:
     for axes, (depths, unit, name) in zip(panels, spans, strict=True):
         for k, (label, elasticity) in enumerate(ELASTICITIES.items()):
             within = np.full(depths.shape, True)
-            gap = cj.Gap(0.0, 0.0, 10e-3, CLEARANCE)
+            gap = cj.extend.Gap(0.0, 0.0, 10e-3, CLEARANCE)
             for limit in elasticity.limits(gap):
                 if limit.quantity == "penetration":
                     within = depths <= 0.99 * float(limit.most)
@@ -53,32 +53,32 @@ def forces() -> Figure:
     return figure
 
 
-def _loops() -> dict[str, dict[str, cj.AbstractContactLaw]]:
+def _loops() -> dict[str, dict[str, cj.extend.AbstractContactLaw]]:
     """The laws of each panel, all asked for a restitution of one half where they can be."""
     k, c = STIFFNESS, 0.5
     linear = 1.5e8
     return {
         "with memory, K δ$^{1.5}$": {
-            "Hertz": cj.Hertz(k),
-            "Lankarani–Nikravesh": cj.LankaraniNikravesh(c, k),
-            "Hunt–Crossley": cj.HuntCrossley(c, k),
-            "exact restitution": cj.ExactRestitution(c, k),
-            "Flores 2011": cj.Flores2011(c, k),
-            "Gharib–Hurmuzlu": cj.GharibHurmuzlu(c, k),
+            "Hertz": cj.laws.Hertz(k),
+            "Lankarani–Nikravesh": cj.laws.LankaraniNikravesh(c, k),
+            "Hunt–Crossley": cj.laws.HuntCrossley(c, k),
+            "exact restitution": cj.laws.ExactRestitution(c, k),
+            "Flores 2011": cj.laws.Flores2011(c, k),
+            "Gharib–Hurmuzlu": cj.laws.GharibHurmuzlu(c, k),
         },
         "without memory, K δ$^{1.5}$": {
-            "Hertz": cj.Hertz(k),
-            "Tsuji": cj.Tsuji(c, k, MASS),
-            "Jankowski": cj.Jankowski(c, k, MASS),
-            "Kuwabara–Kono, D = 2·10⁶ N s/m$^{1.5}$": cj.KuwabaraKono(k, 2e6),
-            "Ristow, D = 5·10³ N s/m": cj.Ristow(k, 5e3),
-            "IMPACT, D = 10⁴ N s/m, full at 3 µm": cj.ImpactFunction(k, 1e4, 3e-6),
+            "Hertz": cj.laws.Hertz(k),
+            "Tsuji": cj.laws.Tsuji(c, k, MASS),
+            "Jankowski": cj.laws.Jankowski(c, k, MASS),
+            "Kuwabara–Kono, D = 2·10⁶ N s/m$^{1.5}$": cj.laws.KuwabaraKono(k, 2e6),
+            "Ristow, D = 5·10³ N s/m": cj.laws.Ristow(k, 5e3),
+            "IMPACT, D = 10⁴ N s/m, full at 3 µm": cj.laws.ImpactFunction(k, 1e4, 3e-6),
         },
         "without memory, K δ": {
-            "spring": cj.Hertz(linear, exponent=1.0),
-            "Kelvin–Voigt": cj.KelvinVoigt(c, linear, MASS),
-            "Flores' variant": cj.FloresKelvinVoigt(c, linear),
-            "ElastoGap, D = 10⁴ N s/m": cj.ElastoGap(linear, 1e4),
+            "spring": cj.laws.Hertz(linear, exponent=1.0),
+            "Kelvin–Voigt": cj.laws.KelvinVoigt(c, linear, MASS),
+            "Flores' variant": cj.laws.FloresKelvinVoigt(c, linear),
+            "ElastoGap, D = 10⁴ N s/m": cj.laws.ElastoGap(linear, 1e4),
         },
     }
 

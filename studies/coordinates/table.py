@@ -25,13 +25,13 @@ class Mechanism:
     span: float
 
 
-IDEAL = Mechanism("double pendulum, ideal", lambda: cj.double_pendulum(None), 100.0)
+IDEAL = Mechanism("double pendulum, ideal", lambda: cj.mechanisms.double_pendulum(None), 100.0)
 MECHANISMS = (
-    Mechanism("double pendulum, 0.5 mm", cj.double_pendulum, 1.0),
-    Mechanism("slider-crank, 0.5 mm", cj.slider_crank, 20.0 * REVOLUTION),
+    Mechanism("double pendulum, 0.5 mm", cj.mechanisms.double_pendulum, 1.0),
+    Mechanism("slider-crank, 0.5 mm", cj.mechanisms.slider_crank, 20.0 * REVOLUTION),
     IDEAL,
-    Mechanism("double four-bar", cj.double_four_bar, 10.0),
-    Mechanism("Bricard", cj.bricard, 10.0),
+    Mechanism("double four-bar", cj.mechanisms.double_four_bar, 10.0),
+    Mechanism("Bricard", cj.mechanisms.bricard, 10.0),
 )
 COORDINATES = {"absolute": cj.AbsoluteCoordinates(), "joint": cj.JointCoordinates()}
 COLUMNS = (
@@ -45,7 +45,7 @@ def measured(mechanism: Mechanism, coordinates: str) -> tuple[str, ...]:
     scene, state = mechanism.make()
     times = np.linspace(0.0, mechanism.span, SAVED)
 
-    def run() -> tuple[float, cj.Solution]:
+    def run() -> tuple[float, cj.results.Solution]:
         start = time.perf_counter()
         solution = cj.simulate(
             scene,

@@ -44,7 +44,7 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     """Evaluate everything that the paper states and leaves open."""
     impacts, saved, steps = clearance.of("V"), clearance.saved, clearance.steps
     reactions = [_peak_reaction(saved, impacts, k) for k in range(3)]
-    touching = steps.modes[SHOULDER][:-1] != cj.MotionMode.FREE_FLIGHT
+    touching = steps.modes[SHOULDER][:-1] != cj.results.MotionMode.FREE_FLIGHT
     end = settings.duration
     return Findings(
         reaction_share=reactions[0] / impacts.peak_force[0],
@@ -64,12 +64,14 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     )
 
 
-def _peak_reaction(seen: cj.Observation, impacts: cj.Impacts, index: int) -> float:
+def _peak_reaction(seen: cj.results.Observation, impacts: cj.results.Impacts, index: int) -> float:
     during = (seen.times >= impacts.onset[index]) & (seen.times <= impacts.separation[index])
     return float(np.linalg.norm(seen.reactions[ELBOW][END_ARM].force[during], axis=1).max())
 
 
-def _rebounds(settings: Settings, seen: cj.Observation, impacts: cj.Impacts) -> np.ndarray:
+def _rebounds(
+    settings: Settings, seen: cj.results.Observation, impacts: cj.results.Impacts
+) -> np.ndarray:
     """How far base V leaves the wall after each of the first impacts, m."""
     eccentricity = np.asarray(seen.contacts[SHOULDER]["V"].eccentricity)
     flights = zip(impacts.separation[:3], impacts.onset[1:4], strict=False)
@@ -97,11 +99,11 @@ def _lone_strike(run: Run) -> float | None:
     return min(strikes, default=None)
 
 
-def _largest_acceleration(seen: cj.Observation) -> float:
+def _largest_acceleration(seen: cj.results.Observation) -> float:
     return float(np.abs(seen.accelerations[END_ARM].linear[:, 1]).max())
 
 
-def _slide(seen: cj.Observation, instant: float) -> float:
+def _slide(seen: cj.results.Observation, instant: float) -> float:
     """Axial displacement of the journal's centre, m: the mean of its bases'."""
     bases = seen.contacts[SHOULDER].values()
     axial = np.mean([base.point_on_journal[:, 2] for base in bases], axis=0)

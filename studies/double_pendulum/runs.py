@@ -43,19 +43,19 @@ class Run:
     """One simulation: states and observation at the saved instants, observation along every
     accepted step, and the finished contacts."""
 
-    trajectory: cj.Trajectory
-    saved: cj.Observation
-    steps: cj.Observation
-    impacts: cj.Impacts
+    trajectory: cj.results.Trajectory
+    saved: cj.results.Observation
+    steps: cj.results.Observation
+    impacts: cj.results.Impacts
 
-    def of(self, base: str) -> cj.Impacts:
+    def of(self, base: str) -> cj.results.Impacts:
         """The impacts of one base."""
         return self.impacts.of(SHOULDER, base)
 
 
 def simulate_clearance(settings: Settings) -> Run:
     """The pendulum with clearance; a first pass over the early part tells where impacts are."""
-    scene, state = cj.double_pendulum(settings.clearance, settings.restitution)
+    scene, state = cj.mechanisms.double_pendulum(settings.clearance, settings.restitution)
     early = _simulate(settings, scene, state, np.linspace(0.0, settings.early, SAVED))
     assert early.impacts is not None
     impacts = early.impacts.of(SHOULDER, "V")
@@ -69,14 +69,14 @@ def simulate_clearance(settings: Settings) -> Run:
 
 def simulate_ideal(settings: Settings) -> Run:
     """The pendulum with an ideal joint in place of the clearance joint."""
-    scene, state = cj.double_pendulum(clearance=None)
+    scene, state = cj.mechanisms.double_pendulum(clearance=None)
     instants = np.linspace(0.0, settings.duration, SAVED)
     return _observed(scene, _simulate(settings, scene, state, instants))
 
 
 def _simulate(
     settings: Settings, scene: cj.Scene, state: cj.State, instants: np.ndarray
-) -> cj.Solution:
+) -> cj.results.Solution:
     with warnings.catch_warnings():
         # The paper's joint is axially free; the study's table says how far arm 2 slides.
         warnings.simplefilter("ignore", cj.LeftBearingWarning)
@@ -89,7 +89,7 @@ def _simulate(
         )
 
 
-def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
+def _observed(scene: cj.Scene, solution: cj.results.Solution) -> Run:
     assert solution.saved is not None and solution.impacts is not None
     return Run(
         trajectory=solution.saved,
@@ -99,7 +99,7 @@ def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
     )
 
 
-def _instants(settings: Settings, impacts: cj.Impacts) -> np.ndarray:
+def _instants(settings: Settings, impacts: cj.results.Impacts) -> np.ndarray:
     """Instants to save: close together in the first three impacts, wide apart in the late part."""
     spans = zip(impacts.onset[:3], impacts.separation[:3], strict=True)
     inside = [np.linspace(*span, IMPACT_INSTANTS) for span in spans]

@@ -33,7 +33,9 @@ def pendulum(clearance: float | None = None) -> tuple[cj.Scene, cj.State]:
             clearance=clearance,
             journal_length=20e-3,
             axial=cj.FixedAxially(),
-            law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.RavnStiffness(207e9, 0.3)),
+            law=cj.laws.LankaraniNikravesh(
+                restitution=0.9, stiffness=cj.laws.RavnStiffness(207e9, 0.3)
+            ),
         )
     scene = cj.Scene({"rod": cj.Body(1.0, INERTIA)}, {"pin": pin}, gravity=(0.0, -GRAVITY, 0.0))
     return scene, cj.State({"rod": cj.body_state((half, 0.0, 0.0))})
@@ -140,7 +142,7 @@ def run(case: Case, span: float, most_steps: int) -> Outcome:
     scene, state = case.make()
     instants = np.linspace(0.0, span, SAVED)
 
-    def simulate(steps: int) -> cj.Solution:
+    def simulate(steps: int) -> cj.results.Solution:
         settings = replace(case.settings, rtol=case.rtol, max_steps=steps)
         save = cj.Saving(instants)
         return cj.simulate(scene, state, span, settings, save, throw=False, progress=False)
@@ -196,7 +198,7 @@ def late_start(rtols: tuple[float, ...] = (1e-4, 1e-6, 1e-9)) -> list[tuple[str,
     rows: list[tuple[str, ...]] = [
         ("rtol", "steps", "position of arm 2, m", "entry speeds, relative", "onsets, s")
     ]
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     save = cj.Saving(impacts=True)
     for rtol in rtols:
         settings = cj.Settings(rtol=rtol, first_step=1e-7)

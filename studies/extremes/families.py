@@ -78,7 +78,7 @@ class Family:
     make: Callable[[Draw], tuple[cj.Scene, cj.State]]
     end_time: Callable[[Draw], float]
     free: bool = False
-    outputs: Mapping[str, cj.AbstractReduction] = field(default_factory=dict)
+    outputs: Mapping[str, cj.extend.AbstractReduction] = field(default_factory=dict)
     coordinates: cj.JointCoordinates | cj.AbsoluteCoordinates = cj.JointCoordinates()
 
     def trial(self, draw: Draw) -> "Trial":
@@ -161,8 +161,8 @@ def _damping(draw: Draw) -> dict[str, Any]:
 
 
 def _free_pair(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.LankaraniNikravesh(**_damping(draw))
-    friction = cj.Ambrosio(draw["friction"])
+    law = cj.laws.LankaraniNikravesh(**_damping(draw))
+    friction = cj.frictions.Ambrosio(draw["friction"])
     bodies = {"bearing": _block(1.0), "journal": _block(draw["mass_ratio"])}
     scene = cj.Scene(bodies, {"pin": _joint(draw, law, "bearing", friction=friction)})
     return scene, cj.State({"bearing": cj.body_state((0, 0, 0)), "journal": _start(draw)})
@@ -173,15 +173,15 @@ def _reduced_mass(draw: Draw) -> float:
 
 
 def _journal(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.HuntCrossley(**_damping(draw))
-    joint = _joint(draw, law, "ground", friction=cj.RegularisedCoulomb(draw["friction"]))
+    law = cj.laws.HuntCrossley(**_damping(draw))
+    joint = _joint(draw, law, "ground", friction=cj.frictions.RegularisedCoulomb(draw["friction"]))
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint}, gravity=GRAVITY)
     return scene, cj.State({"journal": _start(draw)})
 
 
 def _end_play(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.Flores2011(**_damping(draw | {"restitution": max(draw["restitution"], 0.01)}))
-    shoulder = cj.LankaraniNikravesh(**_damping(draw))
+    law = cj.laws.Flores2011(**_damping(draw | {"restitution": max(draw["restitution"], 0.01)}))
+    shoulder = cj.laws.LankaraniNikravesh(**_damping(draw))
     axial = cj.EndPlay(draw["clearance"], shoulder)
     joint = _joint(draw, law, "ground", axial=axial)
     gravity = (0.0, -9.81, 3.0)
@@ -190,7 +190,7 @@ def _end_play(draw: Draw) -> tuple[cj.Scene, cj.State]:
 
 
 def _thrown(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    law = cj.LankaraniNikravesh(**_damping(draw))
+    law = cj.laws.LankaraniNikravesh(**_damping(draw))
     joint = _joint(draw, law, "ground")
     scene = cj.Scene({"journal": _block(draw["mass"])}, {"pin": joint})
     return scene, cj.State({"journal": _start(draw)})
@@ -201,7 +201,9 @@ ARM = 1.0
 
 def _pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
     mass = draw["mass"]
-    joint = _joint(draw, cj.Hertz(stiffness=cj.RavnStiffness(draw["stiffness"], 0.3)), "ground")
+    joint = _joint(
+        draw, cj.laws.Hertz(stiffness=cj.laws.RavnStiffness(draw["stiffness"], 0.3)), "ground"
+    )
     joint = eqx.tree_at(lambda j: j.journal_point, joint, np.array([-0.5 * ARM, 0.0, 0.0]))
     inertia = mass * ARM**2 / 12 * np.array([1e-2, 1.0, 1.0])
     scene = cj.Scene({"journal": cj.Body(mass, inertia)}, {"pin": joint}, gravity=GRAVITY)
@@ -221,10 +223,10 @@ def _fall(draw: Draw, mass: float) -> float:
 
 
 def _double_pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    scene, state = cj.double_pendulum(
+    scene, state = cj.mechanisms.double_pendulum(
         draw["clearance"],
         journal_length=draw["length"],
-        law=cj.LankaraniNikravesh(**_damping(draw)),
+        law=cj.laws.LankaraniNikravesh(**_damping(draw)),
         axial=cj.FixedAxially(),
     )
     ratio = draw["mass_ratio"]
@@ -234,13 +236,13 @@ def _double_pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
 
 
 def _slider_crank(draw: Draw) -> tuple[cj.Scene, cj.State]:
-    return cj.slider_crank(
+    return cj.mechanisms.slider_crank(
         draw["clearance"],
         speed=draw["crank_speed"],
         angle=2 * np.pi * draw["heading"],
         journal_length=draw["length"],
-        law=cj.LankaraniNikravesh(**_damping(draw)),
-        friction=cj.RegularisedCoulomb(draw["friction"]),
+        law=cj.laws.LankaraniNikravesh(**_damping(draw)),
+        friction=cj.frictions.RegularisedCoulomb(draw["friction"]),
     )
 
 

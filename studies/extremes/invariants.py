@@ -86,7 +86,7 @@ def contact_energy(scene: cj.Scene, at: Poses) -> Any:
         laws = joint.laws()
         for label, depth in depths(joint, at).items():
             law = laws[label]
-            if depth > 0 and isinstance(law, cj.AbstractHertzianLaw):
+            if depth > 0 and isinstance(law, cj.extend.AbstractHertzianLaw):
                 power = LONG(law.exponent) + 1
                 total += stiffness(law, joint) * depth**power / power
     return total
@@ -126,7 +126,7 @@ def depths(joint: cj.ClearanceJoint, at: Poses) -> dict[str, Any]:
 
 def stiffness(law: Any, joint: cj.ClearanceJoint) -> Any:
     """K in N/m^n, given or Ravn's for two bodies of one material."""
-    if isinstance(law.stiffness, cj.GivenStiffness):
+    if isinstance(law.stiffness, cj.laws.GivenStiffness):
         return LONG(law.stiffness.stiffness)
     modulus, ratio = LONG(law.stiffness.young_modulus), LONG(law.stiffness.poisson_ratio)
     outer, clearance = LONG(joint.bearing_radius), LONG(joint.clearance)

@@ -38,12 +38,12 @@ def _joint(clearance: float = 1e-4, journal_length: float = 0.02) -> cj.Clearanc
         bearing_radius=10e-3,
         clearance=clearance,
         journal_length=journal_length,
-        law=cj.Hertz(stiffness=_stiffness()),
+        law=cj.laws.Hertz(stiffness=_stiffness()),
     )
 
 
-def _stiffness(value: float = 1e10) -> cj.GivenStiffness:
-    return cj.GivenStiffness(value)
+def _stiffness(value: float = 1e10) -> cj.laws.GivenStiffness:
+    return cj.laws.GivenStiffness(value)
 
 
 def _run(end_time: float) -> object:
@@ -78,19 +78,21 @@ ATTEMPTS: dict[str, Callable[[], object]] = {
         bearing_radius=1e-2,
         journal_radius=1e-2,
         journal_length=0.02,
-        law=cj.Hertz(stiffness=_stiffness()),
+        law=cj.laws.Hertz(stiffness=_stiffness()),
     ),
     "journal's length 0": lambda: _joint(journal_length=0.0),
-    "stiffness 0": lambda: cj.Hertz(stiffness=_stiffness(0.0)),
-    "stiffness infinite": lambda: cj.Hertz(stiffness=_stiffness(np.inf)),
-    "restitution 1.1": lambda: cj.LankaraniNikravesh(restitution=1.1, stiffness=_stiffness()),
-    "restitution -0.1": lambda: cj.HuntCrossley(restitution=-0.1, stiffness=_stiffness()),
-    "Flores 2011 at restitution 0": lambda: cj.Flores2011(restitution=0.0, stiffness=_stiffness()),
-    "floor of the entry speed 0": lambda: cj.HuntCrossley(
+    "stiffness 0": lambda: cj.laws.Hertz(stiffness=_stiffness(0.0)),
+    "stiffness infinite": lambda: cj.laws.Hertz(stiffness=_stiffness(np.inf)),
+    "restitution 1.1": lambda: cj.laws.LankaraniNikravesh(restitution=1.1, stiffness=_stiffness()),
+    "restitution -0.1": lambda: cj.laws.HuntCrossley(restitution=-0.1, stiffness=_stiffness()),
+    "Flores 2011 at restitution 0": lambda: cj.laws.Flores2011(
+        restitution=0.0, stiffness=_stiffness()
+    ),
+    "floor of the entry speed 0": lambda: cj.laws.HuntCrossley(
         restitution=0.5, stiffness=_stiffness(), entry_speed_floor=0.0
     ),
-    "friction -0.1": lambda: cj.RegularisedCoulomb(-0.1),
-    "friction's regularisation 0": lambda: cj.RegularisedCoulomb(0.1, 0.0),
+    "friction -0.1": lambda: cj.frictions.RegularisedCoulomb(-0.1),
+    "friction's regularisation 0": lambda: cj.frictions.RegularisedCoulomb(0.1, 0.0),
     "mass 0": lambda: cj.Body(0.0, (1, 1, 1)),
     "inertia of no body": lambda: cj.Body(1.0, (1, 1, 3)),
     "Euler parameters of norm 2": lambda: cj.body_state((0, 0, 0), (2, 0, 0, 0)),

@@ -35,7 +35,7 @@ ALLOWED_MOMENTUM = 1e-8
 WORKS = ("normal damping", "friction", "stabilisation", "supplied")
 
 
-class Work(cj.AbstractReduction):
+class Work(cj.extend.AbstractReduction):
     """The integrals of the energy ledger, J, by name; those that the scene lacks are zero."""
 
     needs_ledger = True

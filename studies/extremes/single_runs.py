@@ -84,7 +84,7 @@ def _refusal(error: ValueError) -> str:
     return f"ValueError, {str(error).split('`')[1]}"
 
 
-def _name(solution: cj.Solution) -> str:
+def _name(solution: cj.results.Solution) -> str:
     return "successful" if solution.result == cj.RESULTS.successful else "failed"
 
 

@@ -93,7 +93,7 @@ class Plane(AbstractMotionSubspace):
         return (*position[:2], within_two_turns(position[2]))
 
 
-class PlanarJoint(cj.AbstractConstraint):
+class PlanarJoint(cj.extend.AbstractConstraint):
     """A body stays in the ground's XY plane, a point of it at a small distance from a fixed one."""
 
     body: str = eqx.field(static=True)
@@ -184,7 +184,7 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
             bearing_radius=10e-3,
             clearance=0.5e-3,
             journal_length=20e-3,
-            law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+            law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
         ),
         "elbow": cj.RevoluteJoint("arm 2", "arm 3", (half, 0.0, 0.0), point, axis, axis),
     }
@@ -202,7 +202,7 @@ def planar_pendulum(held: bool) -> tuple[cj.Scene, cj.State]:
 class _Linkage:
     """The slider-crank at an instant, in its plane.
 
-    `crank`: its angle from X, rad; `relative_angle`, `swing`: angular velocities of crank and rod, rad/s, and
+    `crank`: its angle from X, rad; `turn`, `swing`: angular velocities of crank and rod, rad/s, and
     `bend` their difference; `slide`: the slider's speed, m/s. `along_crank`, `along_rod`: unit
     vectors. `apart`: the rod's end less the slider's centre, m; `parting`: its rate, m/s.
     """
@@ -223,7 +223,7 @@ class _Linkage:
         crank, rod, slider = (variables[name] for name in ("crank", "rod", "slider"))
         (turn,), (bend,), (slide,) = crank.speeds, rod.speeds, slider.speeds
         swing, along = turn + bend, crank.position + rod.position
-        r, length = cj.CRANK_LENGTH, cj.ROD_LENGTH
+        r, length = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH
         cos_crank, sin_crank = jnp.cos(crank.position), jnp.sin(crank.position)
         cos_rod, sin_rod = jnp.cos(along), jnp.sin(along)
         x = r * cos_crank + length * cos_rod - slider.position
@@ -282,7 +282,7 @@ def _angular_rates(
     """Angular accelerations of crank and rod, rad/s^2, under a force of the rod on the slider."""
     scene, (n_x, n_y) = system.scene, normal
     (cos_crank, sin_crank), (cos_rod, sin_rod) = at.along_crank, at.along_rod
-    r, length = cj.CRANK_LENGTH, cj.ROD_LENGTH
+    r, length = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH
     mass, centre = scene.bodies["rod"].mass, 0.5 * length
     coupling = mass * r * centre
     moment = force * length * (n_x * sin_rod - n_y * cos_rod)
@@ -312,7 +312,7 @@ def _driven_rate(system: System, at: _Linkage, t: Scalar) -> Scalar:
 def planar_programs() -> dict[str, dict[str, Program]]:
     """Programs by scene and name, the spatial one first."""
     (free, start), (held, _) = planar_pendulum(False), planar_pendulum(True)
-    driven, turning = cj.slider_crank()
+    driven, turning = cj.mechanisms.slider_crank()
     return {
         "double pendulum": {
             "spatial": Program.of(free, start),

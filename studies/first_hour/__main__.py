@@ -23,8 +23,12 @@ def worn(bearing: str, journal: str, at: float, there: float, play: float) -> cj
     """A pin of 20 mm with so much radial play, m, at places along two rods."""
     pin: dict[str, Any] = {"bearing_radius": 10e-3, "journal_length": 20e-3, "clearance": play}
     pin |= {"bearing_point": (at, 0, 0), "journal_point": (there, 0, 0)}
-    pin["law"] = cj.LankaraniNikravesh(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
-    return cj.ClearanceJoint(bearing, journal, **pin, friction=cj.RegularisedCoulomb(0.05, 0.01))
+    pin["law"] = cj.laws.LankaraniNikravesh(
+        restitution=0.8, stiffness=cj.laws.RavnStiffness(207e9, 0.3)
+    )
+    return cj.ClearanceJoint(
+        bearing, journal, **pin, friction=cj.frictions.RegularisedCoulomb(0.05, 0.01)
+    )
 
 
 def hinge(rod: str, at: float, there: float) -> cj.RevoluteJoint:

@@ -31,10 +31,10 @@ def times_to(end: float) -> np.ndarray:
     return np.arange(1, round(end * RATE) + 1) / RATE
 
 
-def said(end: float) -> cj.FitHorizon:
+def said(end: float) -> cj.results.FitHorizon:
     """The horizon by the sensitivities."""
     sensors = {"probes": cj.Sensor(PROBES.channels, times_to(end), PROBES.noise)}
-    return cj.fit_horizon(*cj.double_pendulum(), FREE, sensors, uncertainty=UNCERTAINTY)
+    return cj.fit_horizon(*cj.mechanisms.double_pendulum(), FREE, sensors, uncertainty=UNCERTAINTY)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Fit:
         times = times_to(self.end)
         outputs = {str(k): channel for k, channel in enumerate(PROBES.channels)}
         run = cj.sensitivities(
-            *cj.double_pendulum(),
+            *cj.mechanisms.double_pendulum(),
             self.end,
             free,
             outputs,
@@ -67,7 +67,7 @@ class Fit:
 
     def succeeds(self, offsets: np.ndarray) -> bool:
         """Whether a fit from the truth and these offsets finds a misfit below the noise."""
-        truth = np.array([p.coordinate_in(*cj.double_pendulum()) for p in FREE.values()])
+        truth = np.array([p.coordinate_in(*cj.mechanisms.double_pendulum()) for p in FREE.values()])
         wanted, _ = self.seen(truth)
         found = least_squares(
             lambda u: self.seen(u)[0] - wanted,
@@ -80,7 +80,7 @@ class Fit:
         return bool(np.mean(found.fun**2) < 1.0)
 
 
-def comparison(found: cj.FitHorizon, lengths: Sequence[float]) -> Iterator[str]:
+def comparison(found: cj.results.FitHorizon, lengths: Sequence[float]) -> Iterator[str]:
     """What is said and what fits do, a row a guess, in Markdown, as they are done."""
     head = [*found.information.labels, "said, ms", *(f"{1e3 * t:g}" for t in lengths)]
     yield _row(head)
@@ -95,7 +95,7 @@ def _row(cells: list[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def figure(found: cj.FitHorizon) -> Figure:
+def figure(found: cj.results.FitHorizon) -> Figure:
     """Growth, errors, and what longer records tell."""
     drawn = Figure(figsize=(13.0, 4.2), layout="constrained")
     left, middle, right = drawn.subplots(1, 3)

@@ -79,17 +79,17 @@ INSTRUMENTS = {
 }
 
 
-def report(length: float, samples: int = SAMPLES) -> cj.Identifiability:
+def report(length: float, samples: int = SAMPLES) -> cj.results.Identifiability:
     """What all instruments can tell by records of a length in s."""
     times = length * np.arange(1, samples + 1) / samples
     sensors = {
         name: cj.Sensor(instrument.channels, times, instrument.noise)
         for name, instrument in INSTRUMENTS.items()
     }
-    return cj.identifiability(*cj.double_pendulum(), PARAMETERS, sensors)
+    return cj.identifiability(*cj.mechanisms.double_pendulum(), PARAMETERS, sensors)
 
 
-def table(found: cj.Identifiability, column: int) -> str:
+def table(found: cj.results.Identifiability, column: int) -> str:
     """Bounds beside the known ones, in Markdown."""
     rows = [("sensor", *(f"{name}: found, known" for name in PARAMETERS)), ("---",) * 4]
     for name, instrument in INSTRUMENTS.items():
@@ -104,7 +104,7 @@ def table(found: cj.Identifiability, column: int) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def figure(found: cj.Identifiability) -> Figure:
+def figure(found: cj.results.Identifiability) -> Figure:
     """All instruments over the length of the record."""
     drawn = Figure(figsize=(13.0, 3.8), layout="constrained")
     panels = drawn.subplots(1, len(INSTRUMENTS), sharey=True)

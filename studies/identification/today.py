@@ -58,7 +58,7 @@ class Problem:
 
     def identified(self, start: np.ndarray, windows: bool) -> Found:
         """By `identify`."""
-        scene, state = cj.double_pendulum()
+        scene, state = cj.mechanisms.double_pendulum()
         guess = {n: float(s.value(u)) for (n, s), u in zip(SCALES.items(), start, strict=True)}
         grow = self.ends(windows)[:-1]
         begun = time.perf_counter()

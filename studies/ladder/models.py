@@ -88,7 +88,7 @@ class Ideal(AbstractSmoothModel):
 
     def scene(self) -> tuple[cj.Scene, cj.State]:
         """Without clearance."""
-        return cj.double_pendulum(None)
+        return cj.mechanisms.double_pendulum(None)
 
     def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """No impacts; the force is the joint's largest reaction."""
@@ -108,7 +108,7 @@ class Massless(AbstractSmoothModel):
         return self._scene(CLEARANCE * jnp.exp(logarithm))
 
     def _scene(self, clearance: Any) -> tuple[cj.Scene, cj.State]:
-        scene, state = cj.double_pendulum()
+        scene, state = cj.mechanisms.double_pendulum()
         link = cj.MasslessLink(
             cj.GROUND,
             "arm 2",
@@ -128,11 +128,13 @@ class Massless(AbstractSmoothModel):
 class Compliant(AbstractSmoothModel):
     """Contact by a normal law."""
 
-    law: cj.AbstractContactLaw = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.STEEL)
+    law: cj.extend.AbstractContactLaw = cj.laws.LankaraniNikravesh(
+        restitution=RESTITUTION, stiffness=cj.mechanisms.STEEL
+    )
 
     def scene(self) -> tuple[cj.Scene, cj.State]:
         """With the law."""
-        return cj.double_pendulum(CLEARANCE, law=self.law)
+        return cj.mechanisms.double_pendulum(CLEARANCE, law=self.law)
 
     def shocks(self, scene: cj.Scene, state: cj.State, end: float) -> Shocks:
         """The table of impacts."""
@@ -149,7 +151,7 @@ class Rigid(AbstractModel):
 
     def scene(self) -> tuple[cj.Scene, cj.State]:
         """That of the law with memory."""
-        return cj.double_pendulum(CLEARANCE, RESTITUTION)
+        return cj.mechanisms.double_pendulum(CLEARANCE, RESTITUTION)
 
     def run(self, scene: cj.Scene, state: cj.State, end: Any, save: cj.Saving | None = None) -> Any:
         """By `simulate_nonsmooth`; it has no tolerances."""
@@ -193,8 +195,8 @@ def lowered(state: cj.State, height: Any) -> cj.State:
     return cj.State(bodies)
 
 
-NO_MEMORY = cj.MemorylessHuntCrossley(
-    restitution=RESTITUTION, stiffness=cj.STEEL, design_speed=DESIGN_SPEED
+NO_MEMORY = cj.laws.MemorylessHuntCrossley(
+    restitution=RESTITUTION, stiffness=cj.mechanisms.STEEL, design_speed=DESIGN_SPEED
 )
 MODELS: tuple[AbstractModel, ...] = (
     Ideal("ideal joint"),

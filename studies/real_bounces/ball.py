@@ -72,12 +72,12 @@ def rise_speed(height: Any, terminal: float) -> Any:
     return terminal * np.sqrt(np.expm1(2.0 * GRAVITY * height / terminal**2))
 
 
-class Floor(cj.AbstractContactJoint):
+class Floor(cj.extend.AbstractContactJoint):
     """A ball's lowest point against the ground's plane y = 0, without friction."""
 
     ball: str = eqx.field(static=True)
     radius: Any = quantity("m")
-    law: cj.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    law: cj.extend.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
         require_positive("radius", self.radius, "give it in m")
@@ -86,14 +86,14 @@ class Floor(cj.AbstractContactJoint):
         """The ground and the ball."""
         return cj.GROUND, self.ball
 
-    def laws(self) -> dict[str, cj.AbstractContactLaw]:
+    def laws(self) -> dict[str, cj.extend.AbstractContactLaw]:
         """The law of the one contact."""
         return {LOWEST: self.law}
 
     def contacts(self, motions: Mapping[str, Motion]) -> dict[str, Contact]:
         """The lowest point; the force acts on the vertical through the centre."""
         ball = motions[self.ball]
-        gap = cj.Gap(self.radius - ball.position.y, -ball.velocity.y)
+        gap = cj.extend.Gap(self.radius - ball.position.y, -ball.velocity.y)
         below = Vector(ball.position.x, 0.0, ball.position.z)
         on_ball = ball.components(UNIT_Y * -self.radius)
         return {LOWEST: Contact(gap, -UNIT_Y, below, on_ball, None)}
@@ -103,7 +103,7 @@ class Floor(cj.AbstractContactJoint):
         del name, contact, normal_force
 
 
-class Drag(cj.AbstractForce):
+class Drag(cj.extend.AbstractForce):
     """Air drag m g (v/terminal speed)^2 against a body's velocity."""
 
     body: str = eqx.field(static=True)
@@ -131,7 +131,7 @@ def damping_factor(delivered: Any) -> Any:
     return 1.5 * (1.0 - delivered) * (11.0 - delivered) / (1.0 + 9.0 * delivered)
 
 
-class RestitutionOverSpeed(cj.AbstractContactLaw):
+class RestitutionOverSpeed(cj.extend.AbstractContactLaw):
     """A law that delivers 1 - loss (v/(1 m/s))^power at the entry speed v of each impact.
 
     **Arguments:** `loss`, what a restitution at 1 m/s lacks to 1; `power`; `elastic`, the force
@@ -140,32 +140,32 @@ class RestitutionOverSpeed(cj.AbstractContactLaw):
 
     loss: Any = quantity("1")
     power: Any = quantity("1")
-    elastic: cj.Hertz  # pyright: ignore[reportGeneralTypeIssues]
+    elastic: cj.laws.Hertz  # pyright: ignore[reportGeneralTypeIssues]
     uses_entry_speed = True
     force_jumps = False
 
-    def force(self, gap: cj.Gap, entry_speed: Scalar | None) -> Scalar:
+    def force(self, gap: cj.extend.Gap, entry_speed: Scalar | None) -> Scalar:
         """Normal force, N."""
         assert entry_speed is not None
         speed = jnp.maximum(entry_speed, SLOWEST)
         damping = damping_factor(1.0 - self.loss * speed**self.power)
         return self.elastic.force(gap, None) * jnp.maximum(1.0 + damping * gap.rate / speed, 0.0)
 
-    def elastic_force(self, gap: cj.Gap) -> Scalar:
+    def elastic_force(self, gap: cj.extend.Gap) -> Scalar:
         """K delta^n, N."""
         return self.elastic.elastic_force(gap)
 
-    def stored_energy(self, gap: cj.Gap) -> Scalar:
+    def stored_energy(self, gap: cj.extend.Gap) -> Scalar:
         """K delta^(n+1)/(n+1), J."""
         return self.elastic.stored_energy(gap)
 
 
 def scene(
-    law: cj.AbstractContactLaw, mass: float, diameter: float, terminal: float = np.inf
+    law: cj.extend.AbstractContactLaw, mass: float, diameter: float, terminal: float = np.inf
 ) -> cj.Scene:
     """A ball (kg, m) above a floor in still air, with a terminal speed in m/s."""
     radius = 0.5 * diameter
-    drag: dict[str, cj.AbstractForce] = (
+    drag: dict[str, cj.extend.AbstractForce] = (
         {} if np.isinf(terminal) else {"drag": Drag(BALL, mass * GRAVITY, terminal)}
     )
     return cj.Scene(

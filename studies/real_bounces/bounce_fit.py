@@ -170,4 +170,4 @@ def requested(law: type, delivered: float) -> float | None:
     return float(root_scalar(lacking, bracket=(lowest, 1.0), xtol=1e-12).root)
 
 
-LAWS = (cj.HuntCrossley, cj.LankaraniNikravesh, cj.Flores2011)
+LAWS = (cj.laws.HuntCrossley, cj.laws.LankaraniNikravesh, cj.laws.Flores2011)

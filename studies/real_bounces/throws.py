@@ -101,7 +101,7 @@ def chains(studied: Studied, quick: bool) -> Iterator[tuple[int, np.ndarray, np.
     The simulation is given the first interval of the throw and the law of all throws.
     """
     ball, terminal = studied.ball, studied.ball.terminal
-    law = RestitutionOverSpeed(*studied.fit.values, cj.Hertz(STIFFNESS))
+    law = RestitutionOverSpeed(*studied.fit.values, cj.laws.Hertz(STIFFNESS))
     made = scene(law, ball.mass, ball.diameter, terminal)
     for number, series in enumerate(studied.measured.series):
         for throw in series.T[:1] if quick else series.T:

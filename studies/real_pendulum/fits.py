@@ -43,7 +43,7 @@ class Fitted:
     others: list[Swing]
     tests: dict[str, list[SwingFit]]
     own: list[SwingFit]
-    identified: cj.Fit
+    identified: cj.results.Fit
 
 
 def study(swings: list[Swing]) -> Fitted:

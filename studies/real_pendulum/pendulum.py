@@ -24,7 +24,7 @@ MASS = 1.0 / (GRAVITY * DISTANCE)
 RTOL, MAX_STEPS = 1e-8, 200_000
 
 
-class HingeFriction(cj.AbstractDriveTorque):
+class HingeFriction(cj.extend.AbstractDriveTorque):
     """Viscous friction, Coulomb's (smoothed below a speed) and one along the square of the speed.
 
     **Arguments:** as `PrescribedRotation`; `viscous` N m s/rad, `coulomb` N m, `quadratic`

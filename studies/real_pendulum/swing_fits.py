@@ -184,7 +184,7 @@ def fit_start(swing: Swing, known: Pendulum) -> SwingFit:
     return fit(swing, replace(known, vertical=0.0, angle=own.angle, speed=own.speed), START)
 
 
-def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.Fit:
+def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.results.Fit:
     """What `cj.identify` makes of the same swing, with the noise that the residuals show.
 
     It estimates what in `found` did not end at zero, from a rough pendulum on: the same minimum by

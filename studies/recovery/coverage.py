@@ -40,7 +40,9 @@ class Case:
     grow: tuple[float, ...]
     clean: cj.Measurements
 
-    def fit(self, data: cj.Measurements, guess: dict[str, float], **options: object) -> cj.Fit:
+    def fit(
+        self, data: cj.Measurements, guess: dict[str, float], **options: object
+    ) -> cj.results.Fit:
         """Fit a draw from a guess."""
         with warnings.catch_warnings(action="ignore", category=cj.PoorFitWarning):
             return cj.identify(
@@ -88,7 +90,7 @@ def pendulums(sensor: str, start: str) -> Case:
     """The double pendulum of `studies.identification`, from one of its starts."""
     return Case(
         f"double pendulum, {sensor}, {start}",
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         pendulum.PARAMETERS,
         pendulum.TRUTH,
         pendulum.STARTS[start],

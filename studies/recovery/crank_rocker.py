@@ -24,8 +24,8 @@ PROBE, ENCODER = 5e-6, 1e-4
 def scene(pin: str, angle: float) -> tuple[cj.Scene, cj.State]:
     """The mechanism with clearance in a pin, from an angle of the crank, rad, on."""
     masses = tuple(AREA * DENSITY * length for length in LENGTHS[:3])
-    stiffness = cj.GivenStiffness(TRUTH["stiffness"])
-    return cj.four_bar(
+    stiffness = cj.laws.GivenStiffness(TRUTH["stiffness"])
+    return cj.mechanisms.four_bar(
         {pin: TRUTH["clearance"]},
         lengths=LENGTHS,
         masses=masses,
@@ -34,7 +34,7 @@ def scene(pin: str, angle: float) -> tuple[cj.Scene, cj.State]:
         motor=cj.PrescribedRotation(
             "ground", "crank", (0.0, 0.0, 1.0), speed=SPEED, initial_angle=angle
         ),
-        law=cj.LankaraniNikravesh(TRUTH["restitution"], stiffness),
+        law=cj.laws.LankaraniNikravesh(TRUTH["restitution"], stiffness),
     )
 
 

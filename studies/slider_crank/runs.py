@@ -42,11 +42,11 @@ class Settings:
 class Run:
     """Observation and slider over the last revolutions, and once in every revolution."""
 
-    shown: cj.Observation
-    strobe: cj.Observation
+    shown: cj.results.Observation
+    strobe: cj.results.Observation
     slider: cj.BodyState
     strobe_slider: cj.BodyState
-    impacts: cj.Impacts | None
+    impacts: cj.results.Impacts | None
 
     @property
     def acceleration(self) -> np.ndarray:
@@ -76,7 +76,7 @@ def run(settings: Settings, output: Output) -> str:
 
 def simulate(settings: Settings, clearance: float | None, revolutions: int) -> Run:
     """Run from the ideal motion at angle zero for a number of revolutions."""
-    scene, state = cj.slider_crank(clearance, settings.restitution, speed=settings.speed)
+    scene, state = cj.mechanisms.slider_crank(clearance, settings.restitution, speed=settings.speed)
     turns = np.arange(1, revolutions - SHOWN)
     last = revolutions - SHOWN + np.linspace(0.0, SHOWN, SHOWN * INSTANTS + 1)
     solution = cj.simulate(
@@ -100,7 +100,7 @@ def simulate(settings: Settings, clearance: float | None, revolutions: int) -> R
     )
 
 
-def _part(solution: cj.Solution, rows: slice | np.ndarray) -> cj.Trajectory:
+def _part(solution: cj.results.Solution, rows: slice | np.ndarray) -> cj.results.Trajectory:
     return jax.tree.map(lambda leaf: leaf[rows], solution.saved)
 
 
@@ -160,8 +160,8 @@ def closed_form(settings: Settings) -> dict[str, float]:
     """The ideal mechanism's extremes by hand; the moment is the rate of the kinetic energy over
     the speed."""
     angle = np.linspace(0.0, 2.0 * np.pi, 200_001)
-    r, l, w = cj.CRANK_LENGTH, cj.ROD_LENGTH, settings.speed
-    scene, _ = cj.slider_crank(None)
+    r, l, w = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH, settings.speed
+    scene, _ = cj.mechanisms.slider_crank(None)
     rod, slider = scene.bodies["rod"], scene.bodies["slider"]
     tilt = np.arcsin(r * np.sin(angle) / l)
     tilt_rate = r * np.cos(angle) / (l * np.cos(tilt))
@@ -208,7 +208,7 @@ def _with_clearance(clearance: Run, ideal: Run) -> list[tuple[str, str]]:
     assert impacts is not None
     onsets = impacts.of(PIN, "V").onset
     strikes = np.count_nonzero((onsets >= shown.times[0]) & (onsets < shown.times[-1]))
-    touching = shown.modes[PIN] != cj.MotionMode.FREE_FLIGHT
+    touching = shown.modes[PIN] != cj.results.MotionMode.FREE_FLIGHT
     force = sum(shown.contacts[PIN][base].normal_force for base in BASES)
     losses = shown.energies["normal damping"]
     peaks = {

@@ -98,7 +98,7 @@ class Course:
 
         The scene's own speed occurs in no sweep, so that all share a program.
         """
-        scene, state = cj.slider_crank(restitution=RESTITUTION, speed=1.0)
+        scene, state = cj.mechanisms.slider_crank(restitution=RESTITUTION, speed=1.0)
         peaks = {
             "acceleration": (Acceleration("slider"), "m/s^2"),
             "moment": (Multiplier("motor", "angle"), "N m"),
@@ -131,7 +131,7 @@ def at_speed(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene,
     del state
     speed = speed * np.pi / 30.0
     driven = cj.set_value(scene, lambda scene: scene.joints["motor"].speed, speed)
-    return driven, cj.slider_crank(speed=speed)[1]
+    return driven, cj.mechanisms.slider_crank(speed=speed)[1]
 
 
 def period(scene: cj.Scene) -> float:

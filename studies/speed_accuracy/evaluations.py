@@ -20,10 +20,10 @@ Jacobian by forward differentiation costs about as many right-hand sides."""
 _calls: Counter[str] = Counter()
 
 
-class CountingLaw(cj.AbstractContactLaw):
+class CountingLaw(cj.extend.AbstractContactLaw):
     """A law that counts how often it is asked for a force, and says the same as `law`."""
 
-    law: cj.LankaraniNikravesh
+    law: cj.laws.LankaraniNikravesh
     uses_entry_speed = True
     force_jumps = False
 
@@ -62,8 +62,10 @@ def an_attempt(settings: cj.Settings) -> float | None:
 def counted(end_time: float, settings: cj.Settings) -> float:
     """Right-hand sides an attempt, counted over a run of the double pendulum; implicit methods
     begin each step with a Jacobian, which counts once for each variable."""
-    law = CountingLaw(law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL))
-    scene, state = cj.double_pendulum(law=law)
+    law = CountingLaw(
+        law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL)
+    )
+    scene, state = cj.mechanisms.double_pendulum(law=law)
     _calls.clear()
     solution = cj.simulate(scene, state, end_time, settings, throw=False, progress=False)
     jax.effects_barrier()

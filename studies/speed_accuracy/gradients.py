@@ -34,14 +34,14 @@ def gradients(output: Output, spans: Spans) -> list[str]:
     return [f"\nDerivatives at {spans.short:g} s by `sensitivities`\n\n{markdown(rows)}"]
 
 
-def _derivatives(end: float, preset: cj.Settings) -> cj.Sensitivities:
-    scene, state = cj.double_pendulum()
+def _derivatives(end: float, preset: cj.Settings) -> cj.results.Sensitivities:
+    scene, state = cj.mechanisms.double_pendulum()
     height = {"height": cj.quantities.Position("arm 2", "y")}
     return cj.sensitivities(scene, state, end, THREE, height, [end], preset)
 
 
-def _simulated(end: float, preset: cj.Settings) -> cj.Solution:
-    return cj.simulate(*cj.double_pendulum(), end, preset, progress=False)
+def _simulated(end: float, preset: cj.Settings) -> cj.results.Solution:
+    return cj.simulate(*cj.mechanisms.double_pendulum(), end, preset, progress=False)
 
 
 def _timed(call: Callable[[float], Any], end: float) -> tuple[float, Any]:

@@ -39,7 +39,7 @@ def presets(output: Output, spans: Spans) -> list[str]:
     expected = onsets_and_peaks(spans.short)
     for name, settings in named().items():
         goal = truth(spans.short)
-        short = run(*cj.double_pendulum(), goal.times, settings, impacts=True)
+        short = run(*cj.mechanisms.double_pendulum(), goal.times, settings, impacts=True)
         found = _table(short)
         onset, peak = np.abs(found - expected).max(axis=0) / (1.0, expected[:, 1].max())
         largest = abs(_largest(spans.short, settings) / expected[:, 1].max() - 1.0)
@@ -59,7 +59,7 @@ def onsets_and_peaks(end: float) -> np.ndarray:
     return _sorted([(row["base"], float(row["t_on"]), float(row["F_peak"])) for row in rows])
 
 
-def _table(solution: cj.Solution) -> np.ndarray:
+def _table(solution: cj.results.Solution) -> np.ndarray:
     impacts = solution.impacts
     assert impacts is not None
     return _sorted([
@@ -80,7 +80,7 @@ def _sorted(rows: list[tuple[str, float, float]]) -> np.ndarray:
 
 def _largest(end: float, settings: cj.Settings) -> float:
     """The largest force as a sweep finds it from the accepted steps, N."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, [CLEARANCE])
     force = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     found = cj.sweep(
@@ -90,7 +90,7 @@ def _largest(end: float, settings: cj.Settings) -> float:
 
 
 def _warmed(end: float, settings: cj.Settings) -> None:
-    run(*cj.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
+    run(*cj.mechanisms.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
 
 
 FIRST_CALL = """
@@ -99,7 +99,7 @@ import clearjoint as cj
 cj.configure(cache=sys.argv[2])
 from studies.speed_accuracy.preset_table import named
 settings, begun = named()[sys.argv[1]], time.perf_counter()
-cj.simulate(*cj.double_pendulum(), 2.0, settings, progress=False)
+cj.simulate(*cj.mechanisms.double_pendulum(), 2.0, settings, progress=False)
 print(json.dumps(time.perf_counter() - begun))
 """
 

@@ -48,7 +48,7 @@ class Truth:
     times: np.ndarray
     centres: np.ndarray
 
-    def error(self, solution: cj.Solution) -> float:
+    def error(self, solution: cj.results.Solution) -> float:
         """Largest error of a coordinate, m; NaN for a run that did not get to the end."""
         if solution.result != cj.RESULTS.successful:
             return float("nan")
@@ -61,7 +61,7 @@ def compared(end: float) -> np.ndarray:
     return np.minimum(1e-4 * ROWS_APART * np.arange(count + 1), end)
 
 
-def centres(solution: cj.Solution) -> np.ndarray:
+def centres(solution: cj.results.Solution) -> np.ndarray:
     """Centres of both arms at the times saved, (times, 2, 3) m."""
     bodies = solution.states.bodies
     return np.stack([np.asarray(bodies[name].position) for name in ("arm 2", "arm 3")], axis=1)
@@ -102,7 +102,7 @@ class Point:
 def measured(setting: Setting, spans: Spans) -> Point:
     """All of a setting. Programs are compiled before they are timed."""
     settings = setting.settings
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     goal = truth(spans.short)
     short = run(scene, state, goal.times, settings)
     each = evaluations.an_attempt(settings)
@@ -131,7 +131,7 @@ def medians(settings: cj.Settings, spans: Spans) -> tuple[float, float, float]:
 
 def long_run(settings: cj.Settings, end: float, draw: int) -> tuple[float, float, float]:
     """Attempts, seconds and residual of the ledger over the energy exchanged."""
-    scene, state = cj.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
+    scene, state = cj.mechanisms.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
     times = np.linspace(0.0, end, SAVED)
     attempts, seconds = cost(scene, state, times, settings)
     if not np.isfinite(attempts):
@@ -153,7 +153,7 @@ def cost(
     return float(solution.attempts), seconds
 
 
-def ledger_residual(scene: cj.Scene, solution: cj.Solution) -> float:
+def ledger_residual(scene: cj.Scene, solution: cj.results.Solution) -> float:
     """What the ledger does not account for, at most, over the energy exchanged with gravity."""
     if solution.result != cj.RESULTS.successful:
         return float("nan")
@@ -168,7 +168,7 @@ def run(
     times: np.ndarray,
     settings: cj.Settings,
     impacts: bool = False,
-) -> cj.Solution:
+) -> cj.results.Solution:
     """`simulate` to the last of the times, saving at all, in `MAX_STEPS` at most."""
     limited = replace(settings, max_steps=min(settings.max_steps, MAX_STEPS))
     save = cj.Saving(times, impacts=impacts)

@@ -35,7 +35,7 @@ def statistics(output: Output, spans: Spans) -> list[str]:
 
 
 def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     clearances = CLEARANCE * (1.0 + NUDGE * np.linspace(-1.0, 1.0, lanes))
     return cj.sweep(
         scene,

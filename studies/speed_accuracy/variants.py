@@ -28,7 +28,7 @@ from studies.speed_accuracy.runs import (
     truth,
 )
 
-STABILISATIONS: Mapping[str, cj.AbstractStabilisation] = MappingProxyType(
+STABILISATIONS: Mapping[str, cj.extend.AbstractStabilisation] = MappingProxyType(
     {
         "none": cj.Unstabilised(),
         "Baumgarte 5": cj.Baumgarte(5.0, 5.0),
@@ -46,7 +46,7 @@ SPEED = 0.1
 """Of the impacts for which the memoryless law is set, m/s: that of the first one."""
 
 
-class MemorylessDamping(cj.AbstractContactLaw):
+class MemorylessDamping(cj.extend.AbstractContactLaw):
     """The damping of Lankarani and Nikravesh for one entry speed, m/s, at whatever speed."""
 
     stiffness: AbstractStiffness
@@ -63,11 +63,11 @@ class MemorylessDamping(cj.AbstractContactLaw):
 
     def elastic_force(self, gap: Gap) -> Any:
         """K delta^1.5, N."""
-        return cj.Hertz(stiffness=self.stiffness).elastic_force(gap)
+        return cj.laws.Hertz(stiffness=self.stiffness).elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Any:
         """2/5 K delta^2.5, J."""
-        return cj.Hertz(stiffness=self.stiffness).stored_energy(gap)
+        return cj.laws.Hertz(stiffness=self.stiffness).stored_energy(gap)
 
 
 @dataclass(frozen=True)
@@ -111,9 +111,9 @@ def measured(
     return Row(name, goal.error(short), peak, *medians)
 
 
-def with_law(law: cj.AbstractContactLaw) -> Make:
+def with_law(law: cj.extend.AbstractContactLaw) -> Make:
     """The double pendulum with a law."""
-    return partial(cj.double_pendulum, law=law)
+    return partial(cj.mechanisms.double_pendulum, law=law)
 
 
 def stabilisations(spans: Spans) -> list[Row]:
@@ -123,20 +123,25 @@ def stabilisations(spans: Spans) -> list[Row]:
         for name, way in STABILISATIONS.items()
     }
     cases["joint coordinates"] = cj.presets.default
-    return [measured(name, cj.double_pendulum, each, spans) for name, each in cases.items()]
+    return [
+        measured(name, cj.mechanisms.double_pendulum, each, spans) for name, each in cases.items()
+    ]
 
 
 def memories(spans: Spans) -> list[Row]:
     """Laws with memory and without."""
     laws = {
-        "Lankarani-Nikravesh, 1": (cj.LankaraniNikravesh(restitution=1.0, stiffness=cj.STEEL), 1.0),
-        "Hertz": (cj.Hertz(stiffness=cj.STEEL), 1.0),
+        "Lankarani-Nikravesh, 1": (
+            cj.laws.LankaraniNikravesh(restitution=1.0, stiffness=cj.mechanisms.STEEL),
+            1.0,
+        ),
+        "Hertz": (cj.laws.Hertz(stiffness=cj.mechanisms.STEEL), 1.0),
         "Lankarani-Nikravesh, 0.9": (
-            cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+            cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
             0.9,
         ),
         f"its damping at {SPEED:g} m/s": (
-            MemorylessDamping(stiffness=cj.STEEL, restitution=0.9, entry_speed=SPEED),
+            MemorylessDamping(stiffness=cj.mechanisms.STEEL, restitution=0.9, entry_speed=SPEED),
             0.9,
         ),
     }
@@ -152,9 +157,11 @@ def smoothings(spans: Spans) -> dict[bool, list[Row]]:
     for lands in (True, False):
         usual = cj.presets.default
         settings = usual if lands else replace(usual, landing_tolerance=None)
-        rows = [measured("exact", cj.double_pendulum, settings, spans)]
+        rows = [measured("exact", cj.mechanisms.double_pendulum, settings, spans)]
         for width in WIDTHS:
-            law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL, smoothing=width)
+            law = cj.laws.LankaraniNikravesh(
+                restitution=0.9, stiffness=cj.mechanisms.STEEL, smoothing=width
+            )
             rows.append(measured(f"{width:g}", with_law(law), settings, spans))
         found[lands] = rows
     return found
@@ -201,7 +208,7 @@ def _error(places: np.ndarray, expected: np.ndarray) -> float:
 
 def in_this_precision(short: float, long: float) -> None:
     """Print centres and costs by tolerance in the precision that JAX is set to."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     rows = []
     for rtol in SINGLE_TOLERANCES:
         settings = cj.Settings(rtol=rtol, landing_tolerance=SINGLE_LANDING, allow_float32=True)
@@ -214,7 +221,7 @@ def in_this_precision(short: float, long: float) -> None:
     print(json.dumps(rows))
 
 
-def name_of(solution: cj.Solution) -> str:
+def name_of(solution: cj.results.Solution) -> str:
     """The name of its result code."""
     number = int(result_number(solution.result))
     return next(name for name, code in result_numbers().items() if code == number)

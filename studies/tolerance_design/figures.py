@@ -96,12 +96,12 @@ def ideal_pin_force(design: Design, angles: np.ndarray) -> np.ndarray:
 
     Along X the pin drives the slider; across it, it keeps the rod's moments about the crank pin.
     """
-    scene, _ = cj.slider_crank(None)
+    scene, _ = cj.mechanisms.slider_crank(None)
     rod, slider = scene.bodies["rod"], scene.bodies["slider"]
     fine = np.linspace(-0.1, 2.0 * np.pi + 0.1, 20_001)
-    tip = cj.CRANK_LENGTH * np.stack([np.cos(fine), np.sin(fine)])
-    tilt = -np.arcsin(tip[1] / cj.ROD_LENGTH)
-    along = cj.ROD_LENGTH * np.stack([np.cos(tilt), np.sin(tilt)])
+    tip = cj.mechanisms.CRANK_LENGTH * np.stack([np.cos(fine), np.sin(fine)])
+    tilt = -np.arcsin(tip[1] / cj.mechanisms.ROD_LENGTH)
+    along = cj.mechanisms.ROD_LENGTH * np.stack([np.cos(tilt), np.sin(tilt)])
 
     def second_rate(values: np.ndarray) -> np.ndarray:
         once = np.gradient(values, fine, axis=-1)

@@ -30,8 +30,10 @@ def slider_error(now: Instant) -> Any:
     """Slider's position less the ideal mechanism's, m."""
     motor: Any = now.scene.joints["motor"]
     angle = motor.speed * now.time
-    across = cj.CRANK_LENGTH * jnp.sin(angle)
-    ideal = cj.CRANK_LENGTH * jnp.cos(angle) + jnp.sqrt(cj.ROD_LENGTH**2 - across**2)
+    across = cj.mechanisms.CRANK_LENGTH * jnp.sin(angle)
+    ideal = cj.mechanisms.CRANK_LENGTH * jnp.cos(angle) + jnp.sqrt(
+        cj.mechanisms.ROD_LENGTH**2 - across**2
+    )
     return Position("slider", "x")(now) - ideal
 
 
@@ -69,10 +71,10 @@ class Design:
         end = self.revolutions * self.period
         return np.linspace(end - revolutions * self.period, end, SAMPLES)
 
-    def run(self, clearance: float, times: np.ndarray) -> cj.Sensitivities:
+    def run(self, clearance: float, times: np.ndarray) -> cj.results.Sensitivities:
         """Outputs at times in s, at a radial clearance in m, and their derivatives to its
         logarithm."""
-        scene, state = cj.slider_crank(clearance, speed=self.speed * np.pi / 30.0)
+        scene, state = cj.mechanisms.slider_crank(clearance, speed=self.speed * np.pi / 30.0)
         return cj.sensitivities(
             scene,
             state,
@@ -85,7 +87,7 @@ class Design:
 
     def margins(self, clearances: np.ndarray) -> dict[str, np.ndarray]:
         """log(limit / peak) of each output at radial clearances in m, by one sweep."""
-        scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
+        scene, state = cj.mechanisms.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
         end = self.revolutions * self.period
         units = {POSITION: "m", FORCE: "N"}
         swept = cj.sweep(
@@ -98,9 +100,9 @@ class Design:
         )
         return {name: np.log(limit / swept[name].values) for name, limit in self.limits.items()}
 
-    def largest(self, names: list[str]) -> cj.LargestFeasible:
+    def largest(self, names: list[str]) -> cj.results.LargestFeasible:
         """The largest clearance that keeps the limits of some outputs."""
-        scene, state = cj.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
+        scene, state = cj.mechanisms.slider_crank(RANGE[0], speed=self.speed * np.pi / 30.0)
         end = self.revolutions * self.period
         return cj.largest_feasible(
             scene,
@@ -135,8 +137,8 @@ class Answer:
     margins at clearances over the range, m."""
 
     design: Design
-    alone: dict[str, cj.LargestFeasible]
-    both: cj.LargestFeasible
+    alone: dict[str, cj.results.LargestFeasible]
+    both: cj.results.LargestFeasible
     clearances: np.ndarray
     margins: dict[str, np.ndarray]
 

@@ -248,7 +248,7 @@ def test_a_study_is_refused_with_the_place(case, folder):
 
 
 def test_a_state_off_its_joints_is_assembled_into_a_file(folder):
-    scene, state = cj.four_bar()
+    scene, state = cj.mechanisms.four_bar()
     moved = cj.body_state(np.asarray(state.bodies["crank"].position) + (1e-3, 0.0, 0.0))
     off = cj.State({**state.bodies, "crank": moved})
     cj.save(scene, off, "off.toml")

@@ -34,16 +34,16 @@ def compiled(*arguments):
     traced.append("contact_normal_force")
     return original(*arguments)
 force.native._compiled = compiled
-gap = cj.Gap(depth=1e-4, rate=0.1)
+gap = cj.extend.Gap(depth=1e-4, rate=0.1)
 """
 LAWS = """
 import json
 import equinox as eqx
-own = float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1))
+own = float(force(cj.laws.HuntCrossley(0.8, 1e9), gap, 0.1))
 compiled = list(traced)
 import laws
 
-class Spring(cj.AbstractContactLaw):
+class Spring(cj.extend.AbstractContactLaw):
     law: eqx.Module
     uses_entry_speed = False
     def elastic_force(self, gap):
@@ -53,7 +53,7 @@ class Spring(cj.AbstractContactLaw):
     def stored_energy(self, gap):
         return 0.5 * self.law.k() * gap.depth**2
 
-class Drag(cj.AbstractForce):
+class Drag(cj.extend.AbstractForce):
     body: str
     law: eqx.Module
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -165,7 +165,7 @@ if "edit" in sys.argv:
     new = text.replace(old, old.replace("law", "2.0 * law"))
     assert new != text
     file.write_text(new)
-print(json.dumps([traced, float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1)), cj.__file__]))
+print(json.dumps([traced, float(force(cj.laws.HuntCrossley(0.8, 1e9), gap, 0.1)), cj.__file__]))
 """
 
 

@@ -62,7 +62,7 @@ def test_where_under_vmap_takes_each_lane_its_own():
     np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))
 
 
-@pytest.mark.parametrize("mechanism", [cj.double_pendulum, four_bar])
+@pytest.mark.parametrize("mechanism", [cj.mechanisms.double_pendulum, four_bar])
 def test_a_start_is_checked_without_compiling(mechanism):
     scene, state = mechanism()
     before = [check.programs() for check in CHECKS]

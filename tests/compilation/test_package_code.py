@@ -28,7 +28,7 @@ NUMBER = next(name for name, value in vars(step_length).items() if type(value) i
 REPLACED = {
     "a constant": (step_length, NUMBER, 123.0),
     "a function": (stepping, "attempt", other),
-    "a method": (cj.RegularisedCoulomb, "ratio", other),
+    "a method": (cj.frictions.RegularisedCoulomb, "ratio", other),
     "code": (laws.contact_normal_force, "__code__", other.__code__),
     "defaults": (cj.simulate, "__kwdefaults__", {}),
     "a class": (cj, "Body", cj.State),
@@ -59,7 +59,7 @@ def test_a_constant_in_a_dictionary_and_an_attribute_more_are_noticed(state, mon
             package_code.source_digest()
     state.changed = False
     with monkeypatch.context() as patch:
-        patch.setattr(cj.RegularisedCoulomb, "more", other, raising=False)
+        patch.setattr(cj.frictions.RegularisedCoulomb, "more", other, raising=False)
         with pytest.raises(package_code.ChangedCodeError):
             package_code.source_digest()
 

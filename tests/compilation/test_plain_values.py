@@ -39,13 +39,13 @@ def test_names_of_several_differ_from_their_text():
 
 def test_values_of_the_package_have_one():
     settings = (cj.presets.accurate, cj.Settings(solver=diffrax.Dopri8()))
-    scene, state = cj.double_pendulum()
-    values = (*settings, scene, state, cj.double_pendulum(0.1e-3)[0])
+    scene, state = cj.mechanisms.double_pendulum()
+    values = (*settings, scene, state, cj.mechanisms.double_pendulum(0.1e-3)[0])
     assert len({described(value) for value in values}) == len(values)
-    assert described(cj.double_pendulum()[0]) == described(scene)
+    assert described(cj.mechanisms.double_pendulum()[0]) == described(scene)
 
 
-class Own(cj.HuntCrossley):
+class Own(cj.laws.HuntCrossley):
     pass
 
 

@@ -38,7 +38,7 @@ def states() -> cj.State:
     )
 
 
-def solution(**changes) -> cj.Solution:
+def solution(**changes) -> cj.results.Solution:
     everything = states()
     final = cj.State({n: cj.body_state((1.0, 2.0, 3.0)) for n in everything.bodies})
     parts = {
@@ -47,7 +47,7 @@ def solution(**changes) -> cj.Solution:
         "result": cj.RESULTS.successful,
         "attempts": np.asarray(12),
         "accepted": np.asarray(10),
-        "saved": cj.Trajectory(TIMES, everything),
+        "saved": cj.results.Trajectory(TIMES, everything),
         "saved_count": COUNT,
         "steps": None,
         "impacts": None,
@@ -55,7 +55,7 @@ def solution(**changes) -> cj.Solution:
         "redundant_constraints": (),
         "settings": setting_notes(cj.presets.accurate),
     }
-    return cj.Solution(**{**parts, **changes})
+    return cj.results.Solution(**{**parts, **changes})
 
 
 def contact(eccentricity: bool) -> ContactObservation:
@@ -65,8 +65,8 @@ def contact(eccentricity: bool) -> ContactObservation:
     )
 
 
-def observation() -> cj.Observation:
-    return cj.Observation(
+def observation() -> cj.results.Observation:
+    return cj.results.Observation(
         times=TIMES,
         contacts={"pin": {"V": contact(True), "shoulder": contact(False)}},
         modes={"pin": np.array([0, 1, 2, 3, 0])},
@@ -79,12 +79,12 @@ def observation() -> cj.Observation:
     )
 
 
-def impacts(count: int = 3) -> cj.Impacts:
-    return cj.Impacts.of_rows(("pin", "V", *drawn(count, 8)[k]) for k in range(count))
+def impacts(count: int = 3) -> cj.results.Impacts:
+    return cj.results.Impacts.of_rows(("pin", "V", *drawn(count, 8)[k]) for k in range(count))
 
 
-def sensitivities() -> cj.Sensitivities:
-    return cj.Sensitivities(
+def sensitivities() -> cj.results.Sensitivities:
+    return cj.results.Sensitivities(
         ("clearance", "mass"),
         TIMES,
         {"x": drawn(COUNT)},
@@ -98,17 +98,17 @@ def sensitivities() -> cj.Sensitivities:
     )
 
 
-def crossings() -> cj.Crossings:
-    found = cj.Crossings(TIMES, {"height": drawn(COUNT)})
+def crossings() -> cj.results.Crossings:
+    found = cj.results.Crossings(TIMES, {"height": drawn(COUNT)})
     rod = cj.quantities.Position("rod", "y")
     return with_units({"top": found}, {"top": cj.Section(rod, {"height": (rod, "m")}, 5)})["top"]
 
 
-def nonsmooth() -> cj.NonsmoothSolution:
+def nonsmooth() -> cj.results.NonsmoothSolution:
     one = solution()
     totals = ContactTotals(*(np.arange(COUNT) * (k + 0.1) for k in range(6)))
     history = {"pin": {"V": totals}}
-    return cj.NonsmoothSolution(
+    return cj.results.NonsmoothSolution(
         *(one.time, one.final, one.result, np.asarray(7), one.saved, history),
         *(np.asarray(4), history, np.asarray(0.0), one.formulation, ()),
     )

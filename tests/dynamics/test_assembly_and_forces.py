@@ -8,7 +8,7 @@ import clearjoint as cj
 
 def test_assembly_meets_positions_and_velocities():
     """A rough guess of the ideal double pendulum: projected onto both, and left alone then."""
-    scene, exact = cj.double_pendulum(clearance=None)
+    scene, exact = cj.mechanisms.double_pendulum(clearance=None)
     rough = cj.State(
         {
             "arm 2": cj.body_state((0.52, 0.03, -0.01), velocity=(0.1, 0.2, 0.0), spin=(0, 0, 1)),
@@ -67,7 +67,7 @@ def test_load_and_torque_accelerate_a_free_body():
     assert angle == pytest.approx(0.5 * 0.4 / 0.25 * 4.0, abs=1e-6)
 
 
-def _axial_offset(observed: cj.Observation) -> np.ndarray:
+def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
     points = [observed.contacts["shoulder"][base].point_on_journal[:, 2] for base in "VW"]
     return 0.5 * (points[0] + points[1])
 
@@ -78,7 +78,7 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
         pytest.param(cj.FreeAxially(), 1e-3, 1.0, marks=pytest.mark.slow),
         (cj.FixedAxially(), 0.0, 1e-9),
         pytest.param(
-            cj.EndPlay(2e-4, cj.LankaraniNikravesh(0.5, 1e9)),
+            cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)),
             0.99e-4,
             1.2e-4,
             marks=pytest.mark.slow,
@@ -88,7 +88,7 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
 )
 def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
     """Freely, arm 2 slides a millimetre along the journal in 0.12 s."""
-    scene, state = cj.double_pendulum(axial=axial)
+    scene, state = cj.mechanisms.double_pendulum(axial=axial)
     solution = cj.simulate(
         scene, state, 0.13, cj.Settings(rtol=1e-8), save=cj.Saving(np.linspace(0, 0.13, 200))
     )

@@ -6,8 +6,10 @@ import pytest
 import clearjoint as cj
 
 
-def _observed(restitution: float, stabilisation: cj.AbstractStabilisation) -> cj.Observation:
-    scene, state = cj.double_pendulum(restitution=restitution)
+def _observed(
+    restitution: float, stabilisation: cj.extend.AbstractStabilisation
+) -> cj.results.Observation:
+    scene, state = cj.mechanisms.double_pendulum(restitution=restitution)
     solution = cj.simulate(
         scene,
         state,
@@ -36,7 +38,7 @@ def test_ledger_closes(restitution):
 @pytest.mark.slow
 def test_friction_dissipates_and_is_booked():
     """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
-    scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))
+    scene, state = cj.mechanisms.double_pendulum(friction=cj.frictions.RegularisedCoulomb(0.1))
     solution = cj.simulate(
         scene,
         state,

@@ -31,8 +31,8 @@ from studies.benchmark.chain import chain
 
 SIMULATE = sys.modules["clearjoint.simulation.run.simulate"]
 """The module, whose name is also that of its function."""
-ROUGH = cj.RegularisedCoulomb(0.1)
-STOPS = cj.EndPlay(1e-3, cj.Hertz(1e9))
+ROUGH = cj.frictions.RegularisedCoulomb(0.1)
+STOPS = cj.EndPlay(1e-3, cj.laws.Hertz(1e9))
 SPRING = {"spring": cj.SpringDamper("ground", "rod 4", (0.7, 0.2, 0), (0.01, 0.0, 0), 50.0, 2.0)}
 
 
@@ -69,7 +69,7 @@ def shaken(state, seed=1):
     return cj.State(bodies, jax.tree.map(np.asarray, entry_speeds))
 
 
-class OiledBall(cj.AbstractContactJoint):
+class OiledBall(cj.extend.AbstractContactJoint):
     """A ball in an oiled socket: a third party's, with a film of its own."""
 
     first: str
@@ -78,7 +78,7 @@ class OiledBall(cj.AbstractContactJoint):
     end_second: tuple[float, float, float]
     clearance: float
     damping: float
-    law: cj.AbstractContactLaw
+    law: cj.extend.AbstractContactLaw
 
     def pair(self):
         return self.first, self.second
@@ -93,9 +93,9 @@ class OiledBall(cj.AbstractContactJoint):
 
     def contacts(self, motions):
         apart, velocity = self._moving(motions)
-        distance, normal = cj.norm_and_direction(apart)
-        gap = cj.Gap(distance - self.clearance, velocity.dot(normal))
-        return {"V": cj.Contact(gap, normal, self.end_first, self.end_second, None)}
+        distance, normal = cj.extend.norm_and_direction(apart)
+        gap = cj.extend.Gap(distance - self.clearance, velocity.dot(normal))
+        return {"V": cj.extend.Contact(gap, normal, self.end_first, self.end_second, None)}
 
     def friction_force(self, name, contact, normal_force):
         return None
@@ -116,7 +116,9 @@ def oiled():
     joints = {}
     for k, (name, dry) in enumerate(scene.joints.items()):
         ends = dry.bearing_point, dry.journal_point
-        joints[name] = OiledBall(*dry.pair(), *ends, 2.5 * dry.clearance, 5.0 + k, cj.Hertz(1e8))
+        joints[name] = OiledBall(
+            *dry.pair(), *ends, 2.5 * dry.clearance, 5.0 + k, cj.laws.Hertz(1e8)
+        )
     return dataclasses.replace(scene, joints=joints), state
 
 
@@ -366,7 +368,10 @@ def test_wrenches_go_to_the_bodies_they_act_on():
     }
     zero = Vector(0.0, 0.0, 0.0)
     found = folded(
-        {name: cj.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero) for name, x in wrenches.items()},
+        {
+            name: cj.extend.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
+            for name, x in wrenches.items()
+        },
         bodies,
     )
     np.testing.assert_array_equal(found[group].force.x, [1200.0, 2010.0, 3021.0, 4430.0])

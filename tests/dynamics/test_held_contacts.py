@@ -12,13 +12,15 @@ from clearjoint.model.joints.base import Contact
 from tests.support.planes import Plane
 
 DEPTH, RATE = 3e-14, -0.06
-SPRINGS = [cj.Hertz(4e8, exponent=1.0), cj.ExactRestitution(0.8, 4e8, exponent=1.0)]
+SPRINGS = [cj.laws.Hertz(4e8, exponent=1.0), cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)]
 
 
 def forces_at(law, closed, depth):
     """Normal force, N, and friction along Y of a point against a plane."""
-    plane = Plane("ball", ((0, 0, 0),), (1.0, 0.0, 0.0), 0.0, law, cj.RegularisedCoulomb(0.2, 1e-2))
-    gap = cj.Gap(depth, RATE)
+    plane = Plane(
+        "ball", ((0, 0, 0),), (1.0, 0.0, 0.0), 0.0, law, cj.frictions.RegularisedCoulomb(0.2, 1e-2)
+    )
+    gap = cj.extend.Gap(depth, RATE)
     contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, Vector(0.0, 0.5, 0.0))
     entry = 0.1 if law.uses_entry_speed else None
     force = contact_force(plane, "point 0", law, contact, entry, jnp.asarray(closed), {}, {})
@@ -37,7 +39,12 @@ def test_force_of_a_closed_spring_goes_on_past_the_wall(law):
 
 
 @pytest.mark.parametrize(
-    "law", [cj.Hertz(1e9), cj.Tsuji(0.8, 1e9, 1.0), cj.Hertz(1e9, exponent=1.0, smoothing=1e-6)]
+    "law",
+    [
+        cj.laws.Hertz(1e9),
+        cj.laws.Tsuji(0.8, 1e9, 1.0),
+        cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6),
+    ],
 )
 def test_a_force_that_begins_flat_ends_at_the_wall(law):
     assert not law.slope_jumps()

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint import bricard, double_four_bar
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
@@ -18,6 +17,7 @@ from clearjoint.dynamics.system import System
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, fold_constants, pack, unpack
+from clearjoint.mechanisms import bricard, double_four_bar
 from clearjoint.model.bodies import GROUND
 from clearjoint.model.joints.motion_subspaces import Slider
 from tests.support.reference import CASES
@@ -28,7 +28,7 @@ TURN = RANDOM.normal(size=4)
 TURN /= np.linalg.norm(TURN)
 
 
-class Rail(cj.AbstractConstraint):
+class Rail(cj.extend.AbstractConstraint):
     """A joint by a third party: the second body slides on the first along an axis of the latter."""
 
     first: str = eqx.field(static=True)
@@ -52,7 +52,9 @@ class Rail(cj.AbstractConstraint):
 
         names = (self.first, self.second)
         labels = ("across 1", "across 2", "turn x", "turn y", "turn z")
-        return cj.rows_from_residual(names, labels, residual, motions[names[0]], motions[names[1]])
+        return cj.extend.rows_from_residual(
+            names, labels, residual, motions[names[0]], motions[names[1]]
+        )
 
     def motion_subspace(self, parent):
         here = rotation_matrix(self.orientation).transposed_times(unit(self.axis))
@@ -202,8 +204,8 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
 @pytest.mark.parametrize(
     ("mechanism", "redundant", "left"),
     [
-        (cj.double_pendulum, False, 0),
-        (lambda: cj.double_pendulum(None), False, 0),
+        (cj.mechanisms.double_pendulum, False, 0),
+        (lambda: cj.mechanisms.double_pendulum(None), False, 0),
         (double_four_bar, True, 10),
         (bricard, True, 5),
     ],
@@ -259,7 +261,7 @@ def test_flying_tree_keeps_energy_and_momentum():
 
 def _first_impacts(coordinates):
     """The pendulum through its first impacts, saved where the reference is."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     times = np.linspace(0.0, 0.1, 1001)
     settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
     return scene, cj.simulate(scene, state, 0.1, settings, cj.Saving(times))
@@ -298,7 +300,7 @@ def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(run, refer
 def test_a_tree_solves_no_constraints(monkeypatch):
     """Nothing of stabilisation, projection or multipliers is traced."""
     monkeypatch.setattr(dynamics, "response", None)
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     scene, bodies = unpack(fold_constants(scene)), unpack(state.bodies)
     variables, entry_speeds = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
     system = System(scene, Formulation(JOINT, cj.Projection()))
@@ -310,7 +312,7 @@ def test_a_tree_solves_no_constraints(monkeypatch):
 
 
 def test_state_that_violates_an_eliminated_joint_is_refused():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     apart = eqx.tree_at(lambda s: s.bodies["arm 3"].position, state, np.array([1.0, 1e-3, 0.5]))
     with pytest.raises(ValueError, match="elbow: translation y"):
         cj.simulate(scene, apart, 0.1)

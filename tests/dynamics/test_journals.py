@@ -27,7 +27,7 @@ def rocker(bearing="ground", axis=(0.0, 0.0, 1.0), gravity=(0.0, -9.81, 0.0), **
         bearing_radius=0.01,
         clearance=CLEARANCE,
         journal_length=0.02,
-        law=cj.Hertz(1e10),
+        law=cj.laws.Hertz(1e10),
         **{f"{kind}_{key}": value for key, value in on_rod.items()},
         **options,
     )
@@ -107,7 +107,7 @@ def test_a_seated_journal_lies_along_the_wall_where_gravity_presses_it(bearing, 
 
 
 def test_end_play_and_antiparallel_axes_are_assembled_too():
-    axial = cj.EndPlay(1e-3, cj.Hertz(1e9))
+    axial = cj.EndPlay(1e-3, cj.laws.Hertz(1e9))
     state = cj.assemble(rocker(axis=(0.0, 0.0, -1.0), axial=axial), start(0.0, 0.02, 0.004))
     np.testing.assert_allclose(end_of(state)[0], 0.0, atol=1e-12)
 
@@ -122,7 +122,7 @@ def test_what_can_not_be_seated_is_refused():
 
 @pytest.mark.slow
 def test_a_slider_crank_left_at_its_guess_is_assembled_and_runs():
-    scene, exact = cj.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
+    scene, exact = cj.mechanisms.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
     rod = exact.bodies["rod"]
     place = as_number(rod.position) + np.array([0.01, -0.02, 0.0])
     moved = cj.body_state(place, rod.orientation, rod.velocity, rod.spin)
@@ -158,7 +158,7 @@ def test_a_journal_in_its_bearing_is_not_warned_of():
         cj.simulate(*sliding(), 0.04, save=cj.Saving(np.linspace(0.0, 0.04, 5)))
 
 
-@pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.Hertz(1e9))])
+@pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.laws.Hertz(1e9))])
 def test_a_journal_that_is_held_does_not_leave(axial):
     joint = rocker(axial=axial).joints["pin"]
     assert joint.slid_out({}) is None

@@ -13,7 +13,7 @@ from clearjoint.simulation.step.spans import checked_times
 from clearjoint.sweeps.layout import Layout, Variable
 from clearjoint.sweeps.outputs import Saved
 
-SCENE, STATE = cj.double_pendulum()
+SCENE, STATE = cj.mechanisms.double_pendulum()
 PLACE = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [4e-4, 5e-4])
 CLEARANCE = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
 HEIGHT = q.Position("arm 2", "y")

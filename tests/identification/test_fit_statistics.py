@@ -32,7 +32,9 @@ PLAIN = {"offset": cj.Parameter(place, unit="m"), "slope": cj.Parameter(place, u
 DELAY = {"delay": cj.Parameter.delay("laser")}
 
 
-def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.Ending.CONVERGED):
+def line(
+    noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.results.Ending.CONVERGED
+):
     """A fit of offset + slope * t to data of which the noise is 0.1; no run, but the algebra."""
     at, columns = np.array(at), np.column_stack([np.ones(COUNT), TIMES])
     predicted = columns @ at
@@ -52,8 +54,8 @@ def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.
     iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
     search = Search(at, (WindowSearch(2.0, (iteration,), ending),), best)
     units = {n: getattr(p.variation, "unit", "s") for n, p in parameters.items()}
-    scene, state = cj.double_pendulum()
-    return cj.Fit(scene, state, parameters, units, measurements, (search,), search)
+    scene, state = cj.mechanisms.double_pendulum()
+    return cj.results.Fit(scene, state, parameters, units, measurements, (search,), search)
 
 
 def test_errors_of_a_straight_line():
@@ -105,7 +107,7 @@ def test_warnings_of_bounds_blindness_and_no_convergence():
     twins = np.column_stack([np.ones(COUNT), -0.5 * np.ones(COUNT) + 1e-6 * TIMES])
     (warning,) = line(jacobian=twins).warnings
     assert "hardly see the combination +0.5 offset +1 slope" in warning
-    stalled = line(ending=cj.Ending.STALLED)
+    stalled = line(ending=cj.results.Ending.STALLED)
     assert stalled.warnings[0].startswith("Not converged: no step improves the fit")
 
 
@@ -218,7 +220,7 @@ def test_a_fit_is_a_table_by_parameter(tmp_path):
         np.testing.assert_array_equal(read["estimate"], frame["estimate"])
 
 
-def with_data(change, count=1, ending=cj.Ending.CONVERGED, parameters=PLAIN, **options):
+def with_data(change, count=1, ending=cj.results.Ending.CONVERGED, parameters=PLAIN, **options):
     """The straight line's fit, to data that are changed, of so many searches."""
     fit = line(parameters=parameters, ending=ending)
     laser = fit.measurements["laser"]
@@ -289,7 +291,7 @@ def test_what_was_tried_already_is_not_advised():
     free = {"offset": cj.Parameter.initial(lambda state: state.bodies["arm 2"].spin[2])}
     fit = with_data(off, parameters=PLAIN | free)
     assert not any("Parameter.initial" in sentence for sentence in fit.advice)
-    ended = with_data(off, ending=cj.Ending.EXHAUSTED).advice
+    ended = with_data(off, ending=cj.results.Ending.EXHAUSTED).advice
     assert any("max_iterations" in sentence for sentence in ended)
 
 

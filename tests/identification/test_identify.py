@@ -28,7 +28,7 @@ from clearjoint.parametrisation.parameter import coordinates_of
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
 PROBES = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
-SCENE, STATE = cj.double_pendulum()
+SCENE, STATE = cj.mechanisms.double_pendulum()
 PARAMETERS = {
     "young": cj.Parameter(lambda s: s.joints["shoulder"].law.stiffness.young_modulus, cj.Log()),
     "restitution": cj.Parameter(lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0, 1)),
@@ -82,7 +82,7 @@ def fitted(measurements, **options):
 
 def test_data_without_noise_give_the_parameters_back(clean):
     fit = fitted(clean, guess=CLOSE, tolerance=1e-6)
-    assert fit.ending is cj.Ending.CONVERGED
+    assert fit.ending is cj.results.Ending.CONVERGED
     for name, value in TRUTH.items():
         assert fit.estimates[name] == pytest.approx(value, rel=1e-5 if name == "young" else 1e-6)
     assert fit.chi_squared < 1e-4
@@ -150,7 +150,7 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     failing = fitted(
         draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
     )
-    assert failing.ending is cj.Ending.FAILED
+    assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
 
 

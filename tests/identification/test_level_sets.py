@@ -13,7 +13,7 @@ def test_the_reach_of_straight_curves_is_where_their_spread_is_the_excess():
     curves = np.arange(5.0)[:, None] * np.arange(11.0)
     assert reached(curves, 3, 7.4) == pytest.approx(3.7)
     assert reached(curves, 5, 3.0) == pytest.approx(0.75)
-    assert reacheded(curves, 1, 0.0) == 10.0 and reach(curves, 3, 21.0) == 10.0
+    assert reached(curves, 1, 0.0) == 10.0 and reached(curves, 3, 21.0) == 10.0
     np.testing.assert_allclose(level(curves, 3.5), 3.5 * np.arange(5.0))
     np.testing.assert_allclose(level(curves, 10.0), 10.0 * np.arange(5.0))
 

@@ -132,7 +132,7 @@ MISTAKEN = {
 @pytest.mark.parametrize("case", MISTAKEN)
 def test_what_no_search_can_use_is_told(case):
     changed, message = MISTAKEN[case]
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     usual = {
         "parameter": cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log()),
         "quantity": ContactForce("shoulder", "V"),
@@ -146,7 +146,7 @@ def test_what_no_search_can_use_is_told(case):
 @pytest.fixture(scope="module")
 def drop():
     """A mass that falls in its bearing, without damping: scene and state."""
-    law = cj.Hertz(STIFFNESS)
+    law = cj.laws.Hertz(STIFFNESS)
     scene = cj.Scene(
         {"mass": cj.Body(MASS, (1e-2, 1e-2, 1e-2))},
         {

@@ -125,7 +125,7 @@ def test_growing_windows_fit_five_horizons():
     """Probes over 0.187 s, where a single run is lost after 37 to 114 ms (test_horizon)."""
     clean, _ = ideal("probes", 0.187)
     found = cj.identify(
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         clean.with_noise(np.random.default_rng(0)),
         PARAMETERS,
         replace(cj.presets.derivatives, rtol=1e-10),

@@ -181,7 +181,7 @@ def test_an_interrupted_fit_has_the_best_run_so_far(data, last):
             SCENE, STATE, data, PARAMETERS, guess={"stiffness": 48.0}, grow=(2.0,), progress=stop
         )
     (fit,) = stopped.value.fits
-    assert fit.ending is cj.Ending.INTERRUPTED and fit.check is None
+    assert fit.ending is cj.results.Ending.INTERRUPTED and fit.check is None
     assert "Not converged: it was interrupted" in str(fit)
     assert any(np.array_equal(fit.coordinates, one.coordinates) for one in seen)
     residuals = (moved(fit.estimates["stiffness"]) - data["x"].values) / NOISE

@@ -22,7 +22,7 @@ def clearance(scene: cj.Scene):
 
 
 @pytest.fixture(scope="module")
-def found() -> cj.FitHorizon:
+def found() -> cj.results.FitHorizon:
     times = np.linspace(0.0, LAST, 401)[1:]
     probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
     return cj.fit_horizon(
@@ -45,7 +45,7 @@ def _moved(state: cj.State, speed: float) -> cj.State:
     )
 
 
-def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
+def _points(solution: cj.results.Solution, local: np.ndarray) -> np.ndarray:
     """(T, N, 3) points (N, 3) of the rod over time."""
     saved = solution.saved.states.bodies["rod"]
     s, x, y, z = np.moveaxis(np.asarray(saved.orientation), -1, 0)
@@ -155,7 +155,7 @@ def test_a_short_run_is_within_all_horizons(found):
 
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
-    limited = cj.FitHorizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*grow from 20 ms"):
         limited.warn_if_beyond(0.03)
 
@@ -191,7 +191,7 @@ def test_horizons_of_the_double_pendulum():
         )
     }
     found = cj.fit_horizon(
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         parameters,
         {"probe": cj.Sensor(probe, times, 5e-6)},
         uncertainty={"stiffness": np.log(5.0), "restitution": 1.8, "clearance": np.log(1.2)},
@@ -203,7 +203,7 @@ def test_horizons_of_the_double_pendulum():
 
 
 def test_figures_have_labels_and_mark_what_is_limited(found):
-    limited = cj.FitHorizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     axes = plot.growth(limited)
     assert axes.get_ylabel() == "displacement, m"
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [

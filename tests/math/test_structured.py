@@ -82,7 +82,7 @@ def test_scenes_of_other_numbers_share_a_program_and_of_other_zeros_do_not():
 @pytest.mark.parametrize("clearance", [None, 5e-4])
 def test_structure_changes_no_rate(clearance):
     """Accelerations of a double pendulum in motion, with and without, to rounding."""
-    scene, state = cj.double_pendulum(clearance)
+    scene, state = cj.mechanisms.double_pendulum(clearance)
     spins = {"arm 2": (0.3, -0.2, 0.5), "arm 3": (1.0, -0.2, 0.5)}
     bodies = {
         name: cj.body_state(state.bodies[name].position, spin=spin) for name, spin in spins.items()

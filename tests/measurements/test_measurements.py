@@ -138,7 +138,7 @@ def test_successive_windows_share_no_sample():
 
 
 def test_names_are_checked_against_the_scene():
-    scene, _ = cj.double_pendulum()
+    scene, _ = cj.mechanisms.double_pendulum()
     together().check(scene)
     lost = cj.Series(q.Position("arm 4", "x"), [0.0], [0.0], 1.0)
     own = cj.Series(lambda now: now.time, [0.0], [0.0], 1.0, unit="s")

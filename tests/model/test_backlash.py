@@ -17,7 +17,7 @@ from clearjoint.model.contact.gap import Gap
 from clearjoint.model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
-LAW = cj.HuntCrossley(0.5, 1e8)
+LAW = cj.laws.HuntCrossley(0.5, 1e8)
 MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
 MOTIONS = {
     "a": moving((0.1, 0.2, 0.3), (1.0, 0.3, 0.2, 0.3), (1.0, 2.0, 3.0), (0.3, 0.2, 5.0)),
@@ -215,7 +215,7 @@ def _at(angle):
         (lambda: backlash(play=7.0), "smaller than a turn"),
         (lambda: backlash(radius=0.0), "`radius`"),
         (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
-        (lambda: backlash(law=cj.Hertz(cj.RavnStiffness(2e11, 0.3))), "given stiffness"),
+        (lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))), "given stiffness"),
         (lambda: backlash(law=1e8), "AbstractContactLaw"),
         (lambda: cj.Backlash("a", "a", play=1e-3, radius=0.1, law=LAW), "another body"),
         (lambda: gears(17.5), "`teeth_first`"),
@@ -244,7 +244,7 @@ def test_a_torsional_stiffness_is_the_torque_by_the_angle():
     gap = Gap(backlash.radius * 1e-3, 0.0)
     assert float(backlash.radius * backlash.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
     assert float(backlash.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)
-    law = cj.HuntCrossley(0.5, 1e8)
+    law = cj.laws.HuntCrossley(0.5, 1e8)
     for options in ({}, {"law": law, "radius": 0.1, "torsional_stiffness": 2e4}):
         with pytest.raises(ValueError, match="torsional_stiffness"):
             cj.Backlash(*bodies, play=1e-3, **options)

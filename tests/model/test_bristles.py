@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from clearjoint import Dahl, ElastoPlastic, LuGre
+from clearjoint.frictions import Dahl, ElastoPlastic, LuGre
 from clearjoint.math.vectors import Vector
 
 SLOW, FAST, STIFFNESS, STRIBECK_SPEED = 0.25, 0.15, 1e5, 0.01

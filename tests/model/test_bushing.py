@@ -87,7 +87,7 @@ def test_forces_balance_and_do_the_work_of_springs_and_dampers():
     parts = [float(part) for part in (*force, *moment)]
     np.testing.assert_allclose(parts, 0.0, atol=1e-13 * scale)
     rates = {
-        name: cj.Motion(
+        name: cj.extend.Motion(
             motion.velocity,
             Matrix(*(row.cross(motion.spin) for row in rows(motion.rotation))),
             motion.velocity * 0.0,

@@ -14,14 +14,9 @@ from clearjoint import (
     ClearanceJoint,
     EndPlay,
     FixedAxially,
-    Hertz,
-    LankaraniNikravesh,
     MasslessLink,
-    MotionMode,
-    RegularisedCoulomb,
     Scene,
     State,
-    Trajectory,
     body_state,
     observe,
 )
@@ -29,8 +24,11 @@ from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
 from clearjoint.dynamics.contact_forces import contact_forces
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
+from clearjoint.frictions import RegularisedCoulomb
+from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import EulerParameters, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState
+from clearjoint.results import MotionMode, Trajectory
 from clearjoint.testing import moving
 
 RANDOM = np.random.default_rng(8)

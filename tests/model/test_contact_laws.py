@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from clearjoint import (
+from clearjoint.extend import Gap
+from clearjoint.laws import (
     Flores2011,
-    Gap,
     GivenStiffness,
     Hertz,
     HuntCrossley,

@@ -24,7 +24,7 @@ def shaft_scene(drive, **options):
     """A shaft in a bearing about Z through its centre of mass."""
     bearing = cj.RevoluteJoint("ground", "shaft", ORIGIN, ORIGIN, Z, Z)
     scene = cj.Scene({"shaft": SHAFT}, {"bearing": bearing}, **options)
-    family = scene.forces if isinstance(drive, cj.AbstractForce) else scene.joints
+    family = scene.forces if isinstance(drive, cj.extend.AbstractForce) else scene.joints
     family["motor"] = drive
     return scene
 
@@ -57,7 +57,7 @@ def test_a_start_at_another_angle_is_refused_and_can_be_assembled():
     np.testing.assert_allclose(body.spin, (0.0, 0.0, 3.0), atol=1e-12)
 
 
-class Swing(cj.AbstractRotationDriver):
+class Swing(cj.extend.AbstractRotationDriver):
     """The angle amplitude sin(frequency t)."""
 
     amplitude: Any = quantity("rad")
@@ -106,7 +106,7 @@ def test_driver_between_two_free_bodies():
     assert np.abs(observed.ledger_residual()).max() < 1e-9
 
 
-class Motor(cj.AbstractDriveTorque):
+class Motor(cj.extend.AbstractDriveTorque):
     """A motor whose torque falls linearly with its speed: a drive by a third party."""
 
     stall_torque: Any = quantity("N m")
@@ -168,7 +168,7 @@ def test_constant_torque_acts_on_both_bodies():
     np.testing.assert_allclose(final["stator"].spin, (0, 0, -0.3 * 2.0 / 0.05), atol=1e-9)
 
 
-class Ramp(cj.AbstractRotationDriver):
+class Ramp(cj.extend.AbstractRotationDriver):
     """At rest until the start, and at constant speed from there on."""
 
     speed: Any = quantity("rad/s")

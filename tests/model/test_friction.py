@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint import Ambrosio, RegularisedCoulomb
+from clearjoint.frictions import Ambrosio, RegularisedCoulomb
 from clearjoint.math.vectors import Vector, pack
 from clearjoint.model.contact.gap import slip_velocity
 

@@ -66,7 +66,7 @@ def test_elements_have_the_breakpoints_of_their_tables():
 
 
 def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
-    scene, _ = cj.slider_crank()
+    scene, _ = cj.mechanisms.slider_crank()
 
     def driven(torque) -> cj.Scene:
         motor = cj.DriveTorque("ground", "crank", Z, torque)

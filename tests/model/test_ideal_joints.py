@@ -23,11 +23,11 @@ from clearjoint import (
     Scene,
     SphericalJoint,
     body_state,
-    rows_from_residual,
 )
 from clearjoint.dynamics import multipliers
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
+from clearjoint.extend import rows_from_residual
 from clearjoint.math.rotations import transverse_axes
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND_MOTION, Motion

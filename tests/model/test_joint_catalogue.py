@@ -153,7 +153,7 @@ def test_splines_go_through_their_table_smoothly():
     assert float(unpack(cj.Polynomial([1.0, -2.0, 0.5]))(3.0)) == -0.5
 
 
-class Kinked(cj.AbstractFunctionOfTime):
+class Kinked(cj.extend.AbstractFunctionOfTime):
     """It begins to move at an instant."""
 
     start: float

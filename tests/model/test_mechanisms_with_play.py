@@ -24,7 +24,7 @@ def test_slider_in_its_guide_as_published():
     Siconos' SliderCrankMoreauJeanCombinedProjectionOSI.ref: crank turns and crank speeds within two
     hundredths. Its scheme projects positions at steps of 0.1 ms; that of `simulate_nonsmooth` with
     rigid contacts, at shorter steps, agrees within two thousandths."""
-    scene, state = cj.guided_slider_crank()
+    scene, state = cj.mechanisms.guided_slider_crank()
     save = cj.Saving([1e-3, 0.002692503, 0.01, 0.05], impacts=True)
     solution = cj.simulate(scene, state, 0.055, cj.Settings(rtol=1e-9), save=save)
     impacts, crank = solution.impacts, solution.states.bodies["crank"]
@@ -43,7 +43,7 @@ def test_slider_in_its_guide_as_published():
 @pytest.mark.slow
 def test_play_in_guide_and_pin():
     """Both strike, nothing leaves the plane, and the ledger closes."""
-    scene, state = cj.guided_slider_crank(pin_clearance=0.5e-3)
+    scene, state = cj.mechanisms.guided_slider_crank(pin_clearance=0.5e-3)
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(np.linspace(0.0, 0.02, 11), impacts=True)
     solution = cj.simulate(scene, state, 0.02, settings, save=save)
@@ -64,7 +64,7 @@ def lever_angle(crank: np.ndarray) -> np.ndarray:
 def test_quick_return_goes_back_in_half_the_time():
     """The lever's closed form; it turns back at -30 and 30 degrees, at two thirds of the crank's
     turn from each other and at one third."""
-    scene, state = cj.quick_return(None, angle=0.3)
+    scene, state = cj.mechanisms.quick_return(None, angle=0.3)
     crank = np.array([0.3, 1.0, 2.0 * math.pi / 3.0, 3.0, 4.0 * math.pi / 3.0, 6.0])
     save = cj.Saving((crank - 0.3) / 10.0)
     lever = cj.simulate(scene, state, 0.6, FINE, save=save).states.bodies["lever"]
@@ -80,7 +80,7 @@ def test_quick_return_with_play_follows_within_its_play():
     """The lever is off by at most half the play, and the penetration, at the pin's distance from
     its axis."""
     play = 0.2e-3
-    scene, state = cj.quick_return(play, friction=cj.RegularisedCoulomb(0.1))
+    scene, state = cj.mechanisms.quick_return(play, friction=cj.frictions.RegularisedCoulomb(0.1))
     save = cj.Saving(np.linspace(0.0, 0.6, 61), impacts=True)
     solution = cj.simulate(scene, state, 0.6, cj.Settings(rtol=1e-8), save=save)
     crank = 10.0 * np.asarray(solution.times)
@@ -95,7 +95,7 @@ def test_quick_return_with_play_follows_within_its_play():
 def test_spatial_four_bar_without_play_closes():
     """The rocker's angle p from the coupler's length: with d from the rocker's axis to the crank's
     end, d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r)."""
-    scene, state = cj.spatial_four_bar(None, speed=40.0)
+    scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
     save = cj.Saving(np.linspace(0.01, 0.3, 30))
     settings = cj.Settings(rtol=1e-10, atol=1e-12, ledger=True)
     solution = cj.simulate(scene, state, 0.3, settings, save=save)
@@ -115,7 +115,7 @@ def test_spatial_four_bar_without_play_closes():
 def test_spatial_four_bar_with_play_keeps_its_ball():
     """Let go at rest, as published: the ball falls in its socket, strikes, and stays within the
     clearance and the penetration; the ledger closes."""
-    scene, state = cj.spatial_four_bar(friction=cj.RegularisedCoulomb(0.05))
+    scene, state = cj.mechanisms.spatial_four_bar(friction=cj.frictions.RegularisedCoulomb(0.05))
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(np.linspace(0.0, 0.05, 26), impacts=True)
     solution = cj.simulate(scene, state, 0.05, settings, save=save)

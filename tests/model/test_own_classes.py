@@ -42,11 +42,11 @@ def test_each_docstring_has_a_whole_class_whose_numbers_are_arrays(name):
 
 
 def test_another_number_of_ones_own_motor_compiles_nothing():
-    Motor = example(cj.AbstractDriveTorque)["Motor"]  # noqa: N806
+    Motor = example(cj.extend.AbstractDriveTorque)["Motor"]  # noqa: N806
 
     def speed(torque: float, idle_speed: float) -> float:
         motor = Motor("ground", "crank", (0, 0, 1), torque, idle_speed)
-        scene, state = cj.slider_crank(clearance=None, motor=motor, speed=0.0)
+        scene, state = cj.mechanisms.slider_crank(clearance=None, motor=motor, speed=0.0)
         return float(cj.simulate(scene, state, 1e-4).final.bodies["crank"].spin[2])
 
     slow = speed(2, 600)
@@ -62,7 +62,7 @@ class Thing(AbstractConverting):
     table: Any = ((1, 0), (0, 1))
     ragged: Any = ((1, 2), (3,))
     by_name: Any = None
-    with_unit: Any = cj.quantity("kg", default=2)
+    with_unit: Any = cj.extend.quantity("kg", default=2)
     is_on: bool = True
     shape: int = eqx.field(default=3, static=True)
     kind: ClassVar[str] = "thing"

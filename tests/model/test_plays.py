@@ -14,8 +14,8 @@ from clearjoint.model.bodies import GROUND_MOTION
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
 TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)
-LAW = cj.ExactRestitution(0.8, 1e9)
-STEEL = cj.RavnStiffness(207e9, 0.3)
+LAW = cj.laws.ExactRestitution(0.8, 1e9)
+STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 MOTIONS = {
     "a": moving((0.1, 0.2, 0.3), (0.9, 0.1, -0.3, 0.2), (0.5, -0.4, 0.3), (1.0, 2.0, -0.5)),
     "b": moving((0.11, 0.19, 0.32), (0.9, 0.15, -0.25, 0.2), (-0.2, 0.7, 0.1), (-0.8, 0.3, 1.1)),
@@ -37,11 +37,11 @@ def slot(first: str = "a", second: str = "b", **options: Any) -> cj.PinInSlot:
     return cj.PinInSlot(first, second, **(given | options))
 
 
-ROUGH, BRISTLES = cj.RegularisedCoulomb(0.1), cj.Dahl(0.1)
+ROUGH, BRISTLES = cj.frictions.RegularisedCoulomb(0.1), cj.frictions.Dahl(0.1)
 TILTED = {"slot_axis": (1.0, 2.0, 0.5), "slot_normal": (2.0, -0.5, -2.0)}
 AT_POINTS = {"slot_point": (0.01, 0.02, 0.03), "pin_point": (-0.01, 0.0, 0.02)}
 PLAYS = {
-    "ball": socket(law=cj.LankaraniNikravesh(0.9, STEEL), ball_point=(0.01, 0.02, -0.01)),
+    "ball": socket(law=cj.laws.LankaraniNikravesh(0.9, STEEL), ball_point=(0.01, 0.02, -0.01)),
     "rough ball": socket(socket_point=(0.01, -0.02, 0.03), friction=ROUGH),
     "ball with bristles": socket(friction=BRISTLES),
     "slider": guide(slider_axis=(1.0, 0.2, 0.1), slider_normal=(-0.2, 1.0, 0.0)),
@@ -87,9 +87,9 @@ def test_ideal_joints_in_planes_conform(joint):
         (guide, {"friction": 0.1}, "`friction` must be an AbstractFriction or"),
         (guide, {"clearance": 0.03}, "`clearance` must be smaller than half the slider's"),
         (guide, {"slider_axis": (1, 1, 0)}, "`slider_axis` must be at a right angle"),
-        (guide, {"law": cj.Hertz(STEEL)}, "guide's walls are flat"),
+        (guide, {"law": cj.laws.Hertz(STEEL)}, "guide's walls are flat"),
         (slot, {"slot_axis": (0, 2, 0)}, "`slot_axis` must be at a right angle"),
-        (slot, {"law": cj.Hertz(STEEL)}, "slot's walls are flat"),
+        (slot, {"law": cj.laws.Hertz(STEEL)}, "slot's walls are flat"),
         (slot, {"travel": -1.0}, "`travel` must be positive"),
         (slot, {"play": 0.0}, "`play` must be positive"),
     ],
@@ -102,9 +102,9 @@ def test_what_no_joint_can_have_is_refused(make, options, complaint):
 def test_the_ball_tells_its_law_both_radii():
     """Hertz's stiffness of a sphere of 9.5 mm in a hollow one of 10 mm: 6.610198e10 N/m^1.5 for
     the paper's steel."""
-    joint = socket("ground", "b", clearance=0.5e-3, law=cj.Hertz(STEEL))
-    still = cj.Vector(0.0, 0.0, 0.0)
-    ball = cj.Motion(cj.Vector(0.0, 0.3e-3, 0.4e-3 + 1e-5), IDENTITY, still, still)
+    joint = socket("ground", "b", clearance=0.5e-3, law=cj.laws.Hertz(STEEL))
+    still = cj.extend.Vector(0.0, 0.0, 0.0)
+    ball = cj.extend.Motion(cj.extend.Vector(0.0, 0.3e-3, 0.4e-3 + 1e-5), IDENTITY, still, still)
     gap = unpack(joint).contacts({"ground": GROUND_MOTION, "b": ball})["ball"].gap
     assert float(gap.depth) == pytest.approx(math.hypot(0.3e-3, 0.41e-3) - 0.5e-3, rel=1e-9)
     force = float(joint.law.elastic_force(gap))
@@ -124,7 +124,7 @@ def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
     """v = sqrt(2 g c) after sqrt(2 c / g), along any direction; it leaves with the restitution but
     for the weight's work during the contact, which a stiff contact keeps small."""
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
-    law = cj.ExactRestitution(0.7, 1e16)
+    law = cj.laws.ExactRestitution(0.7, 1e16)
     scene, state = a_ball(gravity=9.81 * direction, law=law)
     impacts = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True)).impacts
     speed = math.sqrt(2 * 9.81 * 0.2e-3)
@@ -146,7 +146,11 @@ def test_a_seated_ball_swings_as_a_pendulum_on_a_short_link():
     depth = (mass * g / stiffness) ** (2 / 3)
     link = clearance + depth
     joint = socket(
-        "ground", "b", clearance=clearance, law=cj.Hertz(stiffness), ball_point=(0.0, height, 0.0)
+        "ground",
+        "b",
+        clearance=clearance,
+        law=cj.laws.Hertz(stiffness),
+        ball_point=(0.0, height, 0.0),
     )
     masses = mass * np.array([[link**2, link * height], [link * height, height**2]])
     masses[1, 1] += inertia
@@ -185,7 +189,7 @@ def test_a_pin_rebounds_between_the_walls():
     """Elastically every play/v + T, T = 2 B(2/5, 1/2)/(n + 1) times the deepest penetration over v
     (H. Hertz); with the exact restitution e, at v, e v, e^2 v... At the slot's ends likewise."""
     speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
-    scene, state = a_pin(law=cj.Hertz(stiffness))
+    scene, state = a_pin(law=cj.laws.Hertz(stiffness))
     save, settings = cj.Saving(impacts=True), cj.Settings(rtol=1e-9)
     impacts = cj.simulate(scene, state, 0.012, settings, save=save).impacts
     deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
@@ -228,8 +232,10 @@ def test_what_starts_outside_is_centred_or_seated(joint, label, play):
     assert float(centred.bodies["b"].position[1]) == pytest.approx(0.0, abs=1e-12)
     resting = cj.assemble(scene, state, resting=["joint"])
     assert float(resting.bodies["b"].position[1]) == pytest.approx(-play, abs=1e-12)
-    motion = cj.Motion(
-        cj.Vector(*resting.bodies["b"].position), IDENTITY, *(cj.Vector(0.0, 0.0, 0.0),) * 2
+    motion = cj.extend.Motion(
+        cj.extend.Vector(*resting.bodies["b"].position),
+        IDENTITY,
+        *(cj.extend.Vector(0.0, 0.0, 0.0),) * 2,
     )
     contact = unpack(joint).contacts({"ground": GROUND_MOTION, "b": motion})[label]
     assert float(contact.gap.depth) == pytest.approx(0.0, abs=1e-12)

@@ -10,7 +10,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import (
-    Ambrosio,
     AppliedLoad,
     Baumgarte,
     Body,
@@ -19,15 +18,9 @@ from clearjoint import (
     DriveTorque,
     EndPlay,
     FixedJoint,
-    Flores2011,
-    Hertz,
-    HuntCrossley,
     InlineJoint,
-    LankaraniNikravesh,
     PrescribedRotation,
     PrismaticJoint,
-    RavnStiffness,
-    RegularisedCoulomb,
     RevoluteJoint,
     Scene,
     SphericalJoint,
@@ -36,6 +29,14 @@ from clearjoint import (
     assemble,
     body_state,
     simulate,
+)
+from clearjoint.frictions import Ambrosio, RegularisedCoulomb
+from clearjoint.laws import (
+    Flores2011,
+    Hertz,
+    HuntCrossley,
+    LankaraniNikravesh,
+    RavnStiffness,
 )
 
 NAN = float("nan")

@@ -4,7 +4,13 @@ import jax
 import numpy as np
 import pytest
 
-from clearjoint import BengisuAkay, BrownMcPhee, LinearCoulomb, Stribeck, Threlfall
+from clearjoint.frictions import (
+    BengisuAkay,
+    BrownMcPhee,
+    LinearCoulomb,
+    Stribeck,
+    Threlfall,
+)
 from clearjoint.math.vectors import Vector, pack
 
 SLOW, FAST = 0.25, 0.15

@@ -34,7 +34,7 @@ def without_fallback():
         yield
 
 
-def run(scene: CatalogueScene, settings: cj.Settings) -> cj.Solution:
+def run(scene: CatalogueScene, settings: cj.Settings) -> cj.results.Solution:
     save = cj.Saving(np.linspace(0.0, scene.end, 5), impacts=True)
     return cj.simulate(*scene.make(), scene.end, settings, save, progress=False)
 

@@ -20,7 +20,7 @@ SPEED = cj.quantities.Velocity("mass", "x")
 STATE = cj.State({"mass": cj.body_state((0.1, 0.0, 0.0))})
 
 
-def mass_on(*forces: cj.AbstractForce) -> cj.Scene:
+def mass_on(*forces: cj.extend.AbstractForce) -> cj.Scene:
     named = {f"force {k}": force for k, force in enumerate(forces)}
     return cj.Scene({"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, forces=named)
 
@@ -111,10 +111,10 @@ CALLS = {
     "`sweep`": swept,
     "`sensitivities`": differentiated,
     "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
-        *cj.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
+        *cj.mechanisms.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
     ),
     "`observe`": lambda: observe()(),
-    "`free_impact`": lambda: cj.free_impact(cj.Hertz(1e6), 1.0, 0.1),
+    "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
     "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", native.__doc__, re.MULTILINE))
@@ -152,7 +152,7 @@ def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
     ids=["absolute", "Dopri8", "Heun", "ledger"],
 )
 def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     native, xla = both(
         monkeypatch, lambda: cj.simulate(scene, state, 0.02, settings, progress=False)
     )
@@ -160,7 +160,7 @@ def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
         assert_close(body.position, xla.final.bodies[name].position, 1e-9)
 
 
-class Eigenforce(cj.AbstractForce):
+class Eigenforce(cj.extend.AbstractForce):
     """A force by a decomposition that native code has no rule for."""
 
     body: str
@@ -170,7 +170,9 @@ class Eigenforce(cj.AbstractForce):
 
     def wrenches(self, motions, t):
         least = jnp.linalg.eigvalsh(jnp.array([[2.0, t], [t, 2.0]]))[0]
-        return {self.body: motions[self.body].wrench(cj.Vector(least, 0.0, 0.0), extend.ZERO)}
+        return {
+            self.body: motions[self.body].wrench(cj.extend.Vector(least, 0.0, 0.0), extend.ZERO)
+        }
 
 
 def test_a_primitive_without_a_rule_is_named_once_and_left_to_xla():

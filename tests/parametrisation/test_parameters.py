@@ -15,7 +15,7 @@ from clearjoint.parametrisation.paths import unit_at
 
 @pytest.fixture(scope="module")
 def scene():
-    return cj.double_pendulum()[0]
+    return cj.mechanisms.double_pendulum()[0]
 
 
 def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
@@ -29,7 +29,7 @@ def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
 
 
 def test_units_of_places_in_scenes_and_states(scene):
-    state = cj.double_pendulum()[1]
+    state = cj.mechanisms.double_pendulum()[1]
     assert unit_at(scene, lambda s: s.bodies["arm 2"].mass) == "kg"
     assert unit_at(scene, lambda s: s.gravity[1]) == "m/s^2"
     assert unit_at(scene, lambda s: s.joints["shoulder"].law.restitution) == "1"
@@ -92,7 +92,7 @@ def test_values_and_components_that_do_not_fit_are_refused(scene):
         cj.set_value(scene, lambda s: s.gravity[3], 1.0)
 
 
-class LawWithClassVariables(cj.Hertz):
+class LawWithClassVariables(cj.laws.Hertz):
     """A law of one's own, with annotations that are no fields."""
 
     uses_entry_speed: ClassVar[bool] = False

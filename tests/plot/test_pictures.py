@@ -19,7 +19,7 @@ def labels(axes) -> tuple[str, str]:
     return axes.get_xlabel(), axes.get_ylabel()
 
 
-def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
+def seen_contact(penetration, rate, force, angle=0.0) -> cj.results.Observation:
     """An observation of one base at even times, pressed at an angle; the other one flies."""
     count = len(penetration)
     times = np.linspace(0.0, 1e-3 * (count - 1), count)
@@ -34,7 +34,7 @@ def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
         return ContactObservation(*parts)
 
     flying = base(np.full(count, -1e-4), np.zeros(count), np.zeros(count))
-    return cj.Observation(
+    return cj.results.Observation(
         times=times,
         contacts={"pin": {"V": base(penetration, np.asarray(force), rate), "W": flying}},
         modes={},
@@ -47,14 +47,14 @@ def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
     )
 
 
-ContactObservation = cj.Observation.__annotations__["contacts"].__args__[1].__args__[1]
+ContactObservation = cj.results.Observation.__annotations__["contacts"].__args__[1].__args__[1]
 ROUGH = np.array([-1, 1, 3, 2, -1, -1, 2, 4, 3, 2, 3, 2, -1, 1])
 """µm: flight, a hump, flight, a hump from whose foot a second one rises, flight, a begin."""
 RISING = np.array([1, 1, 1, -1, -1, 1, 1, 1, -1, -1, 1, -1, -1, 1])
 FREE, IMPACT, FOLLOWING = plot.ContactPhase
 
 
-def rough() -> cj.Observation:
+def rough() -> cj.results.Observation:
     return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e4)
 
 
@@ -118,7 +118,7 @@ def test_the_loop_has_the_area_of_the_energy_lost():
     depth, force = 5e-6 * (1.0 + np.cos(turn)), 400.0 * (1.0 + np.cos(turn) - 0.2 * np.sin(turn))
     seen = seen_contact(depth, np.zeros(2001), force)
     rows = [("pin", "V", 0.0, 2.0, 2.0, 0.1, 0.1, 800.0, 1.0, 1e-5)]
-    impacts = cj.Impacts.of_rows(rows)
+    impacts = cj.results.Impacts.of_rows(rows)
     axes = plot.hysteresis(seen, impacts)
     assert labels(axes) == ("penetration, µm", "contact force, N")
     area = np.pi * 5e-6 * 400.0 * 0.2
@@ -168,16 +168,16 @@ def test_wrong_arguments_are_told(call, message):
 
 
 def test_a_scene_without_contacts_has_no_timeline():
-    seen = cj.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
+    seen = cj.results.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
     for draw in (plot.motion_timeline, plot.joint_forces):
         with pytest.raises(ValueError, match="`observation` must be of a scene with contacts"):
             draw(seen)
 
 
-def energies(**more) -> cj.Observation:
+def energies(**more) -> cj.results.Observation:
     stored = {"kinetic": 3.0 * TIMES, "gravity": 5.0 - 9.0 * TIMES, "contacts": 0.5 * TIMES}
     whole = stored | {"springs": 0.5 * TIMES, "mechanical": 5.0 - 5.0 * TIMES} | more
-    return cj.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
+    return cj.results.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
 
 
 def test_the_ledger_shows_where_energy_goes_and_its_drift():
@@ -288,7 +288,9 @@ def test_a_section_is_drawn_of_a_run_and_of_a_lane():
     section = cj.Section(
         lambda now: now.time, {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m/s")}, 9
     )
-    crossings = cj.Crossings(TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)})
+    crossings = cj.results.Crossings(
+        TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)}
+    )
     for axes in (
         plot.poincare_section(crossings, section),
         plot.poincare_section_of_lane(swept().isel(clearance=0), "top", ("x", "y")),
@@ -318,7 +320,7 @@ def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
     position[:, 1], velocity[:, 1] = 3.0 * times - 5.0 * times**2, 3.0 - 10.0 * times
     states = cj.State({"ball": cj.BodyState(position, upright, velocity, still)})
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, gravity=(0.0, -10.0, 0.0))
-    solution = solution_of(cj.Trajectory(times, states))
+    solution = solution_of(cj.results.Trajectory(times, states))
     axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "y"))
     assert labels(axes) == ("position of ball y, mm", "rate of position of ball y, m/s")
     x, y = axes.get_lines()[0].get_data()
@@ -336,7 +338,7 @@ def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumblin
         ("pin", "V", 0.01 * k, 0.01 * k + 1e-3, 1e-3, 0.1, 0.09, 10.0 * k, 0.0, 1e-6)
         for k in range(1, 11)
     ]
-    solution = solution_of(solution.saved, cj.Impacts.of_rows(rows))
+    solution = solution_of(solution.saved, cj.results.Impacts.of_rows(rows))
     settings = cj.Settings(rtol=1e-7)
     page = plot.report(scene, solution, tmp_path / "page.png", title="Round", settings=settings)
     assert (tmp_path / "page.png").stat().st_size > 50_000

@@ -25,7 +25,7 @@ def mass_in_bearing(**state):
         bearing_radius=10e-3,
         clearance=0.3e-3,
         journal_length=20e-3,
-        law=cj.Hertz(1e8),
+        law=cj.laws.Hertz(1e8),
         axial=cj.FixedAxially(),
     )
     body = cj.Body(7.0, (1e-2, 1e-2, 1e-2))

@@ -45,7 +45,7 @@ def read(tmp_path):
 def test_a_file_is_as_short_as_the_python(read):
     scene, state = read()
     stiffness = scene.joints["pin"].law.stiffness
-    assert isinstance(stiffness, cj.GivenStiffness) and stiffness.stiffness == 1e9
+    assert isinstance(stiffness, cj.laws.GivenStiffness) and stiffness.stiffness == 1e9
     assert scene.joints["pin"].clearance == 0.01 - 0.0095
     assert state.bodies["arm"].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
     assert scene.gravity is None and scene.forces == {} and state.entry_speeds == {}
@@ -164,7 +164,7 @@ def test_a_file_imports_nothing(read, tmp_path, monkeypatch):
     assert "my_laws" not in sys.modules
 
 
-class Doubled(cj.AbstractDampedLaw):
+class Doubled(cj.extend.AbstractDampedLaw):
     """A law of one's own."""
 
     depth: float = 1.0

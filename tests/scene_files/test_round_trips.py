@@ -28,21 +28,24 @@ BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.
 STATE = cj.State({"a": cj.body_state((0.1, 0.2, 0.3)), "b": cj.body_state((1e-300, -0.0, 1 / 3))})
 FAMILIES = tuple(
     kind
-    for name, kind in vars(cj).items()
+    for name, kind in vars(cj.extend).items()
     if name.startswith("Abstract") and kind.__module__.startswith("clearjoint.model")
 )
+PUBLIC = (cj, cj.laws, cj.frictions, cj.films)
 ELEMENTS = {
     name: kind
-    for name, kind in vars(cj).items()
+    for name, kind in {k: v for names in PUBLIC for k, v in vars(names).items()}.items()
     if isinstance(kind, type) and issubclass(kind, FAMILIES) and not is_abstract(kind)
 }
-LAW = cj.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
+LAW = cj.laws.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
 DRY = cj.ClearanceJoint("ground", "a", **PIN)
 BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
-    "ClearanceJoint": lambda: cj.ClearanceJoint("ground", "a", **PIN, friction=cj.Ambrosio(0.1)),
+    "ClearanceJoint": lambda: cj.ClearanceJoint(
+        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1)
+    ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "GearBacklash": lambda: cj.GearBacklash(
         *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
@@ -52,25 +55,31 @@ EXAMPLES = {
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
     "PiecewiseLinear": lambda: cj.PiecewiseLinear([0.1, 1 / 3], np.eye(2, 3) / 3),
-    "BallInSocket": lambda: cj.BallInSocket("ground", "a", **BALL, friction=cj.Ambrosio(0.1)),
-    "SliderInGuide": lambda: cj.SliderInGuide("ground", "a", **SLIDER, friction=cj.Ambrosio(0.1)),
+    "BallInSocket": lambda: cj.BallInSocket(
+        "ground", "a", **BALL, friction=cj.frictions.Ambrosio(0.1)
+    ),
+    "SliderInGuide": lambda: cj.SliderInGuide(
+        "ground", "a", **SLIDER, friction=cj.frictions.Ambrosio(0.1)
+    ),
     "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
-    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.CaponeFilm(0.1 / 3), 1e-6 / 3),
-    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
-    "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "ElastoPlastic": lambda: cj.ElastoPlastic(0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3),
-    "BengisuAkay": lambda: cj.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
-    "BrownMcPhee": lambda: cj.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
+    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.films.CaponeFilm(0.1 / 3), 1e-6 / 3),
+    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.laws.Hertz(1e9)),
+    "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "LuGre": lambda: cj.frictions.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "ElastoPlastic": lambda: cj.frictions.ElastoPlastic(
+        0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3
+    ),
+    "BengisuAkay": lambda: cj.frictions.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
+    "BrownMcPhee": lambda: cj.frictions.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
 }
 """Elements that random arguments don't make."""
 ANY_OF = {
-    AbstractElasticity: cj.RavnStiffness(207e9, 0.3),
-    cj.AbstractStiffness: cj.RavnStiffness(207e9, 0.3),
-    cj.AbstractContactLaw: LAW,
-    cj.AbstractFriction: cj.RegularisedCoulomb(0.1),
-    cj.AbstractAxialPolicy: cj.FixedAxially(),
-    cj.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
+    AbstractElasticity: cj.laws.RavnStiffness(207e9, 0.3),
+    cj.extend.AbstractStiffness: cj.laws.RavnStiffness(207e9, 0.3),
+    cj.extend.AbstractContactLaw: LAW,
+    cj.extend.AbstractFriction: cj.frictions.RegularisedCoulomb(0.1),
+    cj.extend.AbstractAxialPolicy: cj.FixedAxially(),
+    cj.extend.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
 }
 
 
@@ -124,24 +133,26 @@ def example(name: str) -> Any:
 def scene_with(element: Any) -> cj.Scene:
     """A scene that has an element somewhere."""
     joints: dict[str, Any] = {}
-    if isinstance(element, cj.AbstractForce):
+    if isinstance(element, cj.extend.AbstractForce):
         return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
-    if isinstance(element, cj.AbstractConstraint | cj.AbstractContactJoint):
+    if isinstance(element, cj.extend.AbstractConstraint | cj.extend.AbstractContactJoint):
         joints["element"] = element
-    elif isinstance(element, cj.AbstractFilm):
+    elif isinstance(element, cj.extend.AbstractFilm):
         joints["element"] = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
-    elif isinstance(element, cj.AbstractContactLaw):
+    elif isinstance(element, cj.extend.AbstractContactLaw):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
     elif isinstance(element, AbstractElasticity):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
-    elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
+        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.laws.Hertz(element)}))
+    elif isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
     elif isinstance(element, cj.PiecewiseConstant):
         return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
-    elif isinstance(element, cj.AbstractFunctionOfTime):
+    elif isinstance(element, cj.extend.AbstractFunctionOfTime):
         joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
     else:
-        assert isinstance(element, cj.AbstractAxialPolicy), "say where in a scene it may stand"
+        assert isinstance(element, cj.extend.AbstractAxialPolicy), (
+            "say where in a scene it may stand"
+        )
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
     return cj.Scene(BODIES, joints)
 
@@ -160,9 +171,19 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
 @pytest.mark.parametrize(
     "mechanism",
     [
-        *(cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.double_four_bar, cj.bricard),
-        *(cj.andrews_squeezer, cj.gear_pair, cj.robot_arm),
-        *(cj.guided_slider_crank, cj.quick_return, cj.spatial_four_bar),
+        *(
+            cj.mechanisms.double_pendulum,
+            cj.mechanisms.slider_crank,
+            cj.mechanisms.four_bar,
+            cj.mechanisms.double_four_bar,
+            cj.mechanisms.bricard,
+        ),
+        *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
+        *(
+            cj.mechanisms.guided_slider_crank,
+            cj.mechanisms.quick_return,
+            cj.mechanisms.spatial_four_bar,
+        ),
     ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
@@ -170,7 +191,7 @@ def test_mechanisms_come_back_exactly(mechanism, tmp_path):
 
 
 def test_memory_and_arrays_of_jax_come_back(tmp_path):
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
     bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
     exact(
@@ -194,13 +215,13 @@ class Polynomial(eqx.Module):
         return sum(c * t**k for k, c in enumerate(self.coefficients))
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     body: str
     over_time: Polynomial
     direction: tuple[float, float, float]
     parts: tuple[Polynomial, ...] = ()
     limits: Any = None
-    reach: Any = cj.quantity("m", default=math.inf)
+    reach: Any = cj.extend.quantity("m", default=math.inf)
     offset: float | None = 1.0
     label: str | None = "none"
     is_on: bool = True
@@ -212,7 +233,7 @@ class Push(cj.AbstractForce):
 
     def wrenches(self, motions, t):
         force = self.direction * self.over_time(t)
-        return {self.body: motions[self.body].wrench(force, cj.Vector(0.0, 0.0, 0.0))}
+        return {self.body: motions[self.body].wrench(force, cj.extend.Vector(0.0, 0.0, 0.0))}
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
@@ -247,7 +268,7 @@ def test_long_tables_of_numbers_come_back(tmp_path):
 
 def test_the_file_reads_well(tmp_path):
     path = tmp_path / "pendulum.toml"
-    cj.save(*cj.double_pendulum(), path)
+    cj.save(*cj.mechanisms.double_pendulum(), path)
     text = path.read_text()
     assert '[bodies."arm 2"]\nmass = 7.02 # kg\ninertia = [0.001, 0.5855, 0.5855] # kg m^2' in text
     assert '[joints.shoulder.law]\nkind = "LankaraniNikravesh"\nrestitution = 0.9\n' in text

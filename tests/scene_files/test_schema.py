@@ -10,14 +10,14 @@ import pytest
 import clearjoint as cj
 
 
-class Motor(cj.AbstractDriveTorque):
+class Motor(cj.extend.AbstractDriveTorque):
     """A motor of one's own."""
 
     first: str
     second: str
     axis: tuple[float, float, float]
-    stall_torque: Any = cj.quantity("N m", shape=())
-    orientation: Any = cj.quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    stall_torque: Any = cj.extend.quantity("N m", shape=())
+    orientation: Any = cj.extend.quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle, speed, t):
         return self.stall_torque
@@ -27,7 +27,7 @@ class Motor(cj.AbstractDriveTorque):
 def files(tmp_path_factory):
     """A scene as TOML, as JSON, and the schemas beside them."""
     folder = tmp_path_factory.mktemp("files")
-    scene, state = cj.slider_crank(motor=Motor("ground", "crank", (0, 0, 1), 2.0))
+    scene, state = cj.mechanisms.slider_crank(motor=Motor("ground", "crank", (0, 0, 1), 2.0))
     for suffix in (".toml", ".json"):
         (folder / suffix[1:]).mkdir()
         cj.save(scene, state, folder / suffix[1:] / f"crank{suffix}", schema=True)

@@ -61,7 +61,7 @@ PLAY = {
     "bearing_radius": 0.01,
     "clearance": 1e-4,
     "journal_length": 0.02,
-    "law": cj.Hertz(1e9),
+    "law": cj.laws.Hertz(1e9),
 }
 
 
@@ -188,7 +188,7 @@ def test_clearances_are_read_with_units(robot):
 def test_limits_are_told(robot, tmp_path):
     robot()
     limits = cj.urdf_limits(tmp_path / "arm.urdf")
-    assert limits == {"elbow": cj.JointLimits(-1.0, 1.0, 10.0, 2.0)}
+    assert limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
 
 
 def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):

@@ -14,7 +14,9 @@ from clearjoint.math.vectors import unpack
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities
-LUGRE = cj.LuGre(0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05)
+LUGRE = cj.frictions.LuGre(
+    0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05
+)
 SPRING, BELT_SPEED = 200.0, 0.1
 """N/m, and m/s."""
 
@@ -27,7 +29,7 @@ def by_displacement(friction, slid):
 
 def test_dahls_force_over_displacement_is_exponential_and_is_booked():
     """The block is dragged along by the belt: its slip changes all the while."""
-    friction, times = cj.Dahl(0.3, 1e4), np.linspace(5e-4, 0.01, 20)
+    friction, times = cj.frictions.Dahl(0.3, 1e4), np.linspace(5e-4, 0.01, 20)
     scene, state = block(friction, BELT_SPEED)
     settings = cj.Settings(ledger=True)
     solution = cj.simulate(scene, state, 0.01, settings, save=cj.Saving(times))
@@ -51,7 +53,7 @@ def test_dahls_force_over_displacement_is_exponential_and_is_booked():
 def test_what_bristles_hold_is_given_back_and_is_not_dissipated():
     """A block on a deflected spring of bristles that slip too little to lose much; a run that goes
     on without its ledger begins it with what they hold."""
-    scene, state = block(cj.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
+    scene, state = block(cj.frictions.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
     times, settings = np.linspace(0.0, 0.05, 26), cj.Settings(rtol=1e-9, ledger=True)
     solution = cj.simulate(scene, state, 0.05, settings, save=cj.Saving(times))
     seen, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
@@ -113,7 +115,9 @@ def test_stick_slip_is_that_of_an_independent_integration():
     assert np.abs(along(other)[0] - along(rest)[0]).max() > 1e-4
 
 
-@pytest.mark.parametrize("friction", [LUGRE, cj.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"])
+@pytest.mark.parametrize(
+    "friction", [LUGRE, cj.frictions.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"]
+)
 def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
     """Half the load that breaks away: tanh creeps at the speed whose ratio bears it."""
     pull = {"pull": cj.AppliedLoad("block", (0.5 * 0.25 * WEIGHT, 0.0, 0.0))}
@@ -122,7 +126,7 @@ def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
     solution = cj.simulate(scene, state, 0.5, save=cj.Saving(times))
     places, _ = along(solution)
     moved = places[1] - places[0]
-    if isinstance(friction, cj.AbstractBristleFriction):
+    if isinstance(friction, cj.extend.AbstractBristleFriction):
         assert abs(moved) < 1e-9
     else:
         assert moved == pytest.approx(0.2 * 1e-3 * np.arctanh(0.5), rel=1e-4)
@@ -183,7 +187,7 @@ def test_deflections_are_zero_in_flight_and_begin_anew():
 
 
 def test_run_without_bristles_has_none():
-    scene, state = block(cj.RegularisedCoulomb(0.1))
+    scene, state = block(cj.frictions.RegularisedCoulomb(0.1))
     system = System.of(unpack(scene), Formulation())
     assert scene.bristle_laws() == {} and state.bristles == {}
     dynamics = system.dynamics(system.encode(unpack(state.bodies)), {}, 0.0)

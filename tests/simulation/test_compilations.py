@@ -70,7 +70,7 @@ def rod():
         bearing_radius=0.01,
         clearance=0.8e-3,
         journal_length=0.02,
-        law=cj.HuntCrossley(0.7, cj.GivenStiffness(1e8)),
+        law=cj.laws.HuntCrossley(0.7, cj.laws.GivenStiffness(1e8)),
     )
     scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 2e-3, 3e-3))}, {"pin": pin})
     return scene, cj.State({"rod": cj.body_state((1e-4, -0.2, 0.0))})

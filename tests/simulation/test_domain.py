@@ -55,7 +55,7 @@ def changed(numbers):
     return scene, cj.set_value(state, lambda s: s.bodies["rod"].position, position)
 
 
-def run(numbers) -> cj.Solution:
+def run(numbers) -> cj.results.Solution:
     few_stages = diffrax.Bosh3()  # compiles in half the time
     settings = replace(cj.presets.default, rtol=numbers["rtol"], solver=few_stages)
     save = cj.Saving(numbers["save_time"][None])
@@ -92,7 +92,7 @@ def test_rigid_contacts():
     assert found.steps.tolist() == [2, 0, 0]
 
 
-class Blade(cj.AbstractFriction):
+class Blade(cj.extend.AbstractFriction):
     """A friction whose check needs known numbers."""
 
     coefficient: float

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import STEEL
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, fold_constants, unpack
+from clearjoint.mechanisms import STEEL
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
 from clearjoint.simulation.run.segments import begin, segment
@@ -36,7 +36,9 @@ def rod(height=0.0):
         bearing_radius=10e-3,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL, entry_speed_floor=1e-2),
+        law=cj.laws.LankaraniNikravesh(
+            restitution=RESTITUTION, stiffness=STEEL, entry_speed_floor=1e-2
+        ),
     )
     scene = cj.Scene({"rod": cj.Body(1.0, (1e-5, 3e-3, 3e-3))}, {"pin": joint}, gravity=(0, -1, 0))
     return scene, cj.State({"rod": cj.body_state((0.1, height, 0.0))})
@@ -181,7 +183,7 @@ def test_reverse_derivatives_against_the_reference():
     """The paper's pendulum after its first impact, against the extended-precision table."""
 
     def height(parameters):
-        scene, state = cj.double_pendulum()
+        scene, state = cj.mechanisms.double_pendulum()
         scene = eqx.tree_at(
             lambda s: (
                 s.joints["shoulder"].clearance,
@@ -208,9 +210,11 @@ POSITIONS = {"centred": 0.0, "touching": CLEARANCE, "deep": 1.02 * CLEARANCE}
 def kernel():
     """Tangents and cotangents of the equations of motion at a height of the journal, at rest: no
     slip, no entry speed. All numbers of the scene, the state and the memory vary."""
-    law = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
-    scene, state = cj.double_pendulum(
-        friction=cj.Ambrosio(0.1, lower_speed=0.0), axial=cj.EndPlay(1e-3, cj.Hertz(1e9)), law=law
+    law = cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
+    scene, state = cj.mechanisms.double_pendulum(
+        friction=cj.frictions.Ambrosio(0.1, lower_speed=0.0),
+        axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9)),
+        law=law,
     )
     form = fold_constants(scene)
     numbers, shape = jax.tree.flatten((form.tree, state.bodies, MEMORY))
@@ -256,9 +260,9 @@ def test_equations_of_motion_have_finite_derivatives(kernel, position):
 def test_force_at_zero_depth_is_that_of_the_flight():
     """Hertz: both sides have slope zero. Linear: the flight's, since a contact has depth."""
     for law in (
-        cj.Hertz(1e9),
-        cj.Hertz(1e9, exponent=1.0),
-        cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9),
+        cj.laws.Hertz(1e9),
+        cj.laws.Hertz(1e9, exponent=1.0),
+        cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9),
     ):
         slopes = jax.grad(lambda d, law=law: contact_normal_force(law, Gap(d, 0.1), 0.1))(0.0)
         assert slopes == 0.0
@@ -266,14 +270,17 @@ def test_force_at_zero_depth_is_that_of_the_flight():
 
 def test_damping_at_zero_entry_speed_is_that_of_the_floor():
     """F = K delta^1.5 (1 + chi rate/floor) for either sign of a rate below the floor."""
-    law = cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9, entry_speed_floor=1e-3)
+    law = cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9, entry_speed_floor=1e-3)
     slope = jax.grad(lambda rate: contact_normal_force(law, Gap(1e-6, rate), 0.0))(0.0)
     assert slope == pytest.approx(1e9 * 1e-9 * 0.75 * 0.75 / 1e-3, rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("law", "slope"),
-    [(cj.RegularisedCoulomb(0.2, 1e-2), 20.0), (cj.Ambrosio(0.2, 0.0, 1e-2), 20.0)],
+    [
+        (cj.frictions.RegularisedCoulomb(0.2, 1e-2), 20.0),
+        (cj.frictions.Ambrosio(0.2, 0.0, 1e-2), 20.0),
+    ],
     ids=["Coulomb", "Ambrosio from rest"],
 )
 def test_friction_at_zero_slip_has_the_slope_of_either_side(law, slope):

@@ -21,7 +21,7 @@ GRAVITY, DROP, MASS = 9.81, 5e-4, 1.0
 SETTINGS = replace(cj.presets.derivatives, rtol=1e-10)
 
 
-class Buffer(cj.AbstractContactLaw):
+class Buffer(cj.extend.AbstractContactLaw):
     """A spring, a damper beside it and a preload: max(K d + D d' + P, 0). It jumps at the onset by
     what the damper and the preload push there, and at the separation by the preload; and where the
     body turns, if only a part of the force is left in `restitution`."""
@@ -146,8 +146,8 @@ def test_plain_derivatives_have_the_jump_too():
 def test_two_contacts_of_a_spring_that_begin_nearly_at_once(rtol, landing):
     """The journal of the double pendulum meets the wall with both bases, 1e-11 m apart; within
     what a step may end past either, K d(depth) makes a hundredth of how the tilt's rate changes."""
-    law = cj.ExactRestitution(0.8, 4e8, exponent=1.0)
-    scene, state = cj.double_pendulum(law=law)
+    law = cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)
+    scene, state = cj.mechanisms.double_pendulum(law=law)
     places = {
         "e": (lambda s: s.joints["shoulder"].law.restitution, 3e-4),
         "K": (lambda s: s.joints["shoulder"].law.stiffness.stiffness, 4e4),
@@ -170,7 +170,7 @@ def test_two_contacts_of_a_spring_that_begin_nearly_at_once(rtol, landing):
     np.testing.assert_allclose(found.derivatives["y"][0], differences, rtol=1e-6)
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     """A force along X on a body, from a time on; `how` says so in several ways."""
 
     body: str = eqx.field(static=True)
@@ -192,7 +192,7 @@ class Push(cj.AbstractForce):
 class Undeclared(Push):
     """The same, which doesn't say when."""
 
-    breakpoints = cj.AbstractForce.breakpoints
+    breakpoints = cj.extend.AbstractForce.breakpoints
 
 
 def pushed(*pushes):
@@ -240,7 +240,7 @@ def test_a_switch_in_time_that_is_not_declared_is_refused():
         cj.sensitivities(scene, state, 1.0, {"start": start_of(0)}, outputs, [1.0])
 
 
-class Varying(cj.AbstractForce):
+class Varying(cj.extend.AbstractForce):
     """A force that is a function of time."""
 
     function: Any = eqx.field(static=True)
@@ -270,7 +270,7 @@ def test_what_decides_by_time_is_found(function, decides):
     assert decides_by_time(unpack(Varying(function))) is decides
 
 
-class Threshold(cj.AbstractForce):
+class Threshold(cj.extend.AbstractForce):
     """A force along X that changes in several ways where the ball passes a place, 1 m, or a speed,
     1 m/s."""
 
@@ -337,7 +337,7 @@ def test_derivatives_need_landing():
 
 
 def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():
-    class Harder(cj.Hertz):
+    class Harder(cj.laws.Hertz):
         def force(self, gap, entry_speed):
             return super().force(gap, entry_speed) + gap.rate
 
@@ -345,5 +345,10 @@ def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():
         force_jumps = False
 
     assert Buffer.force_jumps and Harder.force_jumps and not Continuous.force_jumps
-    laws = cj.Hertz, cj.HuntCrossley, cj.MemorylessHuntCrossley, cj.LankaraniNikravesh
+    laws = (
+        cj.laws.Hertz,
+        cj.laws.HuntCrossley,
+        cj.laws.MemorylessHuntCrossley,
+        cj.laws.LankaraniNikravesh,
+    )
     assert not any(law.force_jumps for law in laws)

@@ -62,7 +62,7 @@ def test_slow_contacts_are_landed_on_closer(rate, depth):
     assert not bool(LANDING.retry(_reaches(-1e-9, rate), within, 0.0, jnp.asarray(h))[0])
 
 
-CLEARANCE, LAW = 5e-4, cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9)
+CLEARANCE, LAW = 5e-4, cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9)
 HELD = cj.Scene(
     {"rod": cj.Body(1.0, (1e-3, 1e-3, 1e-3))},
     {

@@ -35,7 +35,7 @@ def test_a_run_is_the_same_whenever_it_starts():
         np.testing.assert_allclose(late.impacts.duration, early.impacts.duration, rtol=1e-9)
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     """A force along X on a body from a time on, s, growing by `slope` from there, N/s."""
 
     body: str = eqx.field(static=True)

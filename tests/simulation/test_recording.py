@@ -40,7 +40,7 @@ def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
         run.saved.states,
     )
     assert len(found.impacts) == len(run.impacts) >= 2
-    for field in fields(cj.Impacts):
+    for field in fields(cj.results.Impacts):
         here, there = (getattr(table, field.name) for table in (found.impacts, run.impacts))
         if field.name in ("joint", "contact"):
             assert (here == there).all()
@@ -58,7 +58,7 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
     for k in range(count):
         row = jax.tree.map(lambda leaf, k=k: leaf + k, ImpactRow.none())
         table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))
-    here = ContactInstant(cj.Gap(0.0, 0.0), jnp.zeros(()), None)
+    here = ContactInstant(cj.extend.Gap(0.0, 0.0), jnp.zeros(()), None)
     contact = OpenContact(here, jnp.asarray(False), ImpactRow.none())
     return {"pin": {"V": ContactRecord(contact, table)}}
 
@@ -86,11 +86,11 @@ def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch)
 
 def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
     """The depth a parabola: steps that don't land end where they like."""
-    law, length = cj.Hertz(1e9), 0.3e-3
+    law, length = cj.laws.Hertz(1e9), 0.3e-3
 
     def at(t: float) -> ContactInstant:
         depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
-        gap = cj.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
         return ContactInstant(gap, jnp.asarray(-200.0), None)
 
     start, end = at(0.11e-3), at(0.11e-3 + length)

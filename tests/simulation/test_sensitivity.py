@@ -70,7 +70,7 @@ def test_sensitivities_are_those_of_the_event_exact_solver(
     middles = {contact: _during(reference_folder, *contact) for contact in ENTRIES}
     times = np.union1d(TIMES, list(middles.values()))
     found = cj.sensitivities(
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         0.1,
         PARAMETERS,
         OUTPUTS,
@@ -86,7 +86,7 @@ def test_sensitivities_are_those_of_the_event_exact_solver(
 
 def test_derivatives_take_few_more_steps_than_the_motion_alone():
     """Their forces begin and end as roots of time; steps that don't know are twice as many."""
-    pendulum = cj.double_pendulum()
+    pendulum = cj.mechanisms.double_pendulum()
     plain = cj.simulate(*pendulum, 0.1, cj.presets.derivatives)
     for settings, more in ((cj.presets.derivatives, 1.45), (cj.presets.identification, 1.1)):
         found = cj.sensitivities(*pendulum, 0.1, PARAMETERS, OUTPUTS, TIMES, settings)
@@ -97,7 +97,7 @@ def test_derivatives_take_few_more_steps_than_the_motion_alone():
 def test_what_outputs_read_is_arithmetic_without_loops(count):
     """XLA's emitter forgets at each loop what it has written before, and writes it again at every
     use: a single one among the variables made an acceleration's program five times as large."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     parameters = dict(list(PARAMETERS.items())[:count])
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
@@ -124,7 +124,8 @@ import clearjoint as cj
 cj.configure()
 clearance = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
 output = cj.quantities.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y")
-cj.sensitivities(*cj.double_pendulum(), 0.02, {"clearance": clearance}, {"output": output}, [0.02])
+cj.sensitivities(*cj.mechanisms.double_pendulum(), 0.02, {"clearance": clearance}, {"output":
+output}, [0.02])
 """
 
 

@@ -219,7 +219,7 @@ def test_derivatives_take_a_first_step_and_a_controller_of_ones_own():
 @pytest.mark.parametrize("end", [5e-324, 1e-310, 1e-300])
 def test_spans_that_are_zero_to_the_processor_are_refused(end):
     """It takes subnormal numbers for zero, and a run of such steps would never end."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     with pytest.raises(ValueError, match="`end_time` must be at least"):
         cj.simulate(scene, state, end)
     with pytest.raises(ValueError, match="`end_time` must be at least"):

@@ -108,7 +108,7 @@ MISTAKEN = {
 def test_what_can_not_settle_is_told(case):
     options, message = MISTAKEN[case]
     with pytest.raises(ValueError, match=message):
-        cj.settle(*cj.double_pendulum(), **options)
+        cj.settle(*cj.mechanisms.double_pendulum(), **options)
 
 
 def pendulum(*dampers):
@@ -156,7 +156,7 @@ def test_a_damped_pendulum_comes_to_rest_and_one_that_has_not_is_said_to():
 def test_a_driven_crank_goes_on_from_where_it_settled():
     """With play in its pin and friction, both from the end and from whole periods before."""
     speed = 300.0
-    scene, state = cj.slider_crank(0.05e-3, speed=speed)
+    scene, state = cj.mechanisms.slider_crank(0.05e-3, speed=speed)
     settled = cj.settle(
         scene, state, period=2.0 * math.pi / speed, periods=40, tolerance=1e-3, largest_multiple=2
     )

@@ -23,7 +23,7 @@ FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())
 
 def hung(**options):
     """Arm 2 of the paper's pendulum without arm 3: half as much to compile."""
-    scene, state = cj.double_pendulum(**options)
+    scene, state = cj.mechanisms.double_pendulum(**options)
     arm, shoulder = scene.bodies["arm 2"], scene.joints["shoulder"]
     alone = cj.Scene({"arm 2": arm}, {"shoulder": shoulder}, gravity=scene.gravity)
     return alone, cj.State({"arm 2": state.bodies["arm 2"]})
@@ -213,7 +213,7 @@ def test_a_failing_lane_leaves_the_others_alone(pendulum):
 @pytest.mark.slow
 def test_forward_derivative_through_impacts():
     """Three impacts: the derivative by the clearance, against the extended-precision table."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
 
     def height(log_clearance):
         swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
@@ -235,7 +235,7 @@ def test_memoryless_and_free_scenes_run():
     np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
     observed = cj.observe(scene, solution)
     assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
-    hertz, state = hung(law=cj.Hertz(6.6e10))
+    hertz, state = hung(law=cj.laws.Hertz(6.6e10))
     assert cj.simulate(hertz, state, 0.02).final.entry_speeds == {}
 
 

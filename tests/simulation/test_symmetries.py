@@ -33,7 +33,7 @@ factors = st.floats(0.2, 5.0).map(lambda x: round(x, 3))
 
 def solved(
     numbers: Hinged, names=NAMES, here=None, begin=0.0, end=None, coordinates=JOINT
-) -> cj.Solution:
+) -> cj.results.Solution:
     """A run; all of one mechanism's names and coordinates share a program."""
     return simulated(
         scene(numbers, names),
@@ -45,7 +45,9 @@ def solved(
     )
 
 
-def simulated(built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT) -> cj.Solution:
+def simulated(
+    built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT
+) -> cj.results.Solution:
     return cj.simulate(
         built,
         here,

@@ -22,8 +22,8 @@ def resting(angle=-np.pi / 2):
     """A rotor that turns where the wall carries it, at an angle about the bearing's axis."""
     place = (1.0 + DEPTH / CLEARANCE) * np.array([np.cos(angle), np.sin(angle)])
     pull = 9.81 * np.array([np.cos(angle), np.sin(angle), 0.0])
-    return cj.rotor_in_bearing(
-        CLEARANCE, speed=SPEED, offset=tuple(place), law=cj.Hertz(STIFFNESS), gravity=pull
+    return cj.mechanisms.rotor_in_bearing(
+        CLEARANCE, speed=SPEED, offset=tuple(place), law=cj.laws.Hertz(STIFFNESS), gravity=pull
     )
 
 

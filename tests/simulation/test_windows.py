@@ -181,7 +181,7 @@ def test_windows_and_edges_that_are_none_are_refused(make, message):
 
 def test_impacts_of_a_window():
     rows = [("pin", "V", t, t + 0.1, 0.1, 1.0, 0.9, 1e3 * t, t, 1e-6) for t in (0.1, 0.2, 0.3)]
-    impacts = cj.Impacts.of_rows(rows)
+    impacts = cj.results.Impacts.of_rows(rows)
     np.testing.assert_array_equal(impacts.within(0.2, 0.3).onset, [0.2])
     np.testing.assert_array_equal(impacts.within(after=0.2).peak_force, [200.0, 300.0])
     assert len(impacts.within()) == 3 and Window(None, None).is_whole

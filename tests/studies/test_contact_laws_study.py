@@ -18,7 +18,7 @@ def test_the_study_runs_quickly(tmp_path):
 
 
 def test_the_area_of_a_loop_is_the_energy_lost():
-    law = cj.HuntCrossley(0.5, STIFFNESS)
+    law = cj.laws.HuntCrossley(0.5, STIFFNESS)
     depth, force = loop(law, 2000)
     lost = np.trapezoid(force, depth)
     expected = 0.5 * MASS * SPEED**2 * (1.0 - float(law.delivered_restitution()) ** 2)

@@ -48,7 +48,7 @@ def test_program_needs_the_code_of_its_own_feature(place):
     "changed", [lambda scene: scene, without_motor], ids=["driven", "coasting"]
 )
 def test_slider_crank_by_hand_has_the_general_rates(changed):
-    scene, state = cj.slider_crank()
+    scene, state = cj.mechanisms.slider_crank()
     scene = unpack(fold_constants(changed(scene)))
     start = FORMULATION.coordinates.encode(scene, unpack(state.bodies))
     entry_speeds = {"slider pin": {base: jnp.asarray(0.1) for base in "VW"}}

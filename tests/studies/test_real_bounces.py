@@ -129,7 +129,7 @@ def test_simulated_ball_keeps_to_the_closed_form():
     """Floor, drag and law against flights in closed form; the contacts take the rest."""
     terminal = BALLS[TENNIS_TABLE].terminal
     expected = throw(2.5, 6, terminal, 0.0, np.random.default_rng())
-    law = RestitutionOverSpeed(LOSS, POWER, cj.Hertz(1e8))
+    law = RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))
     ball = BALLS[TENNIS_TABLE]
     made = scene(law, ball.mass, ball.diameter, terminal)
     found = simulated_intervals(made, expected[0], terminal, 6)
@@ -138,15 +138,15 @@ def test_simulated_ball_keeps_to_the_closed_form():
 
 @pytest.mark.parametrize("delivered", [0.5, 0.7, 0.9, 0.97])
 def test_damping_delivers_what_is_asked(delivered):
-    found = float(cj.delivered_restitution(damping_factor(delivered)))
+    found = float(cj.laws.delivered_restitution(damping_factor(delivered)))
     assert found == pytest.approx(delivered, abs=5e-4)
 
 
 def test_what_to_request_of_a_law():
     """Lankarani and Nikravesh deliver 0.9132 for 0.9, and never less than 0.663."""
-    assert requested(cj.LankaraniNikravesh, 0.91324) == pytest.approx(0.9, abs=1e-4)
-    assert requested(cj.LankaraniNikravesh, 0.6) is None
-    assert requested(cj.HuntCrossley, 0.66298) == pytest.approx(0.5, abs=1e-4)
+    assert requested(cj.laws.LankaraniNikravesh, 0.91324) == pytest.approx(0.9, abs=1e-4)
+    assert requested(cj.laws.LankaraniNikravesh, 0.6) is None
+    assert requested(cj.laws.HuntCrossley, 0.66298) == pytest.approx(0.5, abs=1e-4)
 
 
 def test_quick_study_writes_its_figures(folder, tmp_path, capsys):

@@ -289,7 +289,7 @@ def modules_of_ones_own() -> dict[str, eqx.Module]:
         def total(self):
             return Made(1.0).total() + super().total()
 
-    class Law(cj.Hertz):
+    class Law(cj.laws.Hertz):
         factor: Any = quantity("1", default=1.0)
 
         def elastic_force(self, *arguments):

@@ -139,7 +139,7 @@ def test_refused_values_of_the_pendulum_are_told():
     }
     told = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
     with pytest.warns(UserWarning, match=told):
-        found = cj.sweep(*cj.double_pendulum(), 0.1, axes, zipped=True)
+        found = cj.sweep(*cj.mechanisms.double_pendulum(), 0.1, axes, zipped=True)
     assert codes(found) == ["bad_parameters"] * 2
 
 

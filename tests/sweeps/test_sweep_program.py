@@ -27,7 +27,7 @@ def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
     plan = Plan(
         Scheme.of(settings),
-        {n: o for n, o in outputs.items() if isinstance(o, cj.AbstractReduction)},
+        {n: o for n, o in outputs.items() if isinstance(o, cj.extend.AbstractReduction)},
         {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),
         np.asarray(1000),
@@ -37,7 +37,7 @@ def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     return programs(plan, fold_constants(scene), state, 0.0, channels)
 
 
-class Law(cj.Hertz):
+class Law(cj.laws.Hertz):
     """Elastic contact, by code of the tests' own."""
 
     gain, energy_gain = 1.0, 1.0
@@ -49,7 +49,7 @@ class Law(cj.Hertz):
         return self.energy_gain * super().stored_energy(gap)
 
 
-class Grip(cj.AbstractFriction):
+class Grip(cj.extend.AbstractFriction):
     """Friction, by code of the tests' own."""
 
     gain = 1.0

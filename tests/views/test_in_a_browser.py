@@ -98,8 +98,19 @@ def test_a_notebook_shows_it_in_a_frame(browser, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
-    [cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.robot_arm, cj.gear_pair]
-    + [cj.rotor_in_bearing, cj.andrews_squeezer, cj.spatial_four_bar, cj.quick_return],
+    [
+        cj.mechanisms.double_pendulum,
+        cj.mechanisms.slider_crank,
+        cj.mechanisms.four_bar,
+        cj.mechanisms.robot_arm,
+        cj.mechanisms.gear_pair,
+    ]
+    + [
+        cj.mechanisms.rotor_in_bearing,
+        cj.mechanisms.andrews_squeezer,
+        cj.mechanisms.spatial_four_bar,
+        cj.mechanisms.quick_return,
+    ],
     ids=lambda make: make.__name__,
 )
 def test_mechanisms_are_seen_before_a_run(make, browser, tmp_path):

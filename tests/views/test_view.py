@@ -52,7 +52,7 @@ def test_a_journal_is_as_far_off_as_it_is_times_the_scale(seen):
 
 
 def test_true_proportions_are_kept_if_they_are_asked_for():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     view = cj.view(scene, state, clearance_scale=1.0, bearing_scale=1.0)
     assert spread(journal_of(view), 2) == pytest.approx(9.5e-3)
     ground = next(part for part in view.parts if part.name == "ground")
@@ -63,7 +63,7 @@ def test_true_proportions_are_kept_if_they_are_asked_for():
 
 
 def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():
-    scene, state = cj.four_bar()
+    scene, state = cj.mechanisms.four_bar()
     view = cj.view(scene, state)
     for name in ("crank", "coupler", "rocker"):
         bar = next(part for part in view.parts if part.name == name and part.colour != METAL)
@@ -124,7 +124,7 @@ def test_an_arrow_is_cut_where_a_given_scale_makes_it_too_long(seen):
     assert "cut at" in long.legend.notes[-1]
 
 
-def pressed(peak: float) -> cj.Observation:
+def pressed(peak: float) -> cj.results.Observation:
     """The observation with a far larger force, N, at one instant."""
     force = recorded.observed().contacts["pin"]["V"].normal_force.copy()
     force[-1] = peak
@@ -148,13 +148,17 @@ def test_the_largest_force_has_the_longest_arrow_and_others_are_seen(peak, expon
 
 def test_impacts_between_the_frames_are_noted():
     saved, rows = recorded.motion(), [("pin", "V", 0.01, 0.011, 1e-3, 0.1, 0.1, 9e3, 0.01, 1e-6)]
-    solution = solution_of(saved, cj.Impacts.of_rows(rows))
+    solution = solution_of(saved, cj.results.Impacts.of_rows(rows))
     view = cj.view(recorded.arm_in_bearing(), solution, observation=recorded.observed())
     assert view.legend.notes[-1] == "largest contact force of the run, between frames: 9 kN"
 
 
 def test_the_motion_is_in_the_middle_of_the_picture(seen):
-    for view in (seen, cj.view(*cj.slider_crank()[:2]), cj.view(*cj.robot_arm()[:2])):
+    for view in (
+        seen,
+        cj.view(*cj.mechanisms.slider_crank()[:2]),
+        cj.view(*cj.mechanisms.robot_arm()[:2]),
+    ):
         camera = view._camera
         bodies = [part for part in view.parts if part.colour not in (FORCE, LOAD)]
         count = 1 if view.times is None else len(view.times)
@@ -171,7 +175,9 @@ def test_the_motion_is_in_the_middle_of_the_picture(seen):
 def test_a_run_that_kept_steps_alone_is_shown_at_even_times():
     steps = recorded.motion()
     times = np.r_[0.0, 1e-6, 2e-6, 0.02]
-    steps = cj.Trajectory(times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states))
+    steps = cj.results.Trajectory(
+        times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states)
+    )
     solution = dataclasses.replace(solution_of(steps), saved=None, steps=steps)
     view = cj.view(recorded.arm_in_bearing(), solution, forces=False, frames=5)
     np.testing.assert_allclose(view.times, np.linspace(0.0, 0.02, 5))
@@ -208,7 +214,9 @@ def test_ten_thousand_states_make_a_small_page(tmp_path):
     still, turn = np.zeros((count, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
     place = np.random.default_rng(0).normal(0.2, 1e-3, (count, 3))
     times = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, count)) * 1e-4
-    motion = cj.Trajectory(times, cj.State({"arm": cj.BodyState(place, turn, still, still)}))
+    motion = cj.results.Trajectory(
+        times, cj.State({"arm": cj.BodyState(place, turn, still, still)})
+    )
     view = cj.view(recorded.arm_in_bearing(), motion, frames=300)
     assert 290 <= len(view.times) <= 300
     assert (view.times[0], view.times[-1]) == (times[0], times[-1])
@@ -231,7 +239,7 @@ def test_names_cannot_break_the_page():
     assert "</script><b>" not in page
 
 
-class Mystery(cj.AbstractForce):
+class Mystery(cj.extend.AbstractForce):
     body: str
 
     def body_names(self):
@@ -241,11 +249,11 @@ class Mystery(cj.AbstractForce):
         return {}
 
     def draw(self, pen):
-        pen.rod(cj.Marker("ground", ORIGIN), cj.Marker(self.body, ORIGIN))
+        pen.rod(cj.extend.Marker("ground", ORIGIN), cj.extend.Marker(self.body, ORIGIN))
 
 
 AXES = (ORIGIN, ORIGIN, Z, Z)
-FLAT = cj.Hertz(1e9)
+FLAT = cj.laws.Hertz(1e9)
 ELEMENTS = (
     cj.SphericalJoint("ground", "ball", ORIGIN, ORIGIN),
     cj.RevoluteJoint("ground", "ball", *AXES),
@@ -276,7 +284,7 @@ ELEMENTS = (
 @pytest.mark.parametrize("element", ELEMENTS, ids=lambda element: type(element).__name__)
 def test_every_element_draws_itself(element):
     bare = cj.Scene({"ball": BALL})
-    family = "forces" if isinstance(element, cj.AbstractForce) else "joints"
+    family = "forces" if isinstance(element, cj.extend.AbstractForce) else "joints"
     scene = cj.Scene({"ball": BALL}, **{family: {"it": element}})
     state = cj.State({"ball": cj.body_state((0.3, 0.1, 0.02))})
     view, without = cj.view(scene, state), cj.view(bare, state)
@@ -290,7 +298,7 @@ def test_every_element_draws_itself(element):
 
 
 def test_teeth_mesh_in_the_gaps_of_the_other_gear():
-    scene, state = cj.gear_pair()
+    scene, state = cj.mechanisms.gear_pair()
     view = cj.view(scene, state)
     for name, radius, towards in (("pinion", 0.030, 0.0), ("wheel", 0.075, np.pi)):
         (part,) = [part for part in view.parts if part.name == name]
@@ -301,7 +309,7 @@ def test_teeth_mesh_in_the_gaps_of_the_other_gear():
 
 
 def test_bodies_without_a_state_are_where_joints_put_them():
-    scene, _ = cj.double_pendulum()
+    scene, _ = cj.mechanisms.double_pendulum()
     state, fits = placed(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
@@ -310,14 +318,14 @@ def test_bodies_without_a_state_are_where_joints_put_them():
 
 @pytest.mark.slow
 def test_loops_are_closed_where_no_state_is_given():
-    scene, _ = cj.four_bar()
+    scene, _ = cj.mechanisms.four_bar()
     state, fits = placed(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
 
 
 def test_a_mesh_of_ones_own_takes_the_place_of_the_bar(tmp_path):
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     box = trimesh.creation.box((1.0, 0.1, 0.1))
     box.export(tmp_path / "arm.stl")
     for given in (box, (box.vertices, box.faces), tmp_path / "arm.stl"):
@@ -343,16 +351,16 @@ WRONG = {
 @pytest.mark.parametrize("options, message", WRONG.values(), ids=WRONG)
 def test_what_cannot_be_drawn_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        cj.view(*cj.double_pendulum(), **options)
+        cj.view(*cj.mechanisms.double_pendulum(), **options)
 
 
 def test_motions_that_do_not_fit_are_refused():
     scene, motion = recorded.arm_in_bearing(), recorded.motion()
     with pytest.raises(ValueError, match="motion.*scene's bodies"):
-        cj.view(cj.double_pendulum()[0], motion)
+        cj.view(cj.mechanisms.double_pendulum()[0], motion)
     with pytest.raises(ValueError, match="motion.*a state or a solution"):
         cj.view(scene, "solution")
-    one = cj.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
+    one = cj.results.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
     with pytest.raises(ValueError, match="one row for each time"):
         cj.view(scene, one)
     half = jax.tree.map(lambda rows: rows[::2], motion)
@@ -370,7 +378,7 @@ def test_pictures_and_animations_are_written(seen, tmp_path):
 def test_files_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="file.*one of"):
         seen.save(tmp_path / "arm.step")
-    standing = cj.view(*cj.double_pendulum())
+    standing = cj.view(*cj.mechanisms.double_pendulum())
     with pytest.raises(ValueError, match="pass a solution"):
         standing.save(tmp_path / "arm.gif")
     monkeypatch.setattr(shutil, "which", lambda name: None)
@@ -387,7 +395,7 @@ def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
 
 @pytest.mark.slow
 def test_a_solution_is_observed_and_shown():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     times = np.linspace(0.0, 0.2, 41)
     solution = cj.simulate(scene, state, 0.2, cj.presets.preview, save=cj.Saving(times))
     view = cj.view(scene, solution, frames=21)

@@ -166,7 +166,7 @@ class Views(dict[str, Motion]):
 
 
 def folded(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
-    """Wrenches by the bodies' own names and by any `GroupName` as wrenches on single bodies and whole
+    """Wrenches by the bodies' own names and by any `GroupName` as wrenches on single bodies and
     groups, of which there is one for each key of `bodies`."""
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():

@@ -127,7 +127,7 @@ def largest_feasible(
     ```python
     import clearjoint as cj
 
-    scene, state = cj.slider_crank(0.1e-3)
+    scene, state = cj.mechanisms.slider_crank(0.1e-3)
     found = cj.largest_feasible(
         scene,
         state,

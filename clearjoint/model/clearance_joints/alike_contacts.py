@@ -20,8 +20,8 @@ class SeveralContactJoints(AbstractContactJoint):
 
     - `joint`: the first of them, with arrays of all their numbers.
     - `members`: all of them as they were given.
-    - `first`, `second`: names of their bodies; each that of the ground, or a `GroupName` in the order
-      of the joints.
+    - `first`, `second`: names of their bodies; each that of the ground, or a `GroupName` in the
+      order of the joints.
     """
 
     joint: AbstractContactJoint

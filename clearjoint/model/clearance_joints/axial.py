@@ -20,20 +20,20 @@ class AbstractAxialPolicy(AbstractConverting):
     ```python
     import clearjoint as cj
 
-    class ThrustWashers(cj.AbstractAxialPolicy):
+    class ThrustWashers(cj.extend.AbstractAxialPolicy):
         lower_play: float  # m, from the journal's end to the washer
         upper_play: float
         stiffness: float  # N/m^1.5
 
         def shoulder_law(self):
-            return cj.Hertz(self.stiffness)
+            return cj.laws.Hertz(self.stiffness)
 
         def shoulder_gap(self, side, offset, rate):
             play = self.lower_play if side < 0 else self.upper_play
-            return cj.Gap(offset - play, rate)
+            return cj.extend.Gap(offset - play, rate)
 
     washers = ThrustWashers(lower_play=1e-4, upper_play=3e-4, stiffness=1e9)
-    scene, state = cj.double_pendulum(axial=washers)
+    scene, state = cj.mechanisms.double_pendulum(axial=washers)
     ```
     """
 
@@ -62,7 +62,7 @@ class FreeAxially(AbstractAxialPolicy):
     `LeftBearingWarning`. Take `EndPlay` for a real bearing, whose collars stop the journal, or
     `FixedAxially` where the axial motion is of no interest.
 
-    >>> scene, state = cj.double_pendulum(axial=cj.FreeAxially())
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FreeAxially())
     >>> scene.joints["shoulder"].axial
     FreeAxially()
     """
@@ -71,7 +71,7 @@ class FreeAxially(AbstractAxialPolicy):
 class FixedAxially(AbstractAxialPolicy):
     """An ideal constraint keeps the journal's centre in the bearing's middle plane.
 
-    >>> scene, state = cj.double_pendulum(axial=cj.FixedAxially())
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FixedAxially())
     >>> scene.joints["shoulder"].axial
     FixedAxially()
     """
@@ -89,7 +89,7 @@ class EndPlay(AbstractAxialPolicy):
 
     The force acts along the bearing's axis at the journal's base. No friction at the shoulders.
 
-    >>> collars = cj.EndPlay(play=0.2e-3, law=cj.Hertz(1e9))
+    >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
     >>> print(f"{gap.depth:.2e} m")  # beyond half of the play
     5.00e-05 m

@@ -43,7 +43,7 @@ class BallInSocket(AbstractPlay):
     ```python
     import clearjoint as cj
 
-    law = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
+    law = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
     tip = cj.BallInSocket("rocker", "coupler", socket_radius=10e-3, clearance=0.2e-3, law=law)
     ```
     """

@@ -28,7 +28,7 @@ class CarriedJournal(NamedTuple):
     frame with it. `offset`: (2,) m; `stiffness`: (2, 2) N/m, minus the derivative of the force by
     the offset; `damping`: (2, 2) N s/m, minus that by the offset's rate.
 
-    >>> scene, _ = cj.rotor_in_bearing(film=cj.CaponeFilm(0.02))
+    >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
     >>> carried.stiffness.shape, bool(carried.damping[0, 0] > 0.0)
     ((2, 2), True)
@@ -59,7 +59,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     ```python
     import clearjoint as cj
 
-    scene, _ = cj.rotor_in_bearing(film=cj.CaponeFilm(0.02))
+    scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -20.0 * 9.81), speed=200.0)
     is_stable = carried.growth(mass=20.0).real.max() < 0.0
     ```

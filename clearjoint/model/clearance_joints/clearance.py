@@ -88,7 +88,7 @@ class ClearanceJoint(AbstractContactJoint):
     ...     bearing_radius=10e-3,
     ...     clearance=0.5e-3,
     ...     journal_length=20e-3,
-    ...     law=cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+    ...     law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
     ... )
     >>> print(f"{pin.bearing_radius - pin.clearance:.4f} m")  # the journal's radius
     0.0095 m

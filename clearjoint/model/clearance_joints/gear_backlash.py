@@ -142,7 +142,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
     A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
 
-    >>> law = cj.ExactRestitution(0.8, 1.8e11)
+    >>> law = cj.laws.ExactRestitution(0.8, 1.8e11)
     >>> mesh = cj.GearBacklash(
     ...     "pinion",
     ...     "wheel",

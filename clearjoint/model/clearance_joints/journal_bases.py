@@ -36,8 +36,8 @@ class JournalBase:
 
     `local` is its centre in the journal's body axes. Along the bearing's `axis`, a global unit
     vector, it is at a `height` from the bearing's centre; across it, the journal's `centre` and the
-    `onset_offset` from there lead to it. There is the point `on_bearing` of the bearing, in that body's
-    axes; `velocity`, m/s, is relative to that point.
+    `onset_offset` from there lead to it. There is the point `on_bearing` of the bearing, in that
+    body's axes; `velocity`, m/s, is relative to that point.
     """
 
     axis: Vector

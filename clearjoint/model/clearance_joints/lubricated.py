@@ -117,9 +117,9 @@ class LubricatedJoint(AbstractContactJoint):
 
     dry = cj.ClearanceJoint(
         "ground", "rotor", bearing_radius=25e-3, clearance=50e-6, journal_length=20e-3,
-        law=cj.Hertz(1e10), axial=cj.FixedAxially(),
+        law=cj.laws.Hertz(1e10), axial=cj.FixedAxially(),
     )
-    joint = cj.LubricatedJoint(dry, cj.CaponeFilm(viscosity=0.02), transition=1e-6)
+    joint = cj.LubricatedJoint(dry, cj.films.CaponeFilm(viscosity=0.02), transition=1e-6)
     scene = cj.Scene({"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}, {"bearing": joint})
     ```
     """

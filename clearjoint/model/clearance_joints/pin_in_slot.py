@@ -54,7 +54,7 @@ class PinInSlot(AbstractPlay):
     ```python
     import clearjoint as cj
 
-    law = cj.HuntCrossley(0.8, 1e9, exponent=1.0)
+    law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
     slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
     ```
     """

@@ -64,8 +64,8 @@ class SliderInGuide(AbstractPlay):
         half_length=0.05,
         half_height=0.025,
         clearance=1e-3,
-        law=cj.ExactRestitution(0.4, 1e9),
-        friction=cj.RegularisedCoulomb(0.01),
+        law=cj.laws.ExactRestitution(0.4, 1e9),
+        friction=cj.frictions.RegularisedCoulomb(0.01),
     )
     ```
     """

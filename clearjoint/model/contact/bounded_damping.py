@@ -44,10 +44,10 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
     $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
-    >>> law = cj.ElastoGap(stiffness=1e6, damping=5e3)
-    >>> print(law.force(cj.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
+    >>> law = cj.laws.ElastoGap(stiffness=1e6, damping=5e3)
+    >>> print(law.force(extend.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
     1500.0
-    >>> print(law.force(cj.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
+    >>> print(law.force(extend.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
     2000.0
     """
 
@@ -70,8 +70,8 @@ class ImpactFunction(AbstractBoundedDampingLaw):
     D rises from zero to `damping` (N s/m) over the `full_damping_depth` d (m), as the cubic
     s^2 (3 - 2 s) of s = delta/d.
 
-    >>> law = cj.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 
@@ -97,10 +97,10 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
     tangent of the rate over the `transition_speed` (m/s), since no step lands there; impacts that
     are hardly faster lose less.
 
-    >>> law = cj.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
-    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, on the way in
+    >>> law = cj.laws.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
+    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, on the way in
     1000.0
-    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # on the way out
+    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # on the way out
     810.0
     """
 

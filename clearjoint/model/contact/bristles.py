@@ -32,13 +32,13 @@ class AbstractBristleFriction(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_bristles
 
-    class Springs(cj.AbstractBristleFriction):
+    class Springs(cj.extend.AbstractBristleFriction):
         coefficient: float
         stiffness: float  # 1/m
 
         def rate(self, deflection, slip):
-            speed, _ = cj.norm_and_direction(slip)
-            size, _ = cj.norm_and_direction(deflection)
+            speed, _ = cj.extend.norm_and_direction(slip)
+            size, _ = cj.extend.norm_and_direction(deflection)
             used = size * self.stiffness / self.coefficient
             return slip - deflection * (speed * used * self.stiffness / self.coefficient)
 
@@ -52,7 +52,7 @@ class AbstractBristleFriction(AbstractConverting):
             return self.coefficient / self.stiffness
 
     check_bristles(Springs(0.1, 1e5))
-    scene, state = cj.double_pendulum(friction=Springs(0.1, 1e5))
+    scene, state = cj.mechanisms.double_pendulum(friction=Springs(0.1, 1e5))
     ```
     """
 
@@ -93,7 +93,7 @@ class Dahl(AbstractBristleFriction):
 
     **Arguments:** `coefficient` mu; `stiffness` sigma0, 1/m, of the bristles over the normal force.
 
-    >>> friction = cj.Dahl(0.1, stiffness=1e5)
+    >>> friction = cj.frictions.Dahl(0.1, stiffness=1e5)
     >>> print(f"{friction.full_deflection():.1e} m")  # mu/sigma0
     1.0e-06 m
     """
@@ -168,7 +168,7 @@ class LuGre(AbstractDampedBristles):
     s/m, and `viscosity` sigma2, s/m. Where sigma1 |v| exceeds 4 g(v) the bristles may give
     out more than they took in (N. Barabanov, R. Ortega 2000).
 
-    >>> friction = cj.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
+    >>> friction = cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.sliding_ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
     0.1368
     """
@@ -197,8 +197,8 @@ class ElastoPlastic(AbstractDampedBristles):
 
     **Arguments:** as those of `LuGre`, and `elastic_deflection` z_ba, m, below mu_C/sigma0.
 
-    >>> friction = cj.ElastoPlastic(0.2, 0.1, stribeck_speed=0.01, elastic_deflection=5e-7)
-    >>> still = friction.rate(cj.Vector(4e-7, 0.0, 0.0), cj.Vector(1e-3, 0.0, 0.0))
+    >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
+    >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))
     >>> print(f"{still.x:.1e}")  # m/s: below 0.5 um all of the slip is elastic
     1.0e-03
     """

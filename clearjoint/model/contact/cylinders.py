@@ -39,11 +39,11 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Foundation(cj.AbstractCylinder):
+    class Foundation(cj.extend.AbstractCylinder):
         def line_force(self, gap, depth):
             return depth * jnp.sqrt(depth / gap.clearance) / self.compliance()
 
-    law = cj.LankaraniNikravesh(0.9, Foundation(207e9, 0.3, length=10e-3))
+    law = cj.laws.LankaraniNikravesh(0.9, Foundation(207e9, 0.3, length=10e-3))
     ```
     """
 
@@ -140,9 +140,9 @@ class LiuCylinder(AbstractCylinder):
 
     For large conformity too: dR is the clearance, 1/E* the sum of (1 - nu^2)/E.
 
-    >>> cylinder = cj.LiuCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     251 N
     """
 
@@ -163,9 +163,9 @@ class PereiraCylinder(AbstractCylinder):
     0.0151 dR + 1.151 from there. It holds for clearances from 0.005 to 10 mm. Its damping is that
     of `LankaraniNikravesh`. All arguments are in SI units.
 
-    >>> cylinder = cj.PereiraCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     1009 N
     """
 
@@ -201,7 +201,7 @@ class PerssonCylinder(AbstractCylinder):
     dR/(dR + delta) as in `LiuCylinder`, the force is several times that of the other laws at small
     penetrations. It is here for `load` and `half_angle`, which tell where they end.
 
-    >>> cylinder = cj.PerssonCylinder(207e9, 0.3, length=20e-3)
+    >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
     >>> print(f"{load:.3e} N/m")
     1.611e+05 N/m

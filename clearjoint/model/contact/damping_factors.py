@@ -20,7 +20,7 @@ class HuntCrossley(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{2}$$
 
-    >>> law = cj.HuntCrossley(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3000, delivers 0.8329
     """
@@ -35,7 +35,7 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
     $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
 
-    >>> law = cj.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3571, delivers 0.8070
     """
@@ -51,7 +51,7 @@ class LeeWang(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    >>> law = cj.LeeWang(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.1500, delivers 0.9090
     """
@@ -66,7 +66,7 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
-    >>> law = cj.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.2700, delivers 0.8471
     """
@@ -81,7 +81,7 @@ class ZhiyingQishao(AbstractDampedLaw):
 
     $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
-    >>> law = cj.ZhiyingQishao(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.ZhiyingQishao(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4028, delivers 0.7874
     """
@@ -97,7 +97,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
-    >>> law = cj.CarvalhoMartins(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.CarvalhoMartins(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3732, delivers 0.8000
     """
@@ -130,7 +130,7 @@ class Flores2011(AbstractReboundingLaw):
 
     K. Ye et al. 2009 have the same for an exponent of 1.5.
 
-    >>> law = cj.Flores2011(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.Flores2011(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4000, delivers 0.7885
     """
@@ -145,7 +145,7 @@ class Gonthier(AbstractReboundingLaw):
 
     $$\chi = \frac{1 - c^2}{c}$$
 
-    >>> law = cj.Gonthier(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.Gonthier(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4500, delivers 0.7680
     """
@@ -161,7 +161,7 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
     $$\chi = \frac{1}{c}$$
 
-    >>> law = cj.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     1.2500, delivers 0.5362
     """
@@ -176,7 +176,7 @@ class HuGuo(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
-    >>> law = cj.HuGuo(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HuGuo(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3750, delivers 0.7992
     """
@@ -191,7 +191,7 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
     $$\chi = \frac{5 (1 - c)}{4 c}$$
 
-    >>> law = cj.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3125, delivers 0.8271
     """
@@ -206,7 +206,7 @@ class YePounding(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
-    >>> law = cj.YePounding(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.YePounding(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3750, delivers 0.7992
     """
@@ -230,7 +230,7 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
     >>> import warnings
     >>> warnings.filterwarnings("ignore", category=cj.LawRangeWarning)
-    >>> law = cj.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
+    >>> law = cj.laws.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3519, delivers 0.8093
     """
@@ -259,7 +259,7 @@ class ExactRestitution(AbstractReboundingLaw):
     It solves chi (1 + c) = ln[(1 + chi)/(1 - chi c)], the relation of Y. Gonthier et al. 2004 and
     J. Zhang, I. Sharf 2009.
 
-    >>> law = cj.ExactRestitution(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.ExactRestitution(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3731, delivers 0.8000
     """

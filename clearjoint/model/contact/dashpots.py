@@ -30,8 +30,8 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     ```python
     import clearjoint as cj
 
-    class Foam(cj.AbstractDashpotLaw):
-        stiffness: cj.AbstractStiffness
+    class Foam(cj.extend.AbstractDashpotLaw):
+        stiffness: cj.extend.AbstractStiffness
         viscosity: float  # N s/m^2
         exponent = 1.5
         damping_exponent = 1.0
@@ -96,7 +96,7 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 
     exp(-2 z acos z/sqrt(1 - z^2)) with the damping ratio z < 1 (T. Schwager, T. Poeschel 2007).
 
-    >>> print(f"{cj.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
+    >>> print(f"{cj.laws.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
     0.550
     """
     return jnp.exp(-2.0 * ratio * jnp.arccos(ratio) / jnp.sqrt(1.0 - ratio**2))
@@ -148,7 +148,7 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
     before. This one does not pull: for 0.1, 0.5 and 0.9 it delivers 0.253, 0.550 and 0.902. At
     touch the force jumps to D times the entry speed.
 
-    >>> law = cj.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
+    >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
     0.550
     """
@@ -174,7 +174,7 @@ class Tsuji(AbstractTunedDashpotLaw):
     z is the `damping_ratio` (J. Antypov, J. A. Elliott 2011): it would deliver the requested
     restitution if it pulled before the end; clamped, it delivers what `KelvinVoigt` does.
 
-    >>> law = cj.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
+    >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
     0.902
     """
@@ -200,8 +200,8 @@ class Jankowski(AbstractTunedDashpotLaw):
 
     z = (9 sqrt(5)/2) (1 - c^2)/(c (c (9 pi - 16) + 16)).
 
-    >>> law = cj.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
+    >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
     1000.0
     """
 
@@ -241,8 +241,8 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
     The restitution falls with the speed, as that of metals does. D in N s/m^1.5. The slope of the
     damping grows without bound towards touch, where the force is zero.
 
-    >>> law = cj.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    >>> law = cj.laws.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 
@@ -255,8 +255,8 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
-    >>> law = cj.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 1e5 (1e-4)^0.65
+    >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
     1251.2
     """
 
@@ -269,8 +269,8 @@ class Ristow(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    >>> law = cj.Ristow(stiffness=1e9, damping_coefficient=2e3)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 

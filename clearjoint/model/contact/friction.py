@@ -24,7 +24,7 @@ class AbstractFriction(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_friction
 
-    class Fading(cj.AbstractFriction):
+    class Fading(cj.extend.AbstractFriction):
         slow: float
         fast: float
         fading_speed: float  # m/s
@@ -36,7 +36,7 @@ class AbstractFriction(AbstractConverting):
 
     friction = Fading(slow=0.15, fast=0.1, fading_speed=0.01)
     check_friction(friction)
-    scene, state = cj.double_pendulum(friction=friction)
+    scene, state = cj.mechanisms.double_pendulum(friction=friction)
     ```
     """
 
@@ -59,7 +59,7 @@ class RegularisedCoulomb(AbstractFriction):
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
-    >>> friction = cj.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
+    >>> friction = cj.frictions.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
     0.0762
     """
@@ -79,7 +79,7 @@ class LinearCoulomb(AbstractFriction):
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
-    >>> friction = cj.LinearCoulomb(0.1, regularisation_speed=1e-3)
+    >>> friction = cj.frictions.LinearCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5e-3):.4f}")
     0.0500
     """
@@ -102,7 +102,7 @@ class Threlfall(AbstractFriction):
     The constant is 1 - exp(-3) = 0.9502 mu: the law never reaches mu. With 0.95 mu, as the formula
     is often printed, it would jump at v_r. Creeps under load.
 
-    >>> friction = cj.Threlfall(0.1, regularisation_speed=1e-3)
+    >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
@@ -125,7 +125,7 @@ class Ambrosio(AbstractFriction):
 
     **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
 
-    >>> friction = cj.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
+    >>> friction = cj.frictions.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
     >>> print(f"{friction.ratio(0.55e-3):.4f}")  # half-way
     0.0500
     """

@@ -16,7 +16,7 @@ class Gap:
     `bearing_radius` and radial `clearance`: m (``None`` for flat surfaces). The clearance is given,
     and not the journal's radius, since a difference of radii would spoil its last digits.
 
-    >>> cj.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     Gap(depth=1e-06, rate=0.05, bearing_radius=0.01, clearance=0.0005)
     """
 

@@ -35,8 +35,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
     import clearjoint as cj
     import equinox as eqx
 
-    class Damped(cj.AbstractHertzianLaw):
-        stiffness: cj.AbstractStiffness
+    class Damped(cj.extend.AbstractHertzianLaw):
+        stiffness: cj.extend.AbstractStiffness
         factor: float
         exponent: float = eqx.field(default=1.5, static=True)
         smoothing: float | None = None
@@ -119,8 +119,8 @@ class Hertz(AbstractHertzianLaw):
 
     $$F = K \delta^n$$
 
-    >>> law = cj.Hertz(stiffness=1e9)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
+    >>> law = cj.laws.Hertz(stiffness=1e9)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
     1000.0
     """
 
@@ -144,10 +144,10 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     `delivered_restitution` reports is delivered. Slower impacts lose less and faster ones more, as
     metals do, and a contact that begins slowly isn't stiff.
 
-    >>> law = cj.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
+    >>> law = cj.laws.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
     >>> print(f"{law.delivered_restitution():.4f}")
     0.8329
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 (1 + 0.3)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 (1 + 0.3)
     1300.0
     """
 
@@ -179,11 +179,11 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     ```python
     import clearjoint as cj
 
-    class Gonthier(cj.AbstractDampedLaw):
+    class Gonthier(cj.extend.AbstractDampedLaw):
         def damping_factor(self):
             return (1.0 - self.restitution**2) / self.restitution
 
-    law = Gonthier(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
+    law = Gonthier(restitution=0.8, stiffness=cj.laws.RavnStiffness(207e9, 0.3))
     ```
     """
 

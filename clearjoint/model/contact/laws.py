@@ -27,8 +27,8 @@ seen, so it is taken as elastic, for which an entry speed beyond all others stan
 class AbstractContactLaw(AbstractConverting):
     """A normal force law.
 
-    A subclass gives the force and the stored energy; a law with `uses_entry_speed` gets the entry speed
-    of the present contact, found at the true onset and kept to the separation.
+    A subclass gives the force and the stored energy; a law with `uses_entry_speed` gets the entry
+    speed of the present contact, found at the true onset and kept to the separation.
 
     `force_jumps`: whether the force may be other than zero right after the onset or before the
     separation, as that of a parallel damper is. What follows of it, derivatives above all, is then
@@ -41,7 +41,7 @@ class AbstractContactLaw(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_law
 
-    class Elastomer(cj.AbstractContactLaw):
+    class Elastomer(cj.extend.AbstractContactLaw):
         stiffness: float  # N/m
         damping: float  # s/m
         uses_entry_speed = False
@@ -58,7 +58,7 @@ class AbstractContactLaw(AbstractConverting):
 
     law = Elastomer(stiffness=1e8, damping=0.5)
     check_law(law)
-    scene, state = cj.double_pendulum(law=law)
+    scene, state = cj.mechanisms.double_pendulum(law=law)
     ```
     """
 
@@ -104,7 +104,7 @@ class AbstractContactLaw(AbstractConverting):
 class AbstractElasticLaw(AbstractContactLaw):
     """A law whose `stiffness`, a number or an `AbstractElasticity`, says its elastic force.
 
-    >>> issubclass(cj.Hertz, extend.AbstractElasticLaw), cj.Hertz(1e9).stiffness
+    >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
     """
 
@@ -124,7 +124,7 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
     """Normal force of a contact, N. Without an entry speed on record (memory zero) the present rate
     stands for it, which it is at the onset.
 
-    >>> law, gap = cj.HuntCrossley(0.8, 1e9), cj.Gap(depth=1e-4, rate=0.1)
+    >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
     1300.0 N
     """

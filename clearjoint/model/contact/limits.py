@@ -12,8 +12,8 @@ class Limit(NamedTuple):
 
     `law` and `quantity`: names; `value`, `least` and `most` in the `unit`.
 
-    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=10e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> limit = cylinder.limits(gap)[0]
     >>> limit.quantity, limit.unit
     ('penetration', 'm')

@@ -71,9 +71,9 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
-    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     1032 N
     """
 
@@ -91,9 +91,9 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
-    >>> cylinder = cj.EsduCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.EsduCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     776 N
     """
 
@@ -116,9 +116,9 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     Roark's 1.60 goes with diameters: with 2.26 in its place the penetration is smaller by
     P/(pi E*) ln 2.
 
-    >>> cylinder = cj.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     888 N
     """
 
@@ -136,9 +136,9 @@ class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
-    >>> cylinder = cj.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     775 N
     """
 
@@ -160,9 +160,9 @@ class GoldsmithCylinder(AbstractLogarithmicCylinder):
     The exponent of L is printed as 1, which no units make sense of. With 3 the law is that of
     Dubowsky and Freudenstein.
 
-    >>> cylinder = cj.GoldsmithCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     775 N
     """
 

@@ -30,7 +30,7 @@ def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.
     **Returns:** the e of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], in (0, 1], of the same shape;
     differentiable.
 
-    >>> print(f"{cj.delivered_restitution(0.3):.4f}")  # HuntCrossley(restitution=0.8) asks for more
+    >>> print(f"{cj.laws.delivered_restitution(0.3):.4f}")
     0.8329
     """
     return _of_each(jnp.asarray(damping_factor, dtype=float))
@@ -69,8 +69,8 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
     **Returns:** the chi of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], zero for e = 1 and nearly 1/e
     for small e; differentiable.
 
-    >>> chi = cj.exact_damping_factor(0.8)
-    >>> print(f"{cj.delivered_restitution(chi):.6f}")
+    >>> chi = cj.laws.exact_damping_factor(0.8)
+    >>> print(f"{cj.laws.delivered_restitution(chi):.6f}")
     0.800000
     """
     e = jnp.asarray(restitution, dtype=float)

@@ -24,8 +24,8 @@ millimetre."""
 class AbstractElasticity(AbstractConverting):
     """The elastic force of a contact against its penetration, and the energy that it stores.
 
-    >>> foundation = cj.LiuCylinder(207e9, 0.3, length=10e-3)  # is one
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)  # is one
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> print(f"{foundation.force(gap, exponent=1.5):.0f} N")
     126 N
     """
@@ -55,14 +55,14 @@ class AbstractStiffness(AbstractElasticity):
     ```python
     import clearjoint as cj
 
-    class LinerStiffness(cj.AbstractStiffness):
+    class LinerStiffness(cj.extend.AbstractStiffness):
         modulus: float  # Pa
         thickness: float  # m
 
         def value(self, gap):
             return self.modulus * gap.bearing_radius / self.thickness
 
-    law = cj.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
+    law = cj.laws.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
     ```
     """
 
@@ -86,7 +86,7 @@ class AbstractStiffness(AbstractElasticity):
 class GivenStiffness(AbstractStiffness):
     """A stiffness known from elsewhere, N/m^n.
 
-    >>> cj.GivenStiffness(1e9).value(cj.Gap(depth=1e-6, rate=0.0)).item()
+    >>> cj.laws.GivenStiffness(1e9).value(extend.Gap(depth=1e-6, rate=0.0)).item()
     1000000000.0
     """
 
@@ -110,8 +110,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     **Arguments:** Young's moduli in Pa and Poisson's ratios of bearing and journal; the journal's
     are the bearing's unless given.
 
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
-    >>> print(f"{cj.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")  # the paper's, of Table 2
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
     6.61e+10 N/m^1.5
     """
 

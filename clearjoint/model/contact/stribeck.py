@@ -49,7 +49,7 @@ class Stribeck(AbstractFallingFriction):
     `stribeck_speed` v_S, m/s; `exponent` delta, at least 1; `regularisation_speed` v_d, m/s, well
     below v_S: where it is not, friction peaks below mu_S.
 
-    >>> friction = cj.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
+    >>> friction = cj.frictions.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
     0.1368
     """
@@ -93,7 +93,7 @@ class BengisuAkay(AbstractFallingFriction):
     **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
     `breakaway_speed` v0, m/s; `decay` xi, s/m.
 
-    >>> friction = cj.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
+    >>> friction = cj.frictions.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
     0.2000, 0.1000
     """
@@ -121,7 +121,7 @@ class BrownMcPhee(AbstractFallingFriction):
     **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
     `transition_speed` v_t, m/s.
 
-    >>> friction = cj.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
+    >>> friction = cj.frictions.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
     0.1999, 0.1000
     """

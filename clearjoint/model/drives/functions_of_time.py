@@ -28,7 +28,7 @@ class AbstractFunctionOfTime(AbstractConverting):
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Oscillation(cj.AbstractFunctionOfTime):
+    class Oscillation(cj.extend.AbstractFunctionOfTime):
         amplitude: float
         frequency: float  # rad/s
 

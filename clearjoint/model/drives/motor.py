@@ -38,7 +38,7 @@ class Motor(AbstractDriveTorque):
     target = cj.Polynomial((0.0, 50.0))  # 50 rad/s
     axis = (0, 0, 1)
     motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
 
     **Arguments:**

@@ -25,7 +25,7 @@ class PiecewiseConstant(AbstractFunctionOfTime):
 
     torque = cj.PiecewiseConstant([0.0, 0.2, 0.3], [2.0, -1.0, 0.0])  # N m, switched at 0.2, 0.3 s
     motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
 
     **Arguments:** `times` (N,) in s, rising; `values` (N,), or (N, 3) of a force, in the SI unit of

@@ -64,7 +64,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Swing(cj.AbstractRotationDriver):
+    class Swing(cj.extend.AbstractRotationDriver):
         first: str
         second: str
         axis: tuple[float, float, float]
@@ -76,7 +76,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
             return self.amplitude * jnp.sin(self.frequency * t)
 
     swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
-    scene, guess = cj.slider_crank(motor=swing)
+    scene, guess = cj.mechanisms.slider_crank(motor=swing)
     state = cj.assemble(scene, guess)
     ```
     """
@@ -129,7 +129,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
     ```python
     import clearjoint as cj
 
-    class Motor(cj.AbstractDriveTorque):
+    class Motor(cj.extend.AbstractDriveTorque):
         first: str
         second: str
         axis: tuple[float, float, float]
@@ -141,7 +141,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
             return self.stall_torque * (1.0 - speed / self.idle_speed)
 
     motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
     """
 
@@ -193,7 +193,7 @@ class DriveTorque(AbstractDriveTorque):
     **Raises:** `ValueError` for a torque that is neither, and for values no driver can have.
 
     >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
-    >>> scene, state = cj.slider_crank(motor=drive)
+    >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
     """
 
     first: str = eqx.field(static=True)

@@ -29,14 +29,14 @@ class CaponeFilm(AbstractFilm):
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
     ...     length=12.5e-3,
     ... )
-    >>> force = cj.CaponeFilm(viscosity=0.02).force(gap)
+    >>> force = cj.films.CaponeFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -69.4 N, 94.5 N
     """

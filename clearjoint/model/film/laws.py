@@ -33,8 +33,8 @@ class FilmGap:
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
@@ -66,7 +66,7 @@ class AbstractFilm(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_film
 
-    class LongFullFilm(cj.AbstractFilm):
+    class LongFullFilm(cj.extend.AbstractFilm):
         viscosity: float  # Pa s
 
         def force(self, gap):
@@ -79,7 +79,7 @@ class AbstractFilm(AbstractConverting):
 
     film = LongFullFilm(viscosity=0.02)
     check_film(film)
-    scene, state = cj.rotor_in_bearing(film=film)
+    scene, state = cj.mechanisms.rotor_in_bearing(film=film)
     ```
     """
 

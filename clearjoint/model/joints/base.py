@@ -50,7 +50,7 @@ class Row:
     as a driver's does, which then supplies the power -multiplier time_rate.
 
     >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
-    >>> row = cj.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
+    >>> row = extend.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
     >>> row.time_rate
     0.0
     """
@@ -97,7 +97,7 @@ class AbstractConstraint(AbstractElement):
     ```python
     import clearjoint as cj
 
-    class Rod(cj.AbstractConstraint):
+    class Rod(cj.extend.AbstractConstraint):
         first: str
         second: str
         length: float  # m
@@ -113,7 +113,7 @@ class AbstractConstraint(AbstractElement):
 
             names = self.body_names()
             pair = [motions[name] for name in names]
-            return cj.rows_from_residual(names, ("length",), residual, *pair)
+            return cj.extend.rows_from_residual(names, ("length",), residual, *pair)
 
     bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
     scene = cj.Scene(bodies, {"rod": Rod("ground", "ball", length=0.5)})
@@ -141,7 +141,7 @@ class AbstractForce(AbstractElement):
     ```python
     import clearjoint as cj
 
-    class Drag(cj.AbstractForce):
+    class Drag(cj.extend.AbstractForce):
         body: str
         factor: float  # N s^2/m^2
         point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, body axes
@@ -152,7 +152,7 @@ class AbstractForce(AbstractElement):
         def wrenches(self, motions, t):
             motion = motions[self.body]
             velocity = motion.velocity_at(self.point)
-            speed, _ = cj.norm_and_direction(velocity)
+            speed, _ = cj.extend.norm_and_direction(velocity)
             return {self.body: motion.wrench(velocity * (-self.factor * speed), self.point)}
 
     bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
@@ -197,9 +197,9 @@ class Contact:
     but the moments -F times these; `normal` is the axis about which the second body turns into the
     first, and there is no friction.
 
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
-    >>> contact = cj.Contact(gap, extend.UNIT_Z, *arms, slip=None)
+    >>> contact = extend.Contact(gap, extend.UNIT_Z, *arms, slip=None)
     >>> contact.normal.z
     1.0
     """
@@ -227,10 +227,10 @@ class AbstractContactJoint(AbstractElement):
     ```python
     import clearjoint as cj
 
-    class BallOnFloor(cj.AbstractContactJoint):
+    class BallOnFloor(cj.extend.AbstractContactJoint):
         ball: str
         radius: float  # m
-        law: cj.AbstractContactLaw
+        law: cj.extend.AbstractContactLaw
 
         def pair(self):
             return "ground", self.ball
@@ -239,17 +239,17 @@ class AbstractContactJoint(AbstractElement):
             return {"floor": self.law}
 
         def contacts(self, motions):
-            ball, down = motions[self.ball], cj.Vector(0.0, 0.0, -1.0)
-            gap = cj.Gap(self.radius - ball.position.z, -ball.velocity.z)
-            on_floor = cj.Vector(ball.position.x, ball.position.y, 0.0)
+            ball, down = motions[self.ball], cj.extend.Vector(0.0, 0.0, -1.0)
+            gap = cj.extend.Gap(self.radius - ball.position.z, -ball.velocity.z)
+            on_floor = cj.extend.Vector(ball.position.x, ball.position.y, 0.0)
             on_ball = ball.components(down * self.radius)
-            return {"floor": cj.Contact(gap, down, on_floor, on_ball, slip=None)}
+            return {"floor": cj.extend.Contact(gap, down, on_floor, on_ball, slip=None)}
 
         def friction_force(self, name, contact, normal_force):
             return None
 
     bodies = {"ball": cj.Body(0.1, (4e-6, 4e-6, 4e-6))}
-    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.Hertz(1e9))}
+    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.laws.Hertz(1e9))}
     scene = cj.Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
     ```
     """

@@ -180,7 +180,7 @@ def rows_from_residual(
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> def residual(first, second):
     ...     return ((second[0] - first[0]).x,)
-    >>> rows = cj.rows_from_residual(names, ("x",), residual, ground, ball)
+    >>> rows = extend.rows_from_residual(names, ("x",), residual, ground, ball)
     >>> print(f"{rows['x'].value:.1f} m")
     0.1 m
     """

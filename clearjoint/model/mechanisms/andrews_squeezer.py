@@ -71,7 +71,7 @@ def andrews_squeezer() -> tuple[Scene, State]:
     are the turns about Z of K1, K3, K5 and K7 here, and theta, phi and omega those of K2, K4 and K6
     against K1, K5 and K7.
 
-    >>> scene, state = cj.andrews_squeezer()
+    >>> scene, state = cj.mechanisms.andrews_squeezer()
     >>> list(scene.bodies), list(scene.forces)
     (['K1', 'K2', 'K3', 'K5', 'K4', 'K7', 'K6'], ['spring', 'motor'])
     """

@@ -13,7 +13,7 @@ def bricard() -> tuple[Scene, State]:
     Six revolute joints, each at a right angle to the next: 30 constraints on 30 velocities of which
     one is redundant, which leaves one degree of freedom. Starts at rest; gravity 9.81 along -Y.
 
-    >>> scene, state = cj.bricard()
+    >>> scene, state = cj.mechanisms.bricard()
     >>> list(scene.joints)
     ['hinge 1', 'hinge 2', 'hinge 3', 'hinge 4', 'hinge 5', 'hinge 6']
     """

@@ -12,7 +12,7 @@ X_AXIS, Y_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
 """Ravn's stiffness for the paper's steel (Table 2).
 
->>> law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL)
+>>> law = cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL)
 """
 Joints = dict[str, AbstractConstraint | AbstractContactJoint]
 Motor = AbstractConstraint | AbstractForce

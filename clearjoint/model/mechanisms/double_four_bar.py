@@ -15,7 +15,7 @@ def double_four_bar() -> tuple[Scene, State]:
     tips start at 1 m/s along +X. A planar mechanism of seven spatial revolute joints, so that 6 of
     35 constraints are redundant; with the rods in one line it passes singular positions.
 
-    >>> scene, state = cj.double_four_bar()
+    >>> scene, state = cj.mechanisms.double_four_bar()
     >>> list(scene.joints)
     ['foot 1', 'foot 2', 'foot 3', 'left 1', 'right 1', 'left 2', 'right 2']
     """

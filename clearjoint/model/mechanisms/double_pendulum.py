@@ -31,7 +31,7 @@ def double_pendulum(
     **Arguments:** radial clearance, bearing radius and journal length in m; `clearance=None` makes
     the ground joint ideal. `law` replaces Lankarani-Nikravesh with the given restitution.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """

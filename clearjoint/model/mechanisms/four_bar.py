@@ -59,7 +59,7 @@ def four_bar(
     ```python
     import clearjoint as cj
 
-    scene, state = cj.four_bar({"crank pin": 0.1e-3, "rocker foot": 0.2e-3})
+    scene, state = cj.mechanisms.four_bar({"crank pin": 0.1e-3, "rocker foot": 0.2e-3})
     ```
 
     **Arguments:**

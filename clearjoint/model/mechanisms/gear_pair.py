@@ -42,7 +42,7 @@ def gear_pair(
     **Arguments:** `backlash` along the pitch circle and `module` in m; `teeth` of both; `speeds` of
     both in rad/s. `law` replaces the one above.
 
-    >>> scene, state = cj.gear_pair()
+    >>> scene, state = cj.mechanisms.gear_pair()
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
     """

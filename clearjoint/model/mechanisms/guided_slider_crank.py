@@ -55,7 +55,7 @@ def guided_slider_crank(
       the other mechanisms' steel unless given.
     - `speed`: of the crank at the start, rad/s.
 
-    >>> scene, state = cj.guided_slider_crank()
+    >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """

@@ -52,7 +52,7 @@ def quick_return(
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
       of 0.8, unless given. `friction`: of them.
 
-    >>> scene, state = cj.quick_return()
+    >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """

@@ -54,7 +54,7 @@ def robot_arm(
     turn the links themselves. `angles` and `speeds` of the motors at the start, rad and rad/s.
     `law` replaces one that delivers the restitution.
 
-    >>> scene, state = cj.robot_arm(play=1e-3)
+    >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
     >>> list(scene.bodies)
     ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
     """

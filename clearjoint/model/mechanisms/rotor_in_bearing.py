@@ -51,7 +51,7 @@ def rotor_in_bearing(
       wall.
     - `gravity`: (3,) m/s^2.
 
-    >>> scene, state = cj.rotor_in_bearing()
+    >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)
     ['bearing', 'motor']
     """

@@ -20,9 +20,9 @@ from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, w
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 """Of the slider-crank, m.
 
->>> _, state = cj.slider_crank(clearance=None, angle=0.0)
+>>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
 >>> slider = state.bodies["slider"].position[0]  # farthest out
->>> bool(np.isclose(slider, cj.CRANK_LENGTH + cj.ROD_LENGTH))
+>>> bool(np.isclose(slider, cj.mechanisms.CRANK_LENGTH + cj.mechanisms.ROD_LENGTH))
 True
 """
 SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
@@ -63,7 +63,7 @@ def slider_crank(
     - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
 
-    >>> scene, state = cj.slider_crank()
+    >>> scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """

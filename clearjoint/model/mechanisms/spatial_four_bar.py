@@ -44,7 +44,7 @@ def spatial_four_bar(
     - `speed`: of the crank at the start, rad/s, in the ideal joint's motion; at rest unless given.
     - `law` replaces Lankarani-Nikravesh with the given restitution.
 
-    >>> scene, state = cj.spatial_four_bar()
+    >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """

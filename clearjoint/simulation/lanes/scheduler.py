@@ -192,7 +192,7 @@ class _Programs:
 
     @staticmethod
     def _first_orders(batch: Batch) -> SegmentRequest:
-        """The first orders of all lanes: an `SegmentRequest` whose arrays have the lanes in front."""
+        """The first request of all lanes: arrays have the lanes in front."""
         common, tasks = batch.common, batch.tasks
         count = len(tasks.end_time)
         window = np.full((count, WINDOW), np.inf)

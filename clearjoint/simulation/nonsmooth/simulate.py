@@ -75,7 +75,7 @@ def simulate_nonsmooth(
     were not solved, a bearing was penetrated deeper than its clearance, or the state is not
     finite.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
     >>> int(solution.contacts["shoulder"]["V"].impacts)
     1

@@ -31,7 +31,7 @@ class AbstractReduction(AbstractConverting):
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class TimeAbove(cj.AbstractReduction):
+    class TimeAbove(cj.extend.AbstractReduction):
         joint: str
         force: float  # N
 

@@ -55,7 +55,7 @@ class Impacts(AbstractTabular):
     >>> columns = [np.array([name]) for name in ("pin", "V")]
     >>> numbers = 0.01, 0.0102, 0.0002, 0.1, 0.08, 900.0, 0.0101, 2e-6  # in the order above
     >>> columns += [np.array([number]) for number in numbers]
-    >>> impacts = cj.Impacts(*columns)
+    >>> impacts = cj.results.Impacts(*columns)
     >>> print(f"{impacts.exit_speed[0] / impacts.entry_speed[0]:.2f}")  # the restitution
     0.80
     """

@@ -10,11 +10,11 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
 
     Each names joint, contact, law, quantity, limits and the largest value.
 
-    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=10e-3)
-    >>> scene, _ = cj.double_pendulum(law=cj.Hertz(cylinder))
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))
     >>> names = np.array(["shoulder"]), np.array(["V"])
     >>> depth = np.array([0.4e-3])  # of 0.5 mm of clearance
-    >>> impacts = cj.Impacts(*names, *[np.zeros(1)] * 7, depth)
+    >>> impacts = cj.results.Impacts(*names, *[np.zeros(1)] * 7, depth)
     >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
     Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """

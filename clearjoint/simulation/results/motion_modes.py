@@ -6,7 +6,7 @@ import enum
 class MotionMode(enum.IntEnum):
     """The paper's four modes of a journal in its bearing (Fig. 2).
 
-    >>> cj.MotionMode(2).name
+    >>> cj.results.MotionMode(2).name
     'LINE_CONTACT'
     """
 

@@ -40,7 +40,7 @@ class ContactTotals(AbstractReadable):
     - `hardest`: largest impulse of a step, N s. `fastest`: largest approach speed with one, m/s.
     - `penetration`: deepest in the middle of a step, m.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
     >>> bool(totals.impulse > 0.0)
     True
@@ -69,7 +69,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states and the history.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
     >>> int(solution.steps)
     200

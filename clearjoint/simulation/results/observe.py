@@ -100,7 +100,7 @@ class Observation(eqx.Module, AbstractTabular):
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give all of it with units.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
     >>> observed = cj.observe(scene, solution)
     >>> list(observed.energies)
@@ -161,7 +161,7 @@ def observe(
 
     **Returns:** an `Observation` of numpy arrays.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
     >>> observed = cj.observe(scene, solution)
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")

@@ -38,7 +38,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
     """States over time: `times` (N,) s, and `states` with the times in front of each array.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
-    >>> cj.Trajectory(np.zeros(1), states).times.shape
+    >>> cj.results.Trajectory(np.zeros(1), states).times.shape
     (1,)
     """
 
@@ -60,7 +60,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         **Raises:** `ValueError` for instants outside, and for less than two states.
 
-        >>> scene, state = cj.double_pendulum()
+        >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
         >>> path = cj.observe(scene, solution, solution.steps.between())
         >>> axes = plot.journal_orbit(path, "shoulder")
@@ -167,7 +167,7 @@ class Solution(AbstractReadable, AbstractTabular):
         import numpy as np
 
         save = cj.Saving(np.linspace(0.0, 0.01, 11))
-        solution = cj.simulate(*cj.double_pendulum(), 0.01, save=save)
+        solution = cj.simulate(*cj.mechanisms.double_pendulum(), 0.01, save=save)
         solution.to_netcdf("motion.nc")
         print(solution.to_dataframe()["arm 1.position.x [m]"])
         ```

@@ -1,7 +1,7 @@
 """Impacts recorded while a run is on its way: a running tally of each contact, a row at its end.
 
-The numbers are those of the table in `clearjoint.simulation.results.impact_table`, which is made afterwards
-from the record of a single run's steps.
+The numbers are those of the table in `clearjoint.simulation.results.impact_table`, which is made
+afterwards from the record of a single run's steps.
 """
 
 from collections.abc import Mapping

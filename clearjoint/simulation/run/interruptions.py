@@ -16,7 +16,7 @@ class RunInterrupted(KeyboardInterrupt):
     ```python
     import clearjoint as cj
 
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     try:
         solution = cj.simulate(scene, state, 0.01)
     except cj.RunInterrupted as stopped:

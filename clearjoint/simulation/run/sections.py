@@ -132,7 +132,7 @@ class Crossings(AbstractReadable, AbstractTabular):
     """Where a run crossed a section: `times` (N,) s, and `values[name]` (N,), those of its channels
     there, in the `units` of the section, by name.
 
-    >>> crossings = cj.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
+    >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period
     array([0.1])
     """

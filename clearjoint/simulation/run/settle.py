@@ -114,7 +114,7 @@ def settle(
 
     import clearjoint as cj
 
-    scene, state = cj.slider_crank(0.1e-3, speed=500.0)
+    scene, state = cj.mechanisms.slider_crank(0.1e-3, speed=500.0)
     settled = cj.settle(scene, state, period=2 * math.pi / 500.0, periods=20)
     print(settled)
     solution = cj.simulate(scene, settled.state, settled.time + 0.01, start_time=settled.time)

@@ -33,7 +33,7 @@ class FreeImpact:
     `restitution`: rebound over entry speed; `peak_force` N; `largest_penetration` m; `duration` s,
     from where the force begins to where it ends.
 
-    >>> impact = cj.free_impact(cj.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
+    >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
     0.8329, 265.8 N
     """
@@ -58,7 +58,7 @@ def free_impact(
     **Raises:** `ValueError` if the mass does not come free again within 100 s, or if JAX computes
     in 32 bits.
 
-    >>> impact = cj.free_impact(cj.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
+    >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
     100.00 N in 3.142 ms
     """

@@ -49,7 +49,7 @@ class Landing(eqx.Module):
         return jax.lax.stop_gradient(soonest)
 
     def time_to_contact_end(self, contact_gaps: ContactGaps, second_rates: SecondRates) -> Scalar:
-        """Time in s to the next end of a contact, as in `time_to_next_event`; infinite where none is in sight."""
+        """Time in s to the next end of a contact; infinite where none is in sight."""
         soonest: Scalar = jnp.inf
         for name, family in contact_gaps.items():
             for label, gap in family.items():

@@ -40,7 +40,8 @@ reference = Settings(solver=diffrax.Dopri8(), rtol=1e-10)
 """
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
 """For derivatives: what `sensitivities` takes unless told otherwise, and what is made of it, such
-as `fit_horizon`. An onset found within 1e-13 m leaves no error in the derivative of the entry speed.
+as `fit_horizon`. An onset found within 1e-13 m leaves no error in the derivative of the entry
+speed.
 
 >>> cj.presets.derivatives.landing_tolerance
 1e-13

@@ -73,9 +73,9 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """Everything between two steps: enough to go on from.
 
-    `t` s, variables, `entry_speeds` and `contact_gaps` are those at the end of the last accepted step, and
-    `attempts` and `accepted` count the steps so far. `second_rates` are zero where the solver does
-    not tell the rates there. `tangents` is ``None`` in runs without derivatives.
+    `t` s, variables, `entry_speeds` and `contact_gaps` are those at the end of the last accepted
+    step, and `attempts` and `accepted` count the steps so far. `second_rates` are zero where the
+    solver does not tell the rates there. `tangents` is ``None`` in runs without derivatives.
     """
 
     t: Scalar

@@ -63,8 +63,8 @@ def start(
 ) -> Step:
     """What there is before the first step from t0.
 
-    **Arguments:** `first_step`: s; chosen by the controller unless given. `entry_speeds`: entry speeds;
-    from the contacts at t0 if it is empty. `derivatives`: whether the step will carry them.
+    **Arguments:** `first_step`: s; chosen by the controller unless given. `entry_speeds`: entry
+    speeds; from the contacts at t0 if it is empty. `derivatives`: whether the step will carry them.
     """
     contact_gaps = system.contact_gaps(y.motion)
     entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)

@@ -81,7 +81,7 @@ class WithinContact(AbstractTimeMap):
         """The grading of a step.
 
         **Arguments:** `touches`: whether any contact is closed; `begins`: whether one begins at the
-        start; `since`: s, time since one last began; `time_to_next_event`: s, time until the first one ends.
+        start; `since`: s, time since one last began; `due`: s, time until the first one ends.
         """
         nears_end = ~begins & (due < since)
         known = touches & jnp.isfinite(jnp.minimum(since, due))

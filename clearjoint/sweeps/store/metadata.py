@@ -139,17 +139,17 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
         # In stores of former versions, the lanes are in the place of the grid.
         root = json.loads((file if file.exists() else path / ROOT).read_text())
         attrs: dict[str, Any] = root["attributes"]
-        folded_scene = attrs[_FORMAT]
+        form = attrs[_FORMAT]
     except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError) as error:
         raise ValueError(
             f"Argument `path` must name the store of a sweep, but {path} is none, or {file} is "
             "missing or damaged: pass another path, or delete what is there."
         ) from error
     require(
-        folded_scene == _VERSION,
+        form == _VERSION,
         "path",
         str(path),
-        f"a store of format {_VERSION}, and not {folded_scene} as other versions of clearjoint write it",
+        f"a store of format {_VERSION}, and not {form} as other versions of clearjoint write it",
         "read it with xarray.open_zarr, and sweep into another path",
     )
     if attrs.pop(_DIGEST, None) != _digest(root):

@@ -36,7 +36,7 @@ class Misfit:
         times: np.ndarray,
         measured: np.ndarray,
         noise: float,
-        scales: dict[str, cj.AbstractScale],
+        scales: dict[str, cj.extend.AbstractScale],
     ):
         self.times, self.measured, self.noise, self.scales = times, measured, noise, scales
         self.runs = 0

@@ -39,7 +39,7 @@ class Found:
 
 def probes(values: Sequence[float], times: np.ndarray) -> np.ndarray:
     """(4, T) x and y of the bases V and W, m, for Young's modulus, restitution and clearance."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     scene = eqx.tree_at(
         lambda s: (
             s.joints["shoulder"].law.stiffness.young_modulus,
@@ -67,7 +67,7 @@ def fit(
     times: np.ndarray,
     measured: np.ndarray,
     noise: float,
-    scales: Sequence[cj.AbstractScale],
+    scales: Sequence[cj.extend.AbstractScale],
     start: np.ndarray,
     ends: Sequence[float],
     difference: float | None,

@@ -1,6 +1,6 @@
 """The paper's double pendulum as a SciPy user would write it.
 
-The model of `clearjoint.double_pendulum`, written independently: arm 2 hangs on the
+The model of `clearjoint.mechanisms.double_pendulum`, written independently: arm 2 hangs on the
 ground by a joint with clearance (axis Z, bases V and W, no friction, no axial stop, Lankarani and
 Nikravesh's law with Ravn's stiffness), arm 3 on arm 2 by an ideal revolute joint about X (Flores et
 al. 2006, section 6, Tables 1 and 2). Absolute coordinates, 26 states: position and Euler parameters

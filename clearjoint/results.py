@@ -1,0 +1,26 @@
+"""Types of what simulations, sweeps, fits and design functions return."""
+
+from .fields.readable import without_modules as _without_modules
+from .identification.fit import Fit as Fit
+from .identification.levenberg_marquardt import Ending as Ending
+from .identification.levenberg_marquardt import Iteration as Iteration
+from .identification.limits.largest import LargestFeasible as LargestFeasible
+from .identification.minimise import Minimum as Minimum
+from .identification.screening.screening import Screened as Screened
+from .information.analysis import Identifiability as Identifiability
+from .information.horizon import FitHorizon as FitHorizon
+from .model.clearance_joints.carried_journal import CarriedJournal as CarriedJournal
+from .scene_files.urdf import JointLimits as JointLimits
+from .simulation.results.impact_table import Impacts as Impacts
+from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
+from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
+from .simulation.results.observe import MotionMode as MotionMode
+from .simulation.results.observe import Observation as Observation
+from .simulation.results.solution import Solution as Solution
+from .simulation.results.solution import Trajectory as Trajectory
+from .simulation.run.sections import Crossings as Crossings
+from .simulation.run.sensitivities import Sensitivities as Sensitivities
+from .simulation.run.settle import Settled as Settled
+from .simulation.run.wall_impact import FreeImpact as FreeImpact
+
+__dir__ = _without_modules(globals())
