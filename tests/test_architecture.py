@@ -257,7 +257,8 @@ def test_presets_are_a_module_too():
 
 def test_an_import_from_inside_is_seen():
     hidden = (
-        "from clearjoint.simulation.step.stepping import attempt\nfrom clearjoint import results\n"
+        "from clearjoint.simulation.step.stepping import attempt\n"
+        "from clearjoint import result_codes\n"
     )
     assert imported_from_outside(hidden) == {
         "clearjoint.simulation.step.stepping",

@@ -274,14 +274,14 @@ ERRORS = {
         "contact 'V' of joint 'pin'",
         "assemble(scene, state)",
     ),
-    "a journal to be seated by a text": (
+    "a journal that shall rest by a text": (
         lambda: cj.assemble(SCENE, STATE, resting="pin"),
         "`resting`",
         "'pin'",
         "a list",
         '["pin"]',
     ),
-    "a journal to be seated that is none": (
+    "a journal that shall rest that is none": (
         lambda: cj.assemble(SCENE, STATE, resting=["Pin"]),
         "`resting`",
         "'Pin'",

@@ -101,10 +101,10 @@ def assemble(
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
     known = sorted(centring_joints(scene, scene.contact_joints()))
-    require(not isinstance(resting, str), "seated", resting, "a list of names", 'pass ["pin"]')
+    require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
     for name in resting:
         remedy = nearest(name, known, "leave out the others")
-        require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
+        require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
     held = centring_joints(scene, resting)
     state = _in_bearings(scene, held, state, t)
     if not resting:

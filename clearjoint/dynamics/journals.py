@@ -71,10 +71,10 @@ def seating_joints(
     for name in names:
         first, second = joints[name].pair()
         load = np.asarray(loads[name])
-        joint = joints[name].seated_joint(load)
+        joint = joints[name].resting_joint(load)
         require(
             joint is not None,
-            "seated",
+            "resting",
             name,
             f"a joint in which {second!r} is pressed against {first!r} across the axis",
             f"the load there is {load.tolist()} N; give the scene its gravity, or leave it out",

@@ -64,7 +64,7 @@ class AbstractLaneLoop(abc.ABC):
     def run(self, columns: Columns) -> int:
         """Take turns until lanes need their host, or for some time; the number of turns."""
 
-    def set_value(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+    def write_lane(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
         """Occupy a column with the cells of what its lane has for itself, and of its state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state

@@ -97,7 +97,7 @@ def test_assembly_leaves_a_journal_where_it_is_in_its_bearing():
         ("ground", (3.0, 0.0, 8.0), (1.0, 0.0)),
     ],
 )
-def test_a_seated_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
+def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
     """The rod's end hangs in the direction of gravity, whichever of the two is the bearing."""
     scene = rocker(bearing, gravity=gravity)
     state = cj.assemble(scene, start(2e-4), resting=["pin"])
@@ -112,7 +112,7 @@ def test_end_play_and_antiparallel_axes_are_assembled_too():
     np.testing.assert_allclose(end_of(state)[0], 0.0, atol=1e-12)
 
 
-def test_what_can_not_be_seated_is_refused():
+def test_what_cannot_rest_is_refused():
     scene = rocker(gravity=(0.0, 0.0, -9.81))
     with pytest.raises(ValueError, match=r"`resting`.*pressed against 'ground' across the axis.*N"):
         cj.assemble(scene, start(), resting=["pin"])

@@ -137,7 +137,7 @@ def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
 
 
 @pytest.mark.slow
-def test_a_seated_ball_swings_as_a_pendulum_on_a_short_link():
+def test_a_resting_ball_swings_as_a_pendulum_on_a_short_link():
     """Without friction the ball's centre swings about the socket's as on a massless link of the
     clearance and the static penetration, the body below as the second of a double pendulum: slow
     mode and frequency from the linear equations."""
@@ -224,7 +224,7 @@ def a_slider(**options: Any) -> tuple[cj.Scene, cj.State]:
     ],
     ids=["ball", "slider", "pin"],
 )
-def test_what_starts_outside_is_centred_or_seated(joint, label, play):
+def test_what_starts_outside_is_centred_or_put_to_rest(joint, label, play):
     """Midway between its contacts, or where its weight presses it."""
     scene = cj.Scene({"b": cj.Body(1.0, (1e-3,) * 3)}, {"joint": joint}, gravity=(0, -9.81, 0))
     state = cj.State({"b": cj.body_state((0.0, 0.004, 0.0))})

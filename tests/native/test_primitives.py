@@ -222,7 +222,7 @@ def test_lanes_have_the_bits_of_a_lane_alone():
     for k in range(WIDTH):
         own = {**state, "a": np.asarray(a[k]), "b": np.asarray(b[k])}
         (row,) = cells.rows(jax.tree.map(lambda leaf: leaf[None], own))
-        loop.set_value(columns, k, np.zeros(0), row)
+        loop.write_lane(columns, k, np.zeros(0), row)
     assert loop.run(columns) == 1
     all_found = cells.trees(columns.floats[loop.state_cells].T)
     for k in range(WIDTH):

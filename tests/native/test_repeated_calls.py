@@ -105,7 +105,9 @@ def test_lanes_that_leave_a_branch_keep_what_functions_gave(way):
         columns = loop.columns(())
         for lane in lanes:
             given = np.asarray(stiffness[lane])
-            loop.set_value(columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state))))
+            loop.write_lane(
+                columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state)))
+            )
         assert loop.run(columns) == 20
         return {lane: columns.floats[loop.state_cells, lane].copy() for lane in lanes}
 

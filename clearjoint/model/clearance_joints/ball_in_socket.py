@@ -121,7 +121,7 @@ class BallInSocket(AbstractPlay):
         """A spherical joint."""
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The same with the ball along the wall, in the direction of the load; ``None`` if there is
         no load."""
         size = np.linalg.norm(load)

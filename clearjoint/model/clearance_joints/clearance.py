@@ -281,7 +281,7 @@ class ClearanceJoint(AbstractContactJoint):
         """A revolute joint, or a cylindrical one if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The same with the journal along the wall, in the direction of the load across the axis;
         ``None`` if there is no such load."""
         offset = seat(self.bearing_axis, self.clearance, load)

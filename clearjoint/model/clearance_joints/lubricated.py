@@ -251,9 +251,9 @@ class LubricatedJoint(AbstractContactJoint):
         """The ideal joint that holds the journal in the middle."""
         return self.dry.centred_joint()
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The ideal joint that holds the journal at the wall, where the load, (3,) N, presses."""
-        return self.dry.seated_joint(load)
+        return self.dry.resting_joint(load)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """The journal's centre at the bearing's, or the other way round, if one is the ground's."""

@@ -119,7 +119,7 @@ class PinInSlot(AbstractPlay):
         """The pin's centre in the middle plane of the slot."""
         return self._ideal(self.slot_point)
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The pin along the wall that the load presses it to; ``None`` if the load has no part
         across the walls."""
         offset = seat_on_plane(self.slot_normal, 0.5 * self.play, load)

@@ -127,7 +127,7 @@ class SliderInGuide(AbstractPlay):
         """The slider's axis in the middle plane of the guide."""
         return self._ideal(self.guide_point)
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The slider along the wall that the load presses it to; ``None`` if the load has no part
         across the walls."""
         offset = seat_on_plane(self.guide_normal, self.clearance, load)

@@ -314,7 +314,7 @@ class AbstractContactJoint(AbstractElement):
         """
         return None
 
-    def seated_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """The ideal joint that holds the second body where a load lets it rest; ``None``, the
         default, where it can't rest. In packed form, as `centred_joint`.
 

@@ -159,10 +159,10 @@ class _Programs:
         self.own = cells.rows((bare, request))
         self.task_cells = Cells(task).size
         start = self.loop.own_cells.start
-        self.request: SegmentRequest = jax.tree.map(lambda cell: cell + start, cells.places()[1])
-        places = jax.tree.map(
+        self.request: SegmentRequest = jax.tree.map(lambda cell: cell + start, cells.columns()[1])
+        columns = jax.tree.map(
             lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
-            Cells(lane).places(),
+            Cells(lane).columns(),
         )
         self.rings = {
             name: (
@@ -171,7 +171,7 @@ class _Programs:
                 ],
                 int(ring.count),
             )
-            for name, ring in common.logs(places).items()
+            for name, ring in common.logs(columns).items()
         }
 
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
@@ -273,7 +273,7 @@ class _Group:
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
         self._programs, self._loop = shared.programs, shared.programs.loop
-        self._seated: list[_LaneSlot | None] = [None] * self._loop.width
+        self._slots: list[_LaneSlot | None] = [None] * self._loop.width
         self.turns, self.error, self.ended = 0, None, False
 
     def run(self) -> None:
@@ -294,68 +294,68 @@ class _Group:
 
     def _filled(self) -> bool:
         """Begin waiting lanes in empty columns; whether any column has a lane."""
-        empty = [place for place, resting in enumerate(self._seated) if resting is None]
+        empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
             own = self._programs.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
-            for place, number, cells, state in zip(empty, numbers, own, states, strict=False):
-                self._seated[place] = _LaneSlot(number, {name: [] for name in self._programs.rings})
-                self._loop.set_value(self._columns, place, cells, state)
-        return len(numbers) > 0 or len(empty) < len(self._seated)
+            for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
+                self._slots[column] = _LaneSlot(number, {name: [] for name in self._programs.rings})
+                self._loop.write_lane(self._columns, column, cells, state)
+        return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _look(self) -> None:
         """Take the rows of lanes that wait for it, and what came of those that have ended."""
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
         ended: list[int] = []
-        for place, resting in enumerate(self._seated):
-            if resting is None:
+        for column, slot in enumerate(self._slots):
+            if slot is None:
                 continue
-            self._shared.times[resting.number] = times[place]
-            if goes[place]:
+            self._shared.times[slot.number] = times[column]
+            if goes[column]:
                 continue
-            self._take_rows(place, resting)
-            if not runs[place] and self._next_saves(resting)[0] > times[place]:
-                ended.append(place)
+            self._take_rows(column, slot)
+            if not runs[column] and self._next_saves(slot)[0] > times[column]:
+                ended.append(column)
         if ended:
             self._end(ended)
 
-    def _take_rows(self, place: int, resting: _LaneSlot) -> None:
+    def _take_rows(self, column: int, slot: _LaneSlot) -> None:
         """Take the rows out of a column's rings, and ask for the next ones."""
         floats, whole = self._columns.floats, self._columns.whole
         taken = False
         for name, (cells, counter) in self._programs.rings.items():
-            if count := whole[counter, place]:
-                resting.rows[name].append(floats[cells[:count], place])
-                whole[counter, place], taken = 0, True
+            if count := whole[counter, column]:
+                slot.rows[name].append(floats[cells[:count], column])
+                whole[counter, column], taken = 0, True
         if taken:
             request, common = self._programs.request, self._shared.batch.common
-            floats[request.window, place] = self._next_saves(resting)
+            floats[request.window, column] = self._next_saves(slot)
             for name, cell in request.wanted.items():
-                whole[int(cell), place] = common.capacity[name] - resting.recorded(name)
+                whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
-    def _next_saves(self, resting: _LaneSlot) -> np.ndarray:
+    def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
         """The next times to save at, s, and infinity behind the last."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
-            first = resting.recorded(batch.common.saved)
-            following = batch.tasks.save_at[resting.number, first : first + WINDOW]
+            first = slot.recorded(batch.common.saved)
+            following = batch.tasks.save_at[slot.number, first : first + WINDOW]
             window[: len(following)] = following
         return window
 
-    def _end(self, places: list[int]) -> None:
+    def _end(self, columns: list[int]) -> None:
         """Hand over what came of the lanes in some columns, and empty these."""
-        resting = [one for place in places if (one := self._seated[place])]
-        tasks = self._programs.own[[one.number for one in resting], : self._programs.task_cells]
-        states = self._columns.floats[self._loop.state_cells, places].T
+        slot = [one for column in columns if (one := self._slots[column])]
+        tasks = self._programs.own[[one.number for one in slot], : self._programs.task_cells]
+        states = self._columns.floats[self._loop.state_cells, columns].T
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
-        for place, one, task, cells in zip(places, resting, tasks, outcomes, strict=True):
+        for column, one, task, cells in zip(columns, slot, tasks, outcomes, strict=True):
             logs = {name: self._log(name, one.rows[name], task) for name in self._read}
             self._shared.records.append(_Record(one.number, cells, logs))
             del self._shared.times[one.number]
-            self._loop.leave(self._columns, place)
-            self._seated[place] = None
+            self._loop.leave(self._columns, column)
+            self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
         """The cells of what is reported of the rows of a log, block by block, and their number."""

@@ -78,7 +78,7 @@ class WithinContact(AbstractTimeMap):
     def of(
         length: Scalar, touches: Condition, begins: Condition, since: Scalar, due: Scalar
     ) -> "WithinContact":
-        """The grading of a step.
+        """The time map of a step.
 
         **Arguments:** `touches`: whether any contact is closed; `begins`: whether one begins at the
         start; `since`: s, time since one last began; `due`: s, time until the first one ends.

@@ -116,7 +116,7 @@ def try_step(
     """The solver's step up to t1, corrected as the stabilisation wants it."""
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
-    options = {} if time_map is None else {"grading": time_map}
+    options = {} if time_map is None else {"time_map": time_map}
 
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState

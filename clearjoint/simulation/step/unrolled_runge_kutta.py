@@ -5,7 +5,7 @@ whether the last stage of the step before may be used again. Written out, a step
 arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
 do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
 
-Time may pass unevenly in a step: see `.grading`.
+Time may pass unevenly in a step: see `.time_map`.
 """
 
 from collections.abc import Callable, Sequence
