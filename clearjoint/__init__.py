@@ -1,18 +1,62 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
-The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
-1. `simulation/run/simulate.py`: `simulate` gives the scene to a compiled program, which makes
-   scalars of its arrays (`unpack` in `math/vectors.py`).
-2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
-3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
-4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
-   `model/clearance_joints/bearing_surfaces.py`, which subtracts the clearance from the journal's
-   eccentricity (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
-5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
-   stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
+A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate` returns
+one motion, `sweep` many, `sensitivities` derivatives by parameters, `identify` parameters from
+measurements. Contact laws are in `clearjoint.laws`, friction laws in `clearjoint.frictions`, films
+in `clearjoint.films`, ready mechanisms in `clearjoint.mechanisms`, measurable quantities in
+`clearjoint.quantities`, figures in `clearjoint.plot`, types of results in `clearjoint.results`, and
+base classes for elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
-Examples in docstrings begin where these lines end, after `cj.configure()`. All numbers are in SI
-units.
+**Glossary**
+
+| term | meaning |
+|---|---|
+| base | one of the two end circles of a journal, where it touches the bearing; named "V" and "W" |
+| bearing, journal | the hole and the pin of a revolute joint with clearance |
+| breakpoint | time at which a driver or load is declared to change abruptly; steps end there |
+| bristle | deflection of the surfaces in a friction law that sticks; a state of the contact |
+| clearance | radius of the bearing less that of the journal, m; the play of other joints |
+| constraint row | one scalar equation of a joint, with its Jacobian |
+| contact | one pair of surfaces of a clearance joint that may touch, with a label such as "V" |
+| dense output | the solution between the ends of a step |
+| eccentricity | distance of a base's centre from the bearing's axis, m |
+| element | a joint, force or driver of a scene |
+| entry speed | penetration rate at the onset of the present contact, m/s; contact laws use it |
+| event | an onset or end of a contact, a breakpoint, or a section crossing |
+| film | lubricant between journal and bearing |
+| fingerprint | digest by which a store recognises the sweep that it holds |
+| folded constant | vector component that is exactly 0 or 1 and compiled as such |
+| group | alike elements of a scene that are computed as one array |
+| landing | the adjustment of a step so that it ends at an event |
+| lane | one run of a sweep, computed in a slot beside other runs |
+| onset | instant at which a contact's force begins |
+| output | a number of each run of a sweep, such as a peak force |
+| path | selects a number of a scene: `lambda scene: scene.joints["pin"].clearance` |
+| penetration | depth of a contact, m, positive where the surfaces overlap |
+| quantity | function of the instant that a sensor could read, such as `Position` |
+| reduction | output that is updated at every accepted step |
+| residual | prediction less measurement, over the noise |
+| result code | how a run ended, one of `RESULTS` |
+| saltation | jump of derivatives across an event |
+| section | Poincaré section: quantities where another one crosses zero |
+| segment | steps that compiled code takes before it returns to Python |
+| slot | position of a lane in a processor's vector |
+| step, attempt | an accepted time step; a trial that may be rejected |
+| tangent | derivative of a variable by a parameter, integrated with it |
+| variables | coordinates, velocities, bristles and work that the solver integrates |
+
+**From a clearance to its force**
+
+1. `simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits its
+   arrays into scalars (`unpack` in `math/vectors.py`).
+2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
+3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap from `BearingWall`,
+   of `bearing_surfaces.py`, which subtracts the clearance from the eccentricity.
+5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
+   depends on the clearance too (`RavnStiffness` in `model/contact/stiffness.py`).
+
+**Examples** in docstrings assume these lines, after `cj.configure()`:
 
 >>> import clearjoint as cj
 >>> import jax.numpy as jnp

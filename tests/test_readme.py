@@ -10,7 +10,7 @@ import clearjoint as cj
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-LINES = 200
+LINES = 150
 
 
 def test_it_is_read_in_a_few_minutes():

@@ -6,6 +6,8 @@ import types
 import warnings
 from pathlib import Path
 
+import clearjoint
+
 try:
     import pdoc.doc
     import pdoc.render
@@ -48,6 +50,9 @@ def main() -> None:
             if not name.startswith("_") and not isinstance(value, types.ModuleType)
         ]
         pages[module.__name__] = pdoc.doc.Module(module)
+    package = pages["clearjoint"]
+    changes = Path(clearjoint.__file__).with_name("CHANGELOG.md").read_text(encoding="utf-8")
+    package.docstring = f"{package.docstring}\n\n{changes}"
     pdoc.render.configure(docformat="markdown", math=True, show_source=False)
     with warnings.catch_warnings():  # of annotations that pdoc can't place
         warnings.simplefilter("ignore")
