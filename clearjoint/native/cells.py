@@ -21,7 +21,7 @@ class Cells:
         self._ends = np.cumsum([0, *(np.size(leaf) for leaf in leaves)])
         self.size = int(self._ends[-1])
 
-    def places(self) -> PyTree:
+    def columns(self) -> PyTree:
         """The example with the numbers of their cells in its arrays."""
         numbers = zip(self._forms, self._ends, strict=False)
         return self._tree(
