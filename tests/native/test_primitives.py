@@ -53,6 +53,9 @@ UNARY: dict[str, Callable] = {
         "stop_gradient",
     ]
 } | {
+    # Primitives of JAX 0.11 and later.
+    "one_minus_square": getattr(lax, "one_minus_square", lambda x: (1.0 + x) * (1.0 - x)),
+    "log2": jnp.log2,
     "round": lambda x: lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
     "round_away": lax.round,
     "fifth": lambda x: lax.integer_pow(x, 5),
