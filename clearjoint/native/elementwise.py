@@ -232,6 +232,18 @@ def _logarithm_of_base_two(do: Operations, kind: str, parameters: Parameters, a:
     return do.do("fmul", kind, natural, like(do, a, 1 / math.log(2)))
 
 
+def _polynomial(
+    do: Operations, kind: str, parameters: Parameters, x: Value, *coefficients: Value
+) -> Value:
+    """By Horner's rule, of coefficients of which the constant is first; a primitive from JAX 0.12
+    on."""
+    total = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        product = _arithmetic("mul")(do, kind, parameters, total, x)
+        total = _arithmetic("add")(do, kind, parameters, product, coefficient)
+    return total
+
+
 def _remainder(do: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
     if kind[0] != "f":
         return _whole_division(do, kind, "remainder_whole", a, b, a)
@@ -305,6 +317,7 @@ RULES: dict[str, Rule] = {
     **{name: _logic(name) for name in ("and", "or", "xor")},
     "logistic": _logistic,
     "log2": _logarithm_of_base_two,
+    "polynomial": _polynomial,
     "rem": _remainder,
     "select_n": select,
     "convert_element_type": _convert,

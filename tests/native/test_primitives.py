@@ -56,9 +56,11 @@ UNARY: dict[str, Callable] = {
         "stop_gradient",
     ]
 } | {
-    # Primitives of JAX 0.11 and later.
+    # Primitives of JAX 0.11 or 0.12, and later.
     "one_minus_square": getattr(lax, "one_minus_square", lambda x: (1.0 + x) * (1.0 - x)),
     "log2": jnp.log2,
+    "polynomial": lambda x: jnp.polyval(jnp.array([3.0, 0.5, 2.0]), x * x),
+    "constant polynomial": lambda x: jnp.polyval(jnp.array([3.0]), x),
     "round": lambda x: lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
     "round_away": lax.round,
     "fifth": lambda x: lax.integer_pow(x, 5),
@@ -301,6 +303,7 @@ def structural(x, y, table, k):
         "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
         "searched": jnp.searchsorted(table[:, 0], y[0]),
         "iota": jnp.arange(100) * k,
+        "polynomials": jnp.polyval(jnp.outer(x, y)[:, :, None], y**2),
     }
 
 
