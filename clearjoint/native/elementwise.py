@@ -209,6 +209,14 @@ def _square(do: Operations, kind: str, parameters: Parameters, a: Value) -> Valu
     return power(do, kind, a, 2)
 
 
+def _one_minus_square(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
+    """A product, which is accurate where the square is close to one; a primitive from JAX 0.11 on,
+    in derivatives of tanh and others."""
+    one = like(do, a, 1)
+    above, below = (_arithmetic(n)(do, kind, parameters, one, a) for n in ("add", "sub"))
+    return _arithmetic("mul")(do, kind, parameters, above, below)
+
+
 def _inverse_root(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
     return do.do("fdiv", kind, like(do, a, 1), do.do("sqrt", kind, a))
 
@@ -216,6 +224,24 @@ def _inverse_root(do: Operations, kind: str, parameters: Parameters, a: Value) -
 def _logistic(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
     small = ELEMENTARY["exp"](do, kind, parameters, do.do("fneg", kind, a))
     return do.do("fdiv", kind, like(do, a, 1), do.do("fadd", kind, like(do, a, 1), small))
+
+
+def _logarithm_of_base_two(do: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
+    """As XLA; a primitive from JAX 0.11 on."""
+    natural = ELEMENTARY["log"](do, kind, parameters, a)
+    return do.do("fmul", kind, natural, like(do, a, 1 / math.log(2)))
+
+
+def _polynomial(
+    do: Operations, kind: str, parameters: Parameters, x: Value, *coefficients: Value
+) -> Value:
+    """By Horner's rule, of coefficients of which the constant is first; a primitive from JAX 0.12
+    on."""
+    total = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        product = _arithmetic("mul")(do, kind, parameters, total, x)
+        total = _arithmetic("add")(do, kind, parameters, product, coefficient)
+    return total
 
 
 def _remainder(do: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
@@ -279,6 +305,7 @@ RULES: dict[str, Rule] = {
     "is_finite": _is_finite,
     "integer_pow": _integer_power,
     "square": _square,
+    "one_minus_square": _one_minus_square,
     "pow": _power,
     "sqrt": _unary("sqrt"),
     "rsqrt": _inverse_root,
@@ -289,6 +316,8 @@ RULES: dict[str, Rule] = {
     "not": _not,
     **{name: _logic(name) for name in ("and", "or", "xor")},
     "logistic": _logistic,
+    "log2": _logarithm_of_base_two,
+    "polynomial": _polynomial,
     "rem": _remainder,
     "select_n": select,
     "convert_element_type": _convert,

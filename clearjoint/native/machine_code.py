@@ -46,19 +46,20 @@ class MachineCode:
 
     def __call__(self, address: int) -> int:
         """What the function returns."""
-        return self._function(address)
+        engine, function = self._loaded  # The engine holds the code, and is kept during the call.
+        return function(address)
 
     def __getstate__(self) -> dict[str, object]:
         return {"_code": self._code, "_name": self._name}
 
     @functools.cached_property
-    def _function(self) -> Callable[[int], int]:
-        machine = _new_target_machine()
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
-        self._engine.finalize_object()
-        address = self._engine.get_function_address(self._name)
-        return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
+    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
+        # Without a lock from Python 3.12 on: threads that are here at once make an engine each.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
+        engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
+        engine.finalize_object()
+        address = engine.get_function_address(self._name)
+        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
 
 
 def compiled(text: str, name: str) -> MachineCode:

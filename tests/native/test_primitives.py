@@ -1,6 +1,9 @@
 """Native code against XLA: each primitive on random numbers, NaN and infinities."""
 
+import pickle
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
@@ -53,6 +56,11 @@ UNARY: dict[str, Callable] = {
         "stop_gradient",
     ]
 } | {
+    # Primitives of JAX 0.11 or 0.12, and later.
+    "one_minus_square": getattr(lax, "one_minus_square", lambda x: (1.0 + x) * (1.0 - x)),
+    "log2": jnp.log2,
+    "polynomial": lambda x: jnp.polyval(jnp.array([3.0, 0.5, 2.0]), x * x),
+    "constant polynomial": lambda x: jnp.polyval(jnp.array([3.0]), x),
     "round": lambda x: lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
     "round_away": lax.round,
     "fifth": lambda x: lax.integer_pow(x, 5),
@@ -295,6 +303,7 @@ def structural(x, y, table, k):
         "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
         "searched": jnp.searchsorted(table[:, 0], y[0]),
         "iota": jnp.arange(100) * k,
+        "polynomials": jnp.polyval(jnp.outer(x, y)[:, :, None], y**2),
     }
 
 
@@ -448,3 +457,24 @@ def test_unknown_primitives_are_named():
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
     with pytest.raises(UnsupportedPrimitiveError, match="no elements"):
         NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
+
+
+def test_threads_may_load_a_program_at_once():
+    """As they do with a program that was kept on disk. A loop long enough that they are in it
+    together."""
+
+    def halved(x):
+        return lax.while_loop(
+            lambda now: now[0] < 1_000_000, lambda now: (now[0] + 1, 0.5 * now[1] + x), (0, x)
+        )[1]
+
+    kept = pickle.dumps(NativeProgram(jax.make_jaxpr(halved)(1.0)))
+    for _ in range(10):
+        program, begin = pickle.loads(kept), threading.Barrier(4)
+
+        def run(_, program=program, begin=begin):
+            begin.wait()
+            return program([1.0])[0]
+
+        with ThreadPoolExecutor(4) as threads:
+            assert list(threads.map(run, range(4))) == [2.0] * 4

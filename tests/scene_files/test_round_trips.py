@@ -2,6 +2,7 @@
 of one's own."""
 
 import enum
+import inspect
 import json
 import math
 import re
@@ -389,12 +390,11 @@ def test_what_would_come_back_changed_is_refused(element, complaint, tmp_path):
 
 def test_a_law_of_ones_own_runs_from_a_scene_file(tmp_path):
     """The docstring of `load`, whole: a law in Python, used by a file that names it."""
-    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", cj.load.__doc__ or "", re.DOTALL))
+    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
     path = tmp_path / "pendulum.toml"
-    path.write_text("\n".join(line[4:] for line in blocks["toml"].splitlines()))
-    code = "\n".join(line[4:] for line in blocks["python"].splitlines())
+    path.write_text(blocks["toml"])
     names: dict[str, Any] = {"__name__": "my_laws"}
-    exec(code.replace("pendulum.toml", str(path)), names)
+    exec(blocks["python"].replace("pendulum.toml", str(path)), names)
     scene, state = names["scene"], names["state"]
     assert scene.bodies["arm"].mass == 7.02 and scene.joints["pin"].clearance == 0.5e-3
     assert isinstance(scene.joints["pin"].law, names["Quadratic"])

@@ -65,14 +65,15 @@ class XlaLaneLoop(AbstractLaneLoop):
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.whole[self.occupied] > 0
         arguments = self._functions, self._shared, own, state, occupied
+        turns = self._turns  # Read once, as threads share the loop.
         try:
-            count, state, status = self._turns(*arguments)
+            count, state, status = turns(*arguments)
         except jax.errors.JaxRuntimeError:
-            if self._turns is _TURNS:
+            if turns is _TURNS:
                 raise
-            # Some operations, calls of LAPACK for one, can't be part of one function.
+            # Some operations, scatters and calls of LAPACK, can't be part of one function.
             self._turns = _TURNS
-            count, state, status = self._turns(*arguments)
+            count, state, status = _TURNS(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
         for name, shown in self.status_of(columns).items():
             shown[:] = status[name]
