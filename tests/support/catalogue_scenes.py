@@ -130,7 +130,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
             lambda: cj.four_bar({"crank pin": 0.1e-3, "rocker foot": 0.2e-3}, speed=10.0),
             0.01,
         ),
-        "quick_return": (lambda: cj.quick_return(), 0.02),
+        "quick_return": (lambda: cj.quick_return(), 0.04),
         "quick_return without play": (lambda: cj.quick_return(None, angle=0.3), 0.1),
         "spatial_four_bar": (lambda: cj.spatial_four_bar(speed=40.0), 0.01),
         "spatial_four_bar without play": (lambda: cj.spatial_four_bar(None, speed=40.0), 0.05),
