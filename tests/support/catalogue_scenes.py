@@ -11,11 +11,14 @@ from studies.catalogue import cylinders, films, frictions, laws, plays
 from studies.catalogue.machines import machines
 
 REST = (0.0, 0.0, 0.0)
+IN_THE_WALL = (0.0, -1.02)
+"""Where the wall has just taken over from the film, in clearances."""
 TARGETS: dict[str, cj.extend.AbstractFunctionOfTime] = {
-    "polynomial": cj.Polynomial([0.1, 2.0, 1.0]),
-    "spline": cj.Spline.through(np.linspace(0.0, 0.1, 6), np.sin(np.arange(6.0))),
-    "piecewise linear": cj.PiecewiseLinear([0.0, 0.01, 0.05], [0.0, 1.0, 0.5]),
+    "polynomial": cj.Polynomial([0.01, 0.5, 1.0]),
+    "spline": cj.Spline.through(np.linspace(0.0, 0.1, 6), 5e-3 * np.sin(np.arange(6.0))),
+    "piecewise linear": cj.PiecewiseLinear([0.0, 0.01, 0.05], [0.0, 0.02, 0.01]),
 }
+"""Slow enough that the motor does not stay at the limit of its torque."""
 
 
 class CatalogueScene(NamedTuple):
@@ -23,6 +26,8 @@ class CatalogueScene(NamedTuple):
 
     make: Callable[[], tuple[cj.Scene, cj.State]]
     end: float
+    body: str | None = None
+    """Whose mass and inertia derivatives are along; the last one's unless given."""
 
 
 def thrown(law: cj.extend.AbstractContactLaw) -> tuple[cj.Scene, cj.State]:
@@ -41,24 +46,25 @@ def pressed(law: cj.extend.AbstractContactLaw) -> tuple[cj.Scene, cj.State]:
 
 
 def rubbing(friction: Any) -> tuple[cj.Scene, cj.State]:
-    """A rotor that turns where it lies in its bearing."""
-    return cj.mechanisms.rotor_in_bearing(friction=friction, speed=5.0)
+    """A rotor that turns where it lies in its bearing, and whose slip falls from 2.5 mm/s through
+    the speeds at which the laws differ."""
+    return cj.mechanisms.rotor_in_bearing(friction=friction, speed=0.1)
 
 
 def with_everything() -> tuple[cj.Scene, cj.State]:
-    """A rotor in a bearing with a film, line contact and bristles."""
+    """A rotor pressed into the wall of a bearing with a film, line contact and bristles."""
     law = _cylinders()["JohnsonCylinder"]
     film, (friction, _) = cj.films.CaponeFilm(films.VISCOSITY), frictions.BRISTLES["LuGre"]
-    return cj.mechanisms.rotor_in_bearing(film=film, offset=(0.2, -0.9), law=law, friction=friction)
+    return cj.mechanisms.rotor_in_bearing(film=film, offset=IN_THE_WALL, law=law, friction=friction)
 
 
 def with_film_and_friction() -> tuple[cj.Scene, cj.State]:
-    """A rotor that a film carries off the wall of its bearing."""
+    """A rotor pressed into the wall of its bearing, from which a film carries it."""
     film, friction = (
         cj.films.PinkusSternlichtFilm(films.VISCOSITY),
         cj.frictions.RegularisedCoulomb(0.1, 1e-3),
     )
-    return cj.mechanisms.rotor_in_bearing(film=film, friction=friction)
+    return cj.mechanisms.rotor_in_bearing(film=film, offset=IN_THE_WALL, friction=friction)
 
 
 def in_slot() -> tuple[cj.Scene, cj.State]:
@@ -106,7 +112,9 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
     found["rotor with film, line contact and bristles"] = CatalogueScene(with_everything, 2e-3)
     found["rotor with film and friction"] = CatalogueScene(with_film_and_friction, 2e-3)
     for name, target in TARGETS.items():
-        found[f"joints, {name}"] = CatalogueScene(lambda target=target: machines(target), 0.03)
+        found[f"joints, {name}"] = CatalogueScene(
+            lambda target=target: machines(target), 0.03, "driven"
+        )
     torque = cj.PiecewiseConstant([0.0, 1e-3, 2e-3], [2.0, -1.0, 0.0])
     motor = cj.DriveTorque("ground", "crank", (0.0, 0.0, 1.0), torque)
     mechanisms = {
@@ -127,19 +135,24 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
             ),
             0.01,
         ),
-        "quick_return": (lambda: cj.mechanisms.quick_return(), 0.02),
+        "quick_return": (lambda: cj.mechanisms.quick_return(), 0.04),
         "quick_return without play": (lambda: cj.mechanisms.quick_return(None, angle=0.3), 0.1),
         "spatial_four_bar": (lambda: cj.mechanisms.spatial_four_bar(speed=40.0), 0.01),
         "spatial_four_bar without play": (
             lambda: cj.mechanisms.spatial_four_bar(None, speed=40.0),
             0.05,
         ),
-        "robot_arm without play": (lambda: cj.mechanisms.robot_arm(None), 0.05),
-        "robot_arm": (lambda: cj.mechanisms.robot_arm(), 0.01),
+        "robot_arm without play": (
+            lambda: cj.mechanisms.robot_arm(None, speeds=(2.0, -1.0, 3.0)),
+            0.05,
+        ),
+        # In contact, what gravity asks of the links turns flanges of 1 g: roundings of so large
+        # accelerations make the steps short.
+        "robot_arm": (lambda: cj.mechanisms.robot_arm(2e-4), 7e-3, "link 3"),
         "double_four_bar": (lambda: cj.mechanisms.double_four_bar(), 0.1),
         "bricard": (lambda: cj.mechanisms.bricard(), 0.1),
         "andrews_squeezer": (lambda: cj.mechanisms.andrews_squeezer(), 3e-3),
     }
     return found | {
-        f"mechanism {name}": CatalogueScene(make, end) for name, (make, end) in mechanisms.items()
+        f"mechanism {name}": CatalogueScene(*scene) for name, scene in mechanisms.items()
     }
