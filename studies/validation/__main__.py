@@ -12,24 +12,24 @@ from matplotlib.figure import Figure
 import clearjoint as cj
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
+from studies.validation.check import Check
+from studies.validation.collision import collision
 from studies.validation.modelica import Example, backlash, elasto_gap
 
 
-def table(examples: list[Example]) -> list[list[str]]:
+def table(checks: list[Check]) -> list[list[str]]:
     """One row for each published value."""
-    rows = [["example", "quantity", "published", "clearjoint", "relative difference"]]
-    for example in examples:
-        rows += [
-            [
-                check.source,
-                check.name,
-                f"{check.published:.10g} {check.unit}",
-                f"{check.ours:.10g} {check.unit}",
-                f"{check.difference:.0e}",
-            ]
-            for check in example.checks
+    rows = [
+        [
+            check.source,
+            check.name,
+            f"{check.published:.10g} {check.unit}".strip(),
+            f"{check.ours:.10g} {check.unit}".strip(),
+            f"{check.difference:.0e}",
         ]
-    return rows
+        for check in checks
+    ]
+    return [["source", "quantity", "published", "clearjoint", "relative difference"], *rows]
 
 
 def figure(examples: list[Example]) -> Figure:
@@ -46,7 +46,7 @@ def figure(examples: list[Example]) -> Figure:
     return drawn
 
 
-def main(arguments: list[str] | None = None) -> list[Example]:
+def main(arguments: list[str] | None = None) -> list[Check]:
     """Run the examples, print the table, and draw."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "the same: it takes seconds")
@@ -56,9 +56,10 @@ def main(arguments: list[str] | None = None) -> list[Example]:
         # A play of 45 degrees and a spring of 10 N/m are unusual for joints of machines.
         warnings.simplefilter("ignore", cj.UnusualValueWarning)
         examples = [backlash(), elasto_gap()]
-    print(markdown(table(examples)))
+        checks = [*examples[0].checks, *examples[1].checks, *collision()]
+    print(markdown(table(checks)))
     Output.of(__file__, options).save(figure(examples), "validation")
-    return examples
+    return checks
 
 
 if __name__ == "__main__":

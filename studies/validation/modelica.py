@@ -12,24 +12,10 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint import plot
+from studies.validation.check import Check
 
 SETTINGS = cj.Settings(rtol=1e-11)
 ORIGIN, Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-
-
-class Check(NamedTuple):
-    """A published value and ours, in the unit named."""
-
-    source: str
-    name: str
-    unit: str
-    published: float
-    ours: float
-
-    @property
-    def difference(self) -> float:
-        """The difference relative to the published value."""
-        return abs(self.ours - self.published) / abs(self.published)
 
 
 class Example(NamedTuple):
