@@ -1,4 +1,4 @@
-"""What the constraints of a scene are like at a configuration: violations, rank, redundancy."""
+"""Violations, rank and redundancy of the constraints of a scene at a configuration."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,10 +26,11 @@ T = TypeVar("T")
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised row from the span of the others below which it counts as dependent."""
 UNCERTAIN_BELOW = 1e-5
-"""Distance below which it is neither: the multipliers' equations have the square of it, and
-rounding decides. At 1e-6 the angle of a four-bar with a skew hinge is off by 1e-3 in a second."""
+"""Distance below which a row is neither clearly independent nor dependent. The equations of the
+multipliers contain its square, so rounding determines them: at 1e-6 the angle of a four-bar with a
+skew hinge is wrong by 1e-3 after a second."""
 FEW = 16
-"""Scenes whose constraints numpy evaluates; for more of them, native code is compiled."""
+"""Largest number of scenes whose constraints NumPy evaluates; for more, native code is compiled."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,10 @@ class ConstraintReport:
     """Constraints at one configuration.
 
     - `names`: each row as "joint: label".
-    - `values` and `rates`: (m,) Phi and its rate, m or 1, and per second.
-    - `jacobian`: (m, v) by velocities and body spins; v is six times the number of bodies.
-    - `redundant`: names of the rows that depend on those before them.
-    - `uncertain`: names of those that nearly do; no run can use them.
+    - `values` and `rates`: (m,), Phi in m or 1, and its rate per second.
+    - `jacobian`: (m, v), by velocities and body spins; v is six times the number of bodies.
+    - `redundant`: names of the rows that depend on the rows before them.
+    - `uncertain`: names of the rows that nearly do; no run can use them.
     """
 
     names: tuple[str, ...]
@@ -51,17 +52,18 @@ class ConstraintReport:
     uncertain: tuple[str, ...]
 
     def degrees_of_freedom(self) -> int:
-        """Six a body less the rank of the constraints."""
+        """Return six times the number of bodies minus the rank of the constraints."""
         return self.jacobian.shape[1] - len(self.names) + len(self.redundant)
 
 
 def constraint_report(
     scene: Scene, state: State, t: Scalar = 0.0, coordinates: AbstractCoordinates | None = None
 ) -> ConstraintReport:
-    """Evaluate the constraints of a scene, and find those that are redundant there.
+    """Evaluate the constraints of a scene at a state, and find the redundant ones.
 
-    **Arguments:** `coordinates`: take the joints that these eliminate as given, and look for
-    redundancy among the rows that remain. Otherwise among all, in their order.
+    **Arguments:** `t`: s, for constraints that depend on time; `coordinates`: if given, redundancy
+    is determined among the rows that these coordinates do not eliminate, otherwise among all rows,
+    in their order.
 
     >>> report = cj.constraint_report(*cj.mechanisms.bricard())
     >>> report.degrees_of_freedom(), len(report.redundant)
@@ -73,10 +75,11 @@ def constraint_report(
 
 
 class StartRows(NamedTuple):
-    """What decides of m constraints whether a run can start.
+    """Constraint rows for the checks before a run.
 
-    - `values`, `rates`: (m,), as of `ConstraintReport`.
-    - `names`: of those that the coordinates leave, and `left`, (n, s), their normalised rows.
+    - `values`, `rates`: (m,), as those of `ConstraintReport`.
+    - `names`, `left`: names, (n,), and normalised Jacobians, (n, s), of the rows that the
+      coordinates do not eliminate.
     """
 
     values: np.ndarray
@@ -88,10 +91,10 @@ class StartRows(NamedTuple):
 def start_rows(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> StartRows:
-    """The constraints at a start, of scene and state in packed form.
+    """Return the constraint rows at an initial state; scene and state in packed form.
 
-    The names stand beside the rows: JAX sorts dictionaries, and which rows depend on those before
-    them is a question of their order.
+    Rows are stacked in the order of `names`. A dictionary would lose the order, since JAX sorts
+    keys; but whether a row depends on the rows before it is a matter of order.
     """
     rows = constraints(scene, coordinates, state, t)
     jacobian, remaining = by_name(rows.jacobian), by_name(rows.remaining)
@@ -107,10 +110,10 @@ def _stacked(rows: list[jax.Array]) -> np.ndarray:
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """`start_rows` of many scenes and states that differ in numbers, these in front of each array.
+    """Return `start_rows` of many scenes and states; each array with the axis of scenes first.
 
-    **Arguments:** `varied`: the scene with what varies of it, all values in front, ``None`` for the
-    rest, which `scene` has; `states`: all initial states in front.
+    **Arguments:** `varied`: the scene with all values of each varied number, axis of scenes first,
+    and ``None`` for the numbers that `scene` has for all; `states`: all initial states, likewise.
     """
     scenes = jax.tree.structure(scene).flatten_up_to(varied)
     starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
@@ -131,7 +134,7 @@ def start_rows_of_lanes(
         )
         for k in range(1 if alike else count)
     ]
-    parts = zip(*((one.values, one.rates, one.left) for one in found), strict=True)
+    parts = zip(*((rows.values, rows.rates, rows.left) for rows in found), strict=True)
     values, rates, left = (
         np.broadcast_to(stacked, (count, *stacked.shape[1:])) for stacked in map(np.stack, parts)
     )
@@ -139,9 +142,10 @@ def start_rows_of_lanes(
 
 
 class ConstraintRows(NamedTuple):
-    """Constraint rows as arrays: values and rates (), Jacobian (v,).
+    """Constraint rows as arrays: values and rates (), Jacobian (v,) by velocities and spins.
 
-    `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these leave.
+    `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these do not
+    eliminate.
     """
 
     values: ByLabel[jax.Array]
@@ -151,7 +155,7 @@ class ConstraintRows(NamedTuple):
 
 
 def _report(arrays: ConstraintRows, bodies: int) -> ConstraintReport:
-    """The rows with their rank."""
+    """Return the report of the rows, with redundant ones determined."""
     rows = by_name(arrays.jacobian)
     names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
     scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
@@ -168,8 +172,11 @@ def _report(arrays: ConstraintRows, bodies: int) -> ConstraintReport:
 def dependent(
     names: tuple[str, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The names of those normalised rows that depend on the ones before them, and of those that
-    nearly do; `known` are the distances of rows seen before, and gets those of these."""
+    """Return the names of normalised rows that depend on the rows before them, and of rows that
+    nearly do.
+
+    `known` caches the distances of rows by their bytes: scenes of a sweep often have equal rows.
+    """
     key = rows.tobytes()
     if key not in known:
         known[key] = _distances(rows)
@@ -184,14 +191,14 @@ def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
 
 
 def by_name(tree: ByLabel[T]) -> dict[str, T]:
-    """What belongs to rows, by their names."""
+    """Return the entries of a dictionary by joint and label, with keys "joint: label"."""
     return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
 
 
 def constraints(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> ConstraintRows:
-    """The constraints of a scene and state in packed form."""
+    """Return the constraint rows of a scene and state in packed form."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
@@ -206,26 +213,24 @@ def constraints(
 
 
 _constraints_first_on_host = HostFirst(constraints)
-
-
 _start_rows = NativeFunction(start_rows)
 _start_rows_by_numpy = HostFirst(start_rows)
 
 
-def _each(rows: ByLabel[Row], of: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:
+def _each(rows: ByLabel[Row], function: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:
     return {
-        name: {label: of(row) for label, row in family.items()} for name, family in rows.items()
+        name: {label: function(row) for label, row in family.items()}
+        for name, family in rows.items()
     }
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """How far each row is from the span of the earlier ones, by orthogonalising one after the
-    other."""
+    """Return the distance of each row from the span of the earlier ones, by Gram-Schmidt."""
     basis: list[np.ndarray] = []
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):
         rest = row
-        for _ in range(2):
+        for _ in range(2):  # the second pass removes rounding errors of the first
             for direction in basis:
                 rest = rest - (rest @ direction) * direction
         distances[k] = np.linalg.norm(rest)

@@ -18,7 +18,7 @@ import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.grouping import condensing as grouping
 from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
-from clearjoint.dynamics.grouping.coordinates import Views, folded
+from clearjoint.dynamics.grouping.coordinates import GroupedMotions, summed_wrenches
 from clearjoint.dynamics.system import System
 from clearjoint.math.groups import GroupName, by_group, by_name, each
 from clearjoint.math.vectors import Vector, fold_constants, unpack
@@ -367,7 +367,7 @@ def test_wrenches_go_to_the_bodies_they_act_on():
         "hub": 10.0,
     }
     zero = Vector(0.0, 0.0, 0.0)
-    found = folded(
+    found = summed_wrenches(
         {
             name: cj.extend.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
             for name, x in wrenches.items()
@@ -380,7 +380,7 @@ def test_wrenches_go_to_the_bodies_they_act_on():
 
 def test_motions_answer_names_of_one_and_of_several():
     group = GroupName("abcd")
-    motions = Views({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
+    motions = GroupedMotions({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
     assert motions["c"] == 2.0 and motions[GroupName(("hub", "hub"))] == 9.0
     np.testing.assert_array_equal(motions[GroupName("bcd")], [1, 2, 3])
     np.testing.assert_array_equal(motions[GroupName("dab")], [3, 0, 1])

@@ -116,7 +116,7 @@ def _stepped(time_map, function):
         terms, 0.0, H, start, None, jax.grad(function)(0.0), False, time_map=time_map
     )
     dense = own.interpolation_cls(t0=0.0, t1=H, **information)
-    return y1, error, last, lambda part: dense.evaluate(H * time_map.place(jnp.asarray(part)))
+    return y1, error, last, lambda part: dense.evaluate(H * time_map.fraction(jnp.asarray(part)))
 
 
 @pytest.mark.parametrize("case", GRADED)
@@ -139,7 +139,7 @@ def test_the_place_in_a_step_is_the_inverse_of_the_time_elapsed(case):
     time_map, _ = GRADED[case]
     for place in (0.0, 0.01, 0.3, 0.8, 1.0):
         part = time_map.elapsed(place)
-        assert float(time_map.place(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
+        assert float(time_map.fraction(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
         ahead, back = (time_map.elapsed(place + side) for side in (1e-6, -1e-6))
         assert float(time_map.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
 

@@ -14,7 +14,7 @@ from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation.run.derivative_runs import derivative_scheme
 from clearjoint.simulation.run.segments import begin
 from clearjoint.simulation.step import program_size
-from clearjoint.simulation.step.program_size import LARGE, shapes_of
+from clearjoint.simulation.step.stepping import MANY_OPERATIONS, shapes_of
 from clearjoint.simulation.step.systems import SystemFamily
 from clearjoint.simulation.step.variational import start_with_tangents
 
@@ -58,7 +58,7 @@ def _begun_with_derivatives(scene, state):
 
 def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch):
     """By a limit that a chain of two passes with derivatives, and one of three without."""
-    monkeypatch.setattr(program_size, "LARGE", 300)
+    monkeypatch.setattr(program_size, "MANY_OPERATIONS", 300)
     shorter, longer = _chain(2), _chain(3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -72,7 +72,7 @@ def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch)
 def test_shapes_are_those_of_the_function():
     def many():
         total = jnp.zeros(3)
-        for _ in range(LARGE + 1):
+        for _ in range(MANY_OPERATIONS + 1):
             total = jax.lax.neg(total)
         return total, {"a": 1.0}
 

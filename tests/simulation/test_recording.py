@@ -97,6 +97,6 @@ def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
     peak = peak_in_step(law, start, end, length)
     assert float(peak.depth) == pytest.approx(1e-6, rel=1e-9)
     assert float(peak.force) == pytest.approx(1e9 * 1e-6**1.5, rel=1e-5)
-    assert float(peak.place) == pytest.approx(0.3, abs=2e-3)
+    assert float(peak.fraction) == pytest.approx(0.3, abs=2e-3)
     over = float(end_in_step(law, start, end, length))
     assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)
