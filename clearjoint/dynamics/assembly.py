@@ -166,8 +166,8 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
         "state",
         list(uncertain),
         "without constraints that nearly depend on the others",
-        "align the points and axes of these joints with the others' exactly, or by more than 1e-5; "
-        "leave out what the others hold; or start farther from a singular position",
+        "align the points and axes of these joints with the others' exactly, or misalign them by "
+        "more than 1e-5; leave out redundant joints; or start farther from a singular position",
     )
 
 

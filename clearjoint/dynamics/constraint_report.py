@@ -1,9 +1,9 @@
 """Violations, rank and redundancy of the constraints of a scene at a configuration."""
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -20,8 +20,6 @@ from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
 from .equations_of_motion import constraint_rows
 from .multipliers import as_array, row_rate
-
-T = TypeVar("T")
 
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised row from the span of the others below which it counts as dependent."""
@@ -70,20 +68,27 @@ def constraint_report(
     (1, 1)
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    values = _constraints_first_on_host(scene, coordinates, state, on_device(t))
-    return _report(values, len(scene.bodies))
+    rows = _start_rows_by_numpy(scene, coordinates, state, on_device(t))
+    values, rates, jacobian, left = map(
+        np.asarray, (rows.values, rows.rates, rows.jacobian, rows.left)
+    )
+    jacobian = jacobian.reshape(len(rows.all_names), 6 * len(scene.bodies))
+    redundant, uncertain = dependent(rows.names, left, {})
+    return ConstraintReport(rows.all_names, values, rates, jacobian, redundant, uncertain)
 
 
 class StartRows(NamedTuple):
-    """Constraint rows for the checks before a run.
+    """Constraint rows at an initial state.
 
-    - `values`, `rates`: (m,), as those of `ConstraintReport`.
-    - `names`, `left`: names, (n,), and normalised Jacobians, (n, s), of the rows that the
-      coordinates do not eliminate.
+    - `all_names`, `values`, `rates`, `jacobian`: of all m rows, as in `ConstraintReport`.
+    - `names`, `left`: names, (n,), and normalised Jacobians, (n, s), by the s speeds of the
+      coordinates, of the rows that these do not eliminate.
     """
 
     values: np.ndarray
     rates: np.ndarray
+    jacobian: np.ndarray
+    all_names: tuple[str, ...]
     names: tuple[str, ...]
     left: np.ndarray
 
@@ -93,18 +98,42 @@ def start_rows(
 ) -> StartRows:
     """Return the constraint rows at an initial state; scene and state in packed form.
 
-    Rows are stacked in the order of `names`. A dictionary would lose the order, since JAX sorts
+    Rows are stacked in the order of their names. A dictionary would lose the order, since JAX sorts
     keys; but whether a row depends on the rows before it is a matter of order.
     """
-    rows = constraints(scene, coordinates, state, t)
-    jacobian, remaining = by_name(rows.jacobian), by_name(rows.remaining)
-    left = [row / square_root((jacobian[name] ** 2).sum()) for name, row in remaining.items()]
-    values, rates = (_stacked(list(by_name(tree).values())) for tree in (rows.values, rows.rates))
-    return StartRows(values, rates, tuple(remaining), _stacked(left))
+    scene, bodies = unpack(scene), unpack(state.bodies)
+    absolute = AbsoluteCoordinates()
+    mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
+    rows = _by_name(constraint_rows(scene, absolute, mechanics.motions, t))
+    values = [as_array([row.value])[0] for row in rows.values()]
+    rates = [as_array([row_rate(row, mechanics.motions)])[0] for row in rows.values()]
+    jacobian = {name: as_array(mechanics.projected(row.jacobian)) for name, row in rows.items()}
+    mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
+    remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))
+    left = [
+        as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
+        for name, row in remaining.items()
+    ]
+    return StartRows(
+        _stacked(values),
+        _stacked(rates),
+        _stacked(list(jacobian.values())),
+        tuple(rows),
+        tuple(remaining),
+        _stacked(left),
+    )
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:
     return library(rows).stack(rows) if rows else np.zeros(0)
+
+
+def _by_name(rows: ByLabel[Row]) -> dict[str, Row]:
+    return {f"{joint}: {label}": row for joint, by in rows.items() for label, row in by.items()}
+
+
+_start_rows = NativeFunction(start_rows)
+_start_rows_by_numpy = HostFirst(start_rows)
 
 
 def start_rows_of_lanes(
@@ -125,7 +154,7 @@ def start_rows_of_lanes(
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
     leaves, structure = jax.tree.flatten(arguments)
-    found = [
+    per_lane = [
         _start_rows_by_numpy(
             *jax.tree.unflatten(
                 structure,
@@ -134,39 +163,17 @@ def start_rows_of_lanes(
         )
         for k in range(1 if alike else count)
     ]
-    parts = zip(*((rows.values, rows.rates, rows.left) for rows in found), strict=True)
-    values, rates, left = (
-        np.broadcast_to(stacked, (count, *stacked.shape[1:])) for stacked in map(np.stack, parts)
+
+    def stacked(parts: Iterable[np.ndarray]) -> np.ndarray:
+        array = np.stack(list(parts))
+        return np.broadcast_to(array, (count, *array.shape[1:]))
+
+    return per_lane[0]._replace(
+        values=stacked(rows.values for rows in per_lane),
+        rates=stacked(rows.rates for rows in per_lane),
+        jacobian=stacked(rows.jacobian for rows in per_lane),
+        left=stacked(rows.left for rows in per_lane),
     )
-    return StartRows(values, rates, found[0].names, left)
-
-
-class ConstraintRows(NamedTuple):
-    """Constraint rows as arrays: values and rates (), Jacobian (v,) by velocities and spins.
-
-    `remaining`: Jacobians (s,) by the s speeds of the coordinates, of the rows that these do not
-    eliminate.
-    """
-
-    values: ByLabel[jax.Array]
-    rates: ByLabel[jax.Array]
-    jacobian: ByLabel[jax.Array]
-    remaining: ByLabel[jax.Array]
-
-
-def _report(arrays: ConstraintRows, bodies: int) -> ConstraintReport:
-    """Return the report of the rows, with redundant ones determined."""
-    rows = by_name(arrays.jacobian)
-    names, matrix = tuple(rows), np.array([*rows.values()]).reshape(len(rows), 6 * bodies)
-    scale = dict(zip(names, np.linalg.norm(matrix, axis=1), strict=True))
-    remaining = by_name(arrays.remaining)
-    left = np.array([np.asarray(row) / scale[name] for name, row in remaining.items()])
-    redundant, uncertain = dependent(tuple(remaining), left, {})
-    values, rates = (
-        np.array([float(value) for value in by_name(tree).values()])
-        for tree in (arrays.values, arrays.rates)
-    )
-    return ConstraintReport(names, values, rates, matrix, redundant, uncertain)
 
 
 def dependent(
@@ -188,40 +195,6 @@ def dependent(
 
 def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
     return tuple(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
-
-
-def by_name(tree: ByLabel[T]) -> dict[str, T]:
-    """Return the entries of a dictionary by joint and label, with keys "joint: label"."""
-    return {f"{joint}: {label}": row for joint, rows in tree.items() for label, row in rows.items()}
-
-
-def constraints(
-    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
-) -> ConstraintRows:
-    """Return the constraint rows of a scene and state in packed form."""
-    scene, bodies = unpack(scene), unpack(state.bodies)
-    absolute = AbsoluteCoordinates()
-    mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
-    rows = constraint_rows(scene, absolute, mechanics.motions, t)
-    values = _each(rows, lambda row: as_array([row.value])[0])
-    rates = _each(rows, lambda row: as_array([row_rate(row, mechanics.motions)])[0])
-    jacobian = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
-    mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
-    rows = constraint_rows(scene, coordinates, mechanics.motions, t)
-    remaining = _each(rows, lambda row: as_array(mechanics.projected(row.jacobian)))
-    return ConstraintRows(values, rates, jacobian, remaining)
-
-
-_constraints_first_on_host = HostFirst(constraints)
-_start_rows = NativeFunction(start_rows)
-_start_rows_by_numpy = HostFirst(start_rows)
-
-
-def _each(rows: ByLabel[Row], function: Callable[[Row], jax.Array]) -> ByLabel[jax.Array]:
-    return {
-        name: {label: function(row) for label, row in family.items()}
-        for name, family in rows.items()
-    }
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:

@@ -127,7 +127,7 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Accelerations of the bodies, by their own names."""
+        """Return the accelerations of the bodies by the names of single bodies."""
         rest, groups = self._split(rates)
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ...math.vectors import Scalar, add
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
+from .reductions import AbstractWindowedReduction
 from .windows import Instants, Window, optional_time
 
 LOSSES = ("normal damping", "friction", "film")
@@ -23,7 +23,7 @@ class LossTally(NamedTuple):
     at_end: Scalar
 
 
-class DissipatedEnergy(AbstractReduction):
+class DissipatedEnergy(AbstractWindowedReduction):
     """Energy dissipated by normal damping, friction and films; needs `Settings(ledger=True)`.
 
     **Arguments:** `after`, `until`: s, the window of time, as for `Peak`.
@@ -38,12 +38,6 @@ class DissipatedEnergy(AbstractReduction):
     after: Instants = eqx.field(default=None, static=True, converter=optional_time)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
-
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> LossTally | None:
         """Return the losses at the start; without a window ``None``, since the ledger is integrated
@@ -70,7 +64,7 @@ class DissipatedEnergy(AbstractReduction):
         return {"": "J"}
 
 
-class MeanPowerLost(AbstractReduction):
+class MeanPowerLost(AbstractWindowedReduction):
     """Mean power dissipated by normal damping, friction and films; needs `Settings(ledger=True)`.
 
     **Arguments:** `after`, `until`: s, the window of time of the mean, as for `Peak`.
@@ -85,12 +79,6 @@ class MeanPowerLost(AbstractReduction):
     after: Instants = eqx.field(default=None, static=True, converter=optional_time)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
-
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> tuple[Scalar, LossTally]:
         """Return the time of the start, s, and the losses there."""

@@ -9,8 +9,8 @@ from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 
 class CountTally(NamedTuple):
@@ -22,7 +22,7 @@ class CountTally(NamedTuple):
     time: Scalar | None
 
 
-class ImpactCount(AbstractReduction):
+class ImpactCount(AbstractWindowedReduction):
     """Number of contact onsets, of all contacts of a joint.
 
     **Arguments:** `joint`: name of the joint; `after`, `until`: s, the window of time of the
@@ -37,12 +37,6 @@ class ImpactCount(AbstractReduction):
     joint: str = eqx.field(static=True)
     after: Instants = eqx.field(default=None, static=True, converter=optional_time)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
-
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has contacts."""

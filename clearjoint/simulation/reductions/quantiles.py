@@ -12,15 +12,15 @@ from ...math.interpolation import Parabola
 from ...math.vectors import Scalar
 from ...quantities.base import Quantity, numbers
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
 """The latest instant, s, and the value there; the duration inside the window, s; and the time in
 it, s, for which the quantity was below each edge, (K,)."""
 
 
-class Quantiles(AbstractReduction):
+class Quantiles(AbstractWindowedReduction):
     """Quantiles of a quantity over time; "0.5" is the median.
 
     In each step the quantity is approximated by the parabola through both ends and the middle. The
@@ -64,10 +64,6 @@ class Quantiles(AbstractReduction):
         levels = np.asarray(as_number(self.levels))
         parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
         require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> QuantilesTally:
         """Return the instant and the value there, with zero durations."""

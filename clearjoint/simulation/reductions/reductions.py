@@ -103,6 +103,19 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
             raise ValueError(f"Output {name!r}: {error}") from error
 
 
+class AbstractWindowedReduction(AbstractReduction):
+    """Base class of reductions over a window of time, from `after` to `until`, s."""
+
+    after: eqx.AbstractVar[Instants]
+    until: eqx.AbstractVar[Instants]
+
+    def __check_init__(self):
+        self._window()  # which checks the times
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+
 class PeakTally(NamedTuple):
     """The highest value so far and its time, s; the value at the latest instant `now`, s; and the
     value at the instant `before` it, s."""
@@ -115,7 +128,7 @@ class PeakTally(NamedTuple):
     before: Scalar
 
 
-class Peak(AbstractReduction):
+class Peak(AbstractWindowedReduction):
     """Largest value of a quantity, "", and its time, "time".
 
     Values inside steps are included, by the solver's dense output. At usual tolerances the peak of
@@ -148,10 +161,6 @@ class Peak(AbstractReduction):
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> PeakTally:
         """Return the value at the start, as the highest so far if it is in the window."""
@@ -216,7 +225,7 @@ StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
 of the value and its square; the smallest and the largest value."""
 
 
-class Statistics(AbstractReduction):
+class Statistics(AbstractWindowedReduction):
     """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
 
     In each step the quantity is approximated by the parabola through both ends and the middle.
@@ -237,10 +246,6 @@ class Statistics(AbstractReduction):
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> StatisticsTally:
         """Return the instant and the value there, zero integrals, and the extremes so far."""

@@ -13,15 +13,15 @@ from ...model.contact.gap import slip_velocity
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """The latest instant, s; the rates of wear there, m^3/s, and the volumes so far, m^3, by base and
 sector."""
 
 
-class ArchardWear(AbstractReduction):
+class ArchardWear(AbstractWindowedReduction):
     r"""Wear volumes of a bearing's wall, m^3: "" of both bases of the journal together, "V" and "W"
     of each base, and "V 1", "V 2", ... of each sector.
 
@@ -55,13 +55,9 @@ class ArchardWear(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
-        self._window()
         require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
         require_positive("hardness", self.hardness, "give H in Pa, such as 2e9")
         require_count("sectors", self.sectors, "give a number of sectors")
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has a journal."""

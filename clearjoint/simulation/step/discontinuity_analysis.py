@@ -46,20 +46,20 @@ def require_declared(scene: Scene) -> None:
                     not _function_compares_time(function),
                     f"scene.{family}[{name!r}]",
                     type(function).__name__.strip("_"),
-                    "a function smooth in time, or one that declares where it isn't, for "
+                    "a function smooth in time, or one that declares its breakpoints, for "
                     "derivatives to be right",
                     "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
                     "AbstractFunctionOfTime with a method `breakpoints` that returns the times in "
-                    "s at which what it compares with time changes",
+                    "s at which it jumps or has a kink",
                 )
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
                 not (silent and _packed_element_compares_time(element)),
                 f"scene.{family}[{name!r}]",
                 type(element).__name__,
-                "smooth in time, or declare where it isn't, for derivatives to be right",
-                "give its class a method `breakpoints` that returns the times in s at which what "
-                "it compares with time changes, or () if nothing jumps or has a kink there",
+                "smooth in time, or declare its breakpoints, for derivatives to be right",
+                "give its class a method `breakpoints` that returns the times in s at which it "
+                "jumps or has a kink, or () if there are none",
             )
 
 

@@ -28,7 +28,7 @@ from ...dynamics.contact_events import (
     updated_entry_speeds,
     uses_entry_speed,
 )
-from ...dynamics.contact_forces import Bristles, EntrySpeeds
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.energy import bristle_energy
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
@@ -283,7 +283,16 @@ def _across_discontinuities(
         if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
-            y = replace(y, bristles=_bristles_after(method, system, step, y))
+            gaps, motions = system.contact_gaps(y.motion), system.motions(y.motion)
+            bristles = updated_bristles(
+                system.scene,
+                y.bristles,
+                motions,
+                step.contact_gaps,
+                gaps,
+                method.landing is not None,
+            )
+            y = replace(y, bristles=bristles)
         return y, None
 
     if family is None:
@@ -292,13 +301,6 @@ def _across_discontinuities(
     tangents = y_tangents, step.tangents.entry_speeds
     y1, _, y_tangents = family.pushed(across, (y1, step.entry_speeds), tangents)
     return y1, y_tangents
-
-
-def _bristles_after(method: Method, system: System, step: Step, y: Variables) -> Bristles:
-    """Return the deflections of bristles, m, if the step is accepted."""
-    after, motions = system.contact_gaps(y.motion), system.motions(y.motion)
-    lands = method.landing is not None
-    return updated_bristles(system.scene, y.bristles, motions, step.contact_gaps, after, lands)
 
 
 def _tangents_after(
@@ -349,10 +351,14 @@ def _entry_speeds_after(
     if not isinstance(method.solver, UnrolledExplicit):
         # The solver's state does not contain the rates at the end of the step. One more evaluation
         # is spent only where a contact begins, as nothing else uses them.
+        zeros = second_rates
+
+        def end_second_rates() -> ByLabel[Scalar]:
+            rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
+            return system.second_rates(y1.motion, rates.motion)
+
         second_rates = jax.lax.cond(
-            keep & begins(step.contact_gaps, after),
-            lambda: _end_second_rates(method, system, step, y1, t1),
-            lambda: second_rates,
+            keep & begins(step.contact_gaps, after), end_second_rates, lambda: zeros
         )
     return updated_entry_speeds(
         system.scene, step.entry_speeds, step.contact_gaps, after, second_rates
@@ -375,14 +381,6 @@ def _second_rates(
         contact_gaps,
         is_leaf=lambda node: isinstance(node, ContactGap),
     )
-
-
-def _end_second_rates(
-    method: Method, system: System, step: Step, y1: Variables, t1: Scalar
-) -> ByLabel[Scalar]:
-    """Evaluate the second derivatives of the gaps at the end of a step, m/s^2."""
-    rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
-    return system.second_rates(y1.motion, rates.motion)
 
 
 def blank_attempt(
