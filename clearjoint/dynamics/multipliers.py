@@ -26,6 +26,7 @@ def response(
     smallest correction in the metric of the mass matrix. A row that is structurally zero, such as
     that of a planar loop normal to its plane, is satisfied identically; its multiplier is zero.
     """
+    # A zero row would make the matrix singular.
     kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
@@ -47,6 +48,7 @@ def _unrolled_response(
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
     """Return `response` in scalar form; `weighted` are the rows of D M^-1."""
+    # The lower triangle of D M^-1 D^T, which is symmetric.
     schur = [
         [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
     ]

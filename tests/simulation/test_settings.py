@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint import presets
 from tests.support.rotor import INERTIA, SPEED, angle, rotor, stiffness_axis
 
-FINER = ("look", "default", "study", "reference")
+FINER = ("preview", "default", "accurate", "reference")
 NAMES = (*FINER, "derivatives", "identification")
 RUNNERS = (
     cj.simulate,

@@ -17,8 +17,8 @@ from ...model.joints.base import ByLabel
 
 LATEST = 1e-11
 """s: a step must land within this time past an event, at the rate of the gap there. The penetration
-at the landing holds elastic energy that no work supplied; at a slow impact, the landing tolerance
-alone would allow more than the impact has."""
+at the landing holds elastic energy that no work supplied, and a slow impact may not even reach the
+depth of the landing tolerance."""
 CLOSEST = 1e-4
 """Smallest depth that is asked of a landing, in landing tolerances: gaps are subject to rounding,
 however slow the contact."""
@@ -42,8 +42,8 @@ class Landing(eqx.Module):
     ) -> Scalar:
         """Predict the time to the next event, s, from gaps, rates and second rates (m/s^2).
 
-        A step that would pass the event is shortened to it in advance. Otherwise the trial meets a
-        force that its predecessor did not have, its error is large, and it is cut several times.
+        A step that would pass the event is shortened to it in advance. This saves rejected trials:
+        one far past a wall can have a very large error, and would be cut several times.
         """
         return self._soonest(contact_gaps, second_rates, ends_only=False)
 
