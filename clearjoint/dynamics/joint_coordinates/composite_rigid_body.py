@@ -85,7 +85,7 @@ class TreeMechanics:
             parent = self._parents[k]
             if parent is not None:
                 # By the choice of unknowns, the composite does not follow the carrier's rotation
-                # about the joint's axes, so the carrier does not feel its inertia about them.
+                # about the joint's axes, so its inertia about them does not act on the carrier.
                 transmitted = composites[k]
                 for column, whole, rest in zip(columns, wholes, rests, strict=True):
                     transmitted = transmitted.without(column.angular, whole, rest)

@@ -76,12 +76,12 @@ def decide_step(
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
     if smooth is not None:
-        refused = keep & ~smooth
-        keep = keep & smooth
-        t_next = jnp.where(refused, step.t + SHORTER * (t1 - step.t), t_next)
+        repeats: Condition = keep & ~smooth
+        refused, keep = repeats, keep & smooth
+        t_next = jnp.where(repeats, step.t + SHORTER * (t1 - step.t), t_next)
         # The controller took the trial for accepted. Its state before the trial is restored, or its
         # history of errors would contain a step that was never made.
-        controller_state = choose(refused, last.controller_state, controller_state)
+        controller_state = choose(repeats, last.controller_state, controller_state)
 
     # 2. Length of the next step. The controller counts in its own time variable, in which the error
     # is smooth; the time map converts its proposal to seconds.
