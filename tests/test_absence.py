@@ -269,7 +269,7 @@ def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_t
 
 
 def test_step_without_derivatives_does_not_ask_since_when_contacts_exist():
-    assert started(scene(pin(DAMPED))).proposal.since_begin is None
+    assert started(scene(pin(DAMPED))).proposal.time_since_onset is None
 
 
 def test_ground_is_not_in_the_state():

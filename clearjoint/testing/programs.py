@@ -28,11 +28,11 @@ from ..simulation.run.run_checks import check_precision, check_start
 from ..simulation.run.run_ends import begin_run
 from ..simulation.step import presets
 from ..simulation.step.method import Scheme
-from ..simulation.step.rates import rates_of
 from ..simulation.step.settings import Settings, settings_or
 from ..simulation.step.step_state import Method, Step, Variables
 from ..simulation.step.stepping import attempt
 from ..simulation.step.systems import SystemFamily
+from ..simulation.step.trial_step import rates_of
 from ..simulation.step.variational import start_with_tangents
 
 FIRST_STEP, END = 1e-6, 1e9

@@ -13,7 +13,7 @@ from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
-    constraint_report._constraints_first_on_host,
+    constraint_report._start_rows_by_numpy,
     assembly.round_trip,
     journals.contact_depths,
 )
@@ -72,11 +72,16 @@ def test_a_start_is_checked_without_compiling(mechanism):
 
 def test_constraints_by_numpy_are_those_compiled():
     scene, state = four_bar()
-    by_numpy = constraint_report._constraints_first_on_host(
-        scene, cj.AbsoluteCoordinates(), state, jnp.asarray(0.0)
+    coordinates = cj.AbsoluteCoordinates()
+
+    def arrays(rows):
+        return rows.values, rows.rates, rows.jacobian, rows.left
+
+    by_numpy = arrays(
+        constraint_report._start_rows_by_numpy(scene, coordinates, state, jnp.asarray(0.0))
     )
     compiled = jax.jit(
-        lambda state: constraint_report.constraints(scene, cj.AbsoluteCoordinates(), state, 0.0)
+        lambda state: arrays(constraint_report.start_rows(scene, coordinates, state, 0.0))
     )(state)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled

@@ -1,4 +1,4 @@
-"""The energy ledger closes over four seconds, and constraints stay where they belong."""
+"""The energy ledger closes over four seconds, and constraints do not drift."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_ledger_closes(restitution):
 
 @pytest.mark.slow
 def test_friction_dissipates_and_is_booked():
-    """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
+    """For a body sliding on the bearing's wall, the ledger closes with friction."""
     scene, state = cj.mechanisms.double_pendulum(friction=cj.frictions.RegularisedCoulomb(0.1))
     solution = cj.simulate(
         scene,

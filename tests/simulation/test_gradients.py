@@ -1,5 +1,5 @@
-"""Derivatives through a run: reverse mode against forward mode, closed forms and the reference, and
-the points where a kink or a vanishing length could spoil them."""
+"""Derivatives of a run: reverse mode against forward mode, closed forms and the reference; and
+derivatives at points with a kink or a vanishing length."""
 
 import diffrax
 import equinox as eqx
@@ -24,7 +24,7 @@ GRAVITY, CLEARANCE, RESTITUTION = 9.81, 5e-4, 0.9
 END, BEFORE = 0.012, 0.0099
 """s: after the first impact, and before it."""
 TIMES = jnp.asarray([0.0, BEFORE, END])
-MEMORY = {"shoulder": {"V": 0.0, "W": 0.0}}
+ENTRY_SPEEDS = {"shoulder": {"V": 0.0, "W": 0.0}}
 
 
 def rod(height=0.0):
@@ -74,19 +74,19 @@ LANES = np.array(
         [CLEARANCE, RESTITUTION, GRAVITY, -CLEARANCE],
     ]
 )
-"""From the centre, from beside it, and touching the wall: no depth, no slip, no entry speed."""
+"""Starts at the centre, off the centre, and at the wall: no depth, no slip, no entry speed."""
 
 
 @pytest.fixture(scope="module")
 def forward():
-    """Heights, and their derivatives; shape (lanes, times) and (lanes, times, parameters)."""
+    """Return heights (lanes, times) and their derivatives (lanes, times, parameters)."""
     slopes = jax.jit(jax.vmap(jax.jacfwd(heights)))(LANES)
     return np.asarray(slopes)
 
 
 @pytest.fixture(scope="module")
 def reverse():
-    """The derivatives of each height in reverse mode, through a mean over the lanes."""
+    """Return the derivatives of each height in reverse mode, through a mean over the lanes."""
 
     def mean(lanes, weights):
         found = jax.vmap(lambda lane: heights(lane, adjoint=REVERSE))(lanes)
@@ -123,7 +123,7 @@ def test_derivatives_after_an_impact_agree_with_differences(reverse):
             assert reverse[lane, -1, k] == pytest.approx(expected, rel=2e-3)
 
 
-def test_grad_without_adjoint_names_the_remedy():
+def test_grad_without_adjoint_raises_with_the_remedy():
     scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))})
 
     def flown(speed):
@@ -144,8 +144,8 @@ def overflowing():
     return scheme, form, begin(scheme, form, state, *times, False, None)
 
 
-def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
-    """It is rejected, so that the state after it is the state before; JAX alone makes NaN of it."""
+def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
+    """It is rejected, so the state is unchanged; without the gate, JAX would return NaN."""
     scheme, form, now = overflowing
     method, system = scheme.method, scheme.unpacked(form)
 
@@ -159,7 +159,7 @@ def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
     assert all(slope == 1.0 for slope in jax.tree.leaves(slopes))
 
 
-def test_without_adjoint_nothing_of_it_is_in_the_program(overflowing):
+def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
     arguments = (scheme, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
@@ -173,7 +173,7 @@ def test_other_adjoints_are_refused(adjoint):
         cj.simulate(*rod(), END, adjoint=adjoint)
 
 
-def test_checkpoints_are_those_asked_for():
+def test_the_number_of_checkpoints_is_that_of_the_adjoint():
     assert loops_for(None) is PLAIN
     assert loops_for(diffrax.RecursiveCheckpointAdjoint(checkpoints=7)) == CheckpointedLoops(7)
 
@@ -208,8 +208,8 @@ POSITIONS = {"centred": 0.0, "touching": CLEARANCE, "deep": 1.02 * CLEARANCE}
 
 @pytest.fixture(scope="module")
 def kernel():
-    """Tangents and cotangents of the equations of motion at a height of the journal, at rest: no
-    slip, no entry speed. All numbers of the scene, the state and the memory vary."""
+    """Return tangents and cotangents of the equations of motion at a height of the journal, at
+    rest, along all numbers of the scene, the state and the entry speeds."""
     law = cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
     scene, state = cj.mechanisms.double_pendulum(
         friction=cj.frictions.Ambrosio(0.1, lower_speed=0.0),
@@ -217,7 +217,7 @@ def kernel():
         law=law,
     )
     form = fold_constants(scene)
-    numbers, shape = jax.tree.flatten((form.tree, state.bodies, MEMORY))
+    numbers, shape = jax.tree.flatten((form.tree, state.bodies, ENTRY_SPEEDS))
 
     def rates(numbers, height):
         tree, bodies, entry_speeds = jax.tree.unflatten(shape, numbers)
@@ -258,7 +258,7 @@ def test_equations_of_motion_have_finite_derivatives(kernel, position):
 
 
 def test_force_at_zero_depth_is_that_of_the_flight():
-    """Hertz: both sides have slope zero. Linear: the flight's, since a contact has depth."""
+    """Hertz: the slope is zero on both sides. Linear: that of the flight."""
     for law in (
         cj.laws.Hertz(1e9),
         cj.laws.Hertz(1e9, exponent=1.0),

@@ -1,4 +1,4 @@
-"""What is recorded beside derivatives: the states and impacts of a run without them."""
+"""States and impacts that are recorded with derivatives: those of a run without derivatives."""
 
 from dataclasses import fields
 
@@ -26,7 +26,7 @@ from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
 
-def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
+def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     found = recorded_rod()
     run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())
     assert found.saved is not None and found.impacts is not None and run.saved is not None
@@ -53,7 +53,7 @@ def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
 
 
 def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
-    """A contact that is over `count` times, one second after another."""
+    """A contact that ends `count` times, at intervals of one second."""
     table = Table.like(ImpactRow.none(), room)
     for k in range(count):
         row = jax.tree.map(lambda leaf, k=k: leaf + k, ImpactRow.none())
@@ -63,12 +63,12 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
     return {"pin": {"V": ContactRecord(contact, table)}}
 
 
-def test_a_full_table_holds_its_rows_and_one_too_short_is_told_by_its_count():
+def test_a_full_table_keeps_its_rows_and_its_count_exceeds_the_capacity_if_it_is_too_short():
     assert list(impacts_of(_record(3, 3), 10.0).onset) == [10.0, 11.0, 12.0]
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
 
 
-def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch):
+def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
     rooms: list[int] = []
 
     def run(kept: module.Kept) -> module.Sampled:
@@ -84,8 +84,8 @@ def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch)
     assert found.impacts is not None and most(found.impacts) == 20
 
 
-def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
-    """The depth a parabola: steps that don't land end where they like."""
+def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
+    """The depth is a parabola; steps without landing end anywhere."""
     law, length = cj.laws.Hertz(1e9), 0.3e-3
 
     def at(t: float) -> ContactInstant:
@@ -97,6 +97,6 @@ def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
     peak = peak_in_step(law, start, end, length)
     assert float(peak.depth) == pytest.approx(1e-6, rel=1e-9)
     assert float(peak.force) == pytest.approx(1e9 * 1e-6**1.5, rel=1e-5)
-    assert float(peak.place) == pytest.approx(0.3, abs=2e-3)
+    assert float(peak.fraction) == pytest.approx(0.3, abs=2e-3)
     over = float(end_in_step(law, start, end, length))
     assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...dynamics.breakpoints import seen
+from ...dynamics.breakpoints import one_sided_time
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...math.rotations import normalised
@@ -68,7 +68,7 @@ class StepEnd(eqx.Module):
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
     """One step of length h from time t, s; elements that change at t have changed."""
     middle_time = t + 0.5 * h
-    t = seen(rigid.system, t, t)
+    t = one_sided_time(rigid.system, t, t)
     middle, free = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = rigid.system.mechanics(free)
     contacts = touches(rigid.system.scene, mechanics.motions)

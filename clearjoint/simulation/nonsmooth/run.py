@@ -9,7 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ...compilation import Compiled
-from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, seen, since_breakpoints
+from ...dynamics.breakpoints import (
+    breakpoints,
+    drivers_are_smooth,
+    one_sided_time,
+    since_breakpoints,
+)
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
@@ -107,7 +112,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
-    time = seen(system, stop, stop)
+    time = one_sided_time(system, stop, stop)
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
         lambda variables: system.project_velocities(variables, time),

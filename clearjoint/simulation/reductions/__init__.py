@@ -1,1 +1,1 @@
-"""Reductions: numbers of a run, updated at every accepted step."""
+"""Reductions: results that are accumulated during a run, at every accepted step."""

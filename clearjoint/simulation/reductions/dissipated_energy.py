@@ -1,4 +1,4 @@
-"""What joints take of the energy."""
+"""Energy that joints dissipate."""
 
 from typing import NamedTuple
 
@@ -7,24 +7,24 @@ import jax.numpy as jnp
 
 from ...math.vectors import Scalar, add
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
+from .reductions import AbstractWindowedReduction
 from .windows import Instants, Window, optional_time
 
 LOSSES = ("normal damping", "friction", "film")
-"""Of the energy ledger, what joints take."""
+"""Entries of the energy ledger for losses in joints."""
 
 
 class LossTally(NamedTuple):
-    """The latest instant, s; and what had been lost, J, at the begin and at the end of the window,
-    or so far."""
+    """The latest instant, s; and the losses, J, at the start and at the end of the window, or so
+    far."""
 
     time: Scalar
     at_begin: Scalar
     at_end: Scalar
 
 
-class DissipatedEnergy(AbstractReduction):
-    """Energy that normal damping, friction and films took; for `Settings(ledger=True)`.
+class DissipatedEnergy(AbstractWindowedReduction):
+    """Energy dissipated by normal damping, friction and films; needs `Settings(ledger=True)`.
 
     **Arguments:** `after`, `until`: s, the window of time, as for `Peak`.
 
@@ -39,42 +39,35 @@ class DissipatedEnergy(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
 
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
-
     def start(self, now: Instant) -> LossTally | None:
-        """Nothing is remembered, since the ledger is integrated with the state; of a window, what
-        is lost where it begins and ends."""
+        """Return the losses at the start; without a window ``None``, since the ledger is integrated
+        with the state."""
         if self._window().is_whole:
             return None
         return LossTally(now.time, _lost(now), _lost(now))
 
     def update(self, tally: LossTally | None, now: Instant) -> LossTally | None:
-        """The losses up to the window's begin and end, as far as the step goes."""
+        """Update the losses at the start and end of the window."""
         if tally is None:
             return None
         return _lost_until(tally, now, self._window())
 
     def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
-        """What normal damping, friction and films took since the start or in the window, J; what
-        bristles would give back is not among it."""
+        """Return the dissipated energy since the start, or in the window, J, without the energy
+        stored in bristles."""
         if tally is None:
             return {"": _lost(now)}
         return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
 
     def units(self) -> dict[str, str]:
-        """The energy is in J."""
+        """Return J."""
         return {"": "J"}
 
 
-class MeanPowerLost(AbstractReduction):
-    """Mean power that normal damping, friction and films took; for `Settings(ledger=True)`.
+class MeanPowerLost(AbstractWindowedReduction):
+    """Mean power dissipated by normal damping, friction and films; needs `Settings(ledger=True)`.
 
-    **Arguments:** `after`, `until`: s, the window of time over which the mean is taken, as for
-    `Peak`.
+    **Arguments:** `after`, `until`: s, the window of time of the mean, as for `Peak`.
 
     **Raises:** `ValueError` as `Peak`.
 
@@ -87,23 +80,17 @@ class MeanPowerLost(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
 
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
-
     def start(self, now: Instant) -> tuple[Scalar, LossTally]:
-        """The time of the start, s; and what is lost where the window begins and ends."""
+        """Return the time of the start, s, and the losses there."""
         return now.time, LossTally(now.time, _lost(now), _lost(now))
 
     def update(self, tally: tuple[Scalar, LossTally], now: Instant) -> tuple[Scalar, LossTally]:
-        """The losses up to the window's begin and end, as far as the step goes."""
+        """Update the losses at the start and end of the window."""
         begin, losses = tally
         return begin, _lost_until(losses, now, self._window())
 
     def results(self, tally: tuple[Scalar, LossTally], now: Instant) -> dict[str, Scalar]:
-        """The mean power, W, over the part of the window that was reached; NaN if none was."""
+        """Return the mean power over the window as far as it was reached, W; NaN if not at all."""
         begin, losses = tally
         window = self._window()
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(begin, window.start)
@@ -112,18 +99,22 @@ class MeanPowerLost(AbstractReduction):
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
 
     def units(self) -> dict[str, str]:
-        """The power is in W."""
+        """Return W."""
         return {"": "W"}
 
 
 def _lost_until(tally: LossTally, now: Instant, window: Window) -> LossTally:
-    """The losses up to the window's begin and end, as far as the step goes that ends now."""
+    """Update the losses at the edges of the window by the step that ends now.
+
+    Before an edge they follow the losses so far; in the step that passes it they are those at the
+    edge, by dense output; then they stay.
+    """
     lost = _lost(now)
     at_edges = [
         jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
         for edge, inside, known in zip(
             (window.start, window.end),
-            map(now.inside, window.places(tally.time, now.time)),
+            map(now.inside, window.fractions(tally.time, now.time)),
             (tally.at_begin, tally.at_end),
             strict=True,
         )
@@ -132,10 +123,10 @@ def _lost_until(tally: LossTally, now: Instant, window: Window) -> LossTally:
 
 
 def _lost(now: Instant) -> Scalar:
-    """What has been taken since the start, J."""
+    """Return the dissipated energy since the start, J."""
     lost: Scalar = 0.0
     for name in LOSSES:
         lost = add(lost, now.work.get(name, 0.0))
-    if (held := now.bristle_energy) is not None:
-        lost = lost - held
+    if (stored := now.bristle_energy) is not None:
+        lost = lost - stored
     return lost

@@ -1,4 +1,4 @@
-"""How often contacts begin."""
+"""Number of impacts."""
 
 from typing import NamedTuple
 
@@ -9,23 +9,24 @@ from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 
 class CountTally(NamedTuple):
-    """How many contacts have begun, which touch, and the latest instant, s, if it is needed."""
+    """Number of onsets so far, which contacts exist, and the latest instant, s, if there is a
+    window."""
 
     count: Scalar
     touching: dict[str, Condition]
     time: Scalar | None
 
 
-class ImpactCount(AbstractReduction):
-    """Number of contacts that began, of all contacts of a joint.
+class ImpactCount(AbstractWindowedReduction):
+    """Number of contact onsets, of all contacts of a joint.
 
-    **Arguments:** `joint`: its name; `after`, `until`: s, the window of time in which they began,
-    as for `Peak`.
+    **Arguments:** `joint`: name of the joint; `after`, `until`: s, the window of time of the
+    onsets, as for `Peak`.
 
     **Raises:** `ValueError` as `Peak`.
 
@@ -37,12 +38,6 @@ class ImpactCount(AbstractReduction):
     after: Instants = eqx.field(default=None, static=True, converter=optional_time)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
-    def __check_init__(self):
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
-
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has contacts."""
         require_known("joint", self.joint, scene.contact_joints())
@@ -51,12 +46,12 @@ class ImpactCount(AbstractReduction):
         return {label: gap.depth > 0.0 for label, gap in now.contact_gaps[self.joint].items()}
 
     def start(self, now: Instant) -> CountTally:
-        """No contact has begun; and which touch at the start."""
+        """Return a count of zero, and which contacts exist."""
         time = None if self._window().is_whole else now.time
         return CountTally(jnp.zeros(()), self._touching(now), time)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
-        """One more for each contact that did not touch before."""
+        """Add one for each contact that did not exist before."""
         count, after = tally.count, self._touching(now)
         for label, touches in after.items():
             begins = touches & ~tally.touching[label]
@@ -66,15 +61,15 @@ class ImpactCount(AbstractReduction):
         return CountTally(count, after, None if tally.time is None else now.time)
 
     def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
-        """When a contact began in the step that ends now, s, by its depth and the rate of it."""
+        """Return the onset of a contact in the step that ends now, s, by its depth and rate."""
         gap = now.contact_gaps[self.joint][label]
         since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
         return now.time - jnp.clip(since, 0.0, now.time - before)
 
     def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
-        """The number of contacts that began, up to the end of the run or of the window."""
+        """Return the number of onsets up to the end of the run or of the window."""
         return {"": self._window().if_reached(tally.count, now.time)}
 
     def units(self) -> dict[str, str]:
-        """The count is a number without unit."""
+        """Return 1, for a number without unit."""
         return {"": "1"}

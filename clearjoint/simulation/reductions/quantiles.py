@@ -1,4 +1,4 @@
-"""Quantiles of a quantity over time, gathered along a run in bounded memory."""
+"""Quantiles of a quantity over time, accumulated during a run in bounded memory."""
 
 from typing import TypeAlias
 
@@ -12,29 +12,29 @@ from ...math.interpolation import Parabola
 from ...math.vectors import Scalar
 from ...quantities.base import Quantity, numbers
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
-"""The latest instant, s, and the value there; the duration inside the window, s; and for how much
-of it, s, the quantity was below each edge, (K,)."""
+"""The latest instant, s, and the value there; the duration inside the window, s; and the time in
+it, s, for which the quantity was below each edge, (K,)."""
 
 
-class Quantiles(AbstractReduction):
-    """Values below which a quantity is for parts of the time: "0.5" is the median over time.
+class Quantiles(AbstractWindowedReduction):
+    """Quantiles of a quantity over time; "0.5" is the median.
 
-    How long the quantity is below each of the `edges` is gathered, exactly of the parabola through
-    both ends and the middle of each step; between two edges a quantile is interpolated. So it lies
-    between the edges about the true one, and is wrong by less than their distance. A level whose
-    quantile is below the first edge or above the last is NaN: widen the edges.
+    In each step the quantity is approximated by the parabola through both ends and the middle. The
+    time for which it is below each of the `edges` is accumulated; between two edges, a quantile is
+    interpolated. Its error is less than their distance. A quantile below the first edge or above
+    the last one is NaN: widen the edges.
 
-    For quantiles over the impacts instead of over time take `ImpactTable`; these are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`; these are exact.
 
     ```python
     import clearjoint as cj
     import numpy as np
 
-    edges = [0.0, *np.geomspace(1.0, 1e5, 200)]  # N: wrong by 6 % at most
+    edges = [0.0, *np.geomspace(1.0, 1e5, 200)]  # N: error of 6 % at most
     force = cj.quantities.ContactForce("shoulder")
     outputs = {"force": cj.Quantiles(force, "N", edges, levels=(0.5, 0.99), after=0.5)}
     ```
@@ -42,11 +42,11 @@ class Quantiles(AbstractReduction):
     **Arguments:**
 
     - `quantity`, `unit`: as for `Peak`.
-    - `edges`: (K,) rising, in the unit; two at least. Memory and time of a step grow with them.
-    - `levels`: between 0 and 1, of which the results have the names.
-    - `after`, `until`: s, the window; from the start to the end of the run unless given.
+    - `edges`: (K,), increasing, in the unit; two at least. Memory and time of a step grow with K.
+    - `levels`: between 0 and 1; the results are named after them.
+    - `after`, `until`: s, the window of time, as for `Peak`.
 
-    **Raises:** `ValueError` for edges that do not rise, and levels that are no part.
+    **Raises:** `ValueError` for edges that do not increase, and for levels outside 0 to 1.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -64,21 +64,17 @@ class Quantiles(AbstractReduction):
         levels = np.asarray(as_number(self.levels))
         parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
         require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> QuantilesTally:
-        """The instant and the value there, and no time below any edge."""
+        """Return the instant and the value there, with zero durations."""
         return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
 
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
-        """The tally with the part of the step added that is inside the window."""
+        """Add the part of the step that is inside the window."""
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
-        a, b = self._window().places(before, now.time)
+        a, b = self._window().fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)
         added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
         return (now.time, end), duration + inside * (b - a), below + added
@@ -87,12 +83,12 @@ class Quantiles(AbstractReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:
-        """The quantile of each level; NaN where no edges enclose it, or the run ended before the
-        window."""
+        """Return the quantile of each level; NaN if no edges enclose it, or if the run ended before
+        the window."""
         del now
         _, duration, below = tally
         edges, last = jnp.asarray(self.edges), len(self.edges) - 1
-        found = {}
+        quantiles = {}
         for level in self.levels:
             target = level * duration
             k = jnp.sum(below < target)
@@ -101,9 +97,9 @@ class Quantiles(AbstractReduction):
             part = (target - low) / jnp.where(high > low, high - low, 1.0)
             value = edges[above - 1] + part * (edges[above] - edges[above - 1])
             enclosed = (k >= 1) & (k <= last)
-            found[f"{level:g}"] = jnp.where(enclosed, value, jnp.nan)
-        return found
+            quantiles[f"{level:g}"] = jnp.where(enclosed, value, jnp.nan)
+        return quantiles
 
     def units(self) -> dict[str, str]:
-        """The quantity's unit for each level."""
+        """Return the quantity's unit for each level."""
         return {f"{level:g}": self.unit for level in self.levels}

@@ -1,7 +1,7 @@
-"""What a lane of a sweep keeps of its run: reductions, updated at every accepted step.
+"""Reductions: results that are accumulated during a run, at every accepted step.
 
-A reduction of one's own subclasses `AbstractReduction`. Its tally is a PyTree of scalars, so that
-memory does not grow with the steps.
+User-defined reductions subclass `AbstractReduction`. The tally of a reduction is a PyTree of
+scalars, so memory does not grow with the number of steps.
 """
 
 import abc
@@ -25,7 +25,9 @@ from .windows import Instants, Window, optional_time
 
 
 class AbstractReduction(AbstractConverting):
-    """Something that is gathered along a run. One that reads `Instant.work` sets `needs_ledger`.
+    """Base class of results that are accumulated during a run.
+
+    A subclass that reads `Instant.work` sets `needs_ledger = True`.
 
     ```python
     import clearjoint as cj
@@ -57,34 +59,35 @@ class AbstractReduction(AbstractConverting):
     needs_ledger: ClassVar[bool] = False
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has what the reduction names: what its quantities do, unless a
-        subclass tells more.
+        """Check that a scene has the elements that the reduction names.
 
-        **Raises:** `ValueError` that lists what there is.
+        By default the fields that are quantities are checked; a subclass may check more.
+
+        **Raises:** `ValueError` that lists the known names.
         """
         for name, value in vars(self).items():
             check_quantity(name, value, scene)
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """What is remembered from step to step, at the start of the run."""
+        """Return the tally, the data carried from step to step, at the start of the run."""
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
-        """The tally after an accepted step that ends now."""
+        """Return the tally after an accepted step that ends now."""
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """What is reported at the end, by name; the name "" stands for the reduction's own."""
+        """Return the results at the end of the run by name; "" is the output's own name."""
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
-        """Unit of each result, by the names that `results` has."""
+        """Return the unit of each result, by the names in `results`."""
 
 
 def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
-    """Check the reductions among some outputs: that the scene has what they name, and that the run
-    keeps the energy `ledger` if one needs it.
+    """Check the reductions among some outputs: that the scene has the elements they name, and that
+    the run integrates the energy `ledger` if one needs it.
 
     **Raises:** `ValueError` that names the output.
     """
@@ -100,9 +103,22 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
             raise ValueError(f"Output {name!r}: {error}") from error
 
 
+class AbstractWindowedReduction(AbstractReduction):
+    """Base class of reductions over a window of time, from `after` to `until`, s."""
+
+    after: eqx.AbstractVar[Instants]
+    until: eqx.AbstractVar[Instants]
+
+    def __check_init__(self):
+        self._window()  # which checks the times
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)
+
+
 class PeakTally(NamedTuple):
-    """The highest value so far and its time, s; the value at the latest instant and that, s; both
-    at the instant before."""
+    """The highest value so far and its time, s; the value at the latest instant `now`, s; and the
+    value at the instant `before` it, s."""
 
     highest: Scalar
     time: Scalar
@@ -112,11 +128,11 @@ class PeakTally(NamedTuple):
     before: Scalar
 
 
-class Peak(AbstractReduction):
-    """Largest value of a quantity, and when: "" and "time".
+class Peak(AbstractWindowedReduction):
+    """Largest value of a quantity, "", and its time, "time".
 
-    Within a step it is the largest value along the solver's dense output. Of a contact force at
-    usual tolerances it is then that of the table of impacts to 1e-6.
+    Values inside steps are included, by the solver's dense output. At usual tolerances the peak of
+    a contact force agrees with that of the table of impacts to 1e-6.
 
     ```python
     import clearjoint as cj
@@ -128,11 +144,10 @@ class Peak(AbstractReduction):
     **Arguments:**
 
     - `quantity`: a scalar function of an `Instant`; `unit`: its unit.
-    - `after`, `until`: s, the window of time in which it is looked for, to the instant and not to
-      the step; from the start to the end of the run unless given. Both results are NaN for a run
-      that ended before.
+    - `after`, `until`: s, the window of time, by default the whole run. Of a step across its edge
+      the part inside counts. Both results are NaN for a run that ended before it.
 
-    **Raises:** `ValueError` for a window that does not end after its begin.
+    **Raises:** `ValueError` for a window that does not end after its start.
 
     >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     >>> peak.units()
@@ -146,13 +161,9 @@ class Peak(AbstractReduction):
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> PeakTally:
-        """The value at the start, the highest so far if it is in the window."""
+        """Return the value at the start, as the highest so far if it is in the window."""
         value, window = self._value(now), self._window()
         highest = value
         if not window.is_whole:
@@ -160,7 +171,9 @@ class Peak(AbstractReduction):
         return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """The highest value of the step's part in the window, if it is higher than those before."""
+        """Update the highest value by that of the step's part in the window."""
+        # The search takes the value at the start of the previous step too: a parabola through it
+        # and both ends of this step gives the first guess of the peak.
         length = now.time - tally.now
         earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
         before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
@@ -168,7 +181,7 @@ class Peak(AbstractReduction):
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window()
         if not window.is_whole:
-            a, b = window.places(tally.now, now.time)
+            a, b = window.fractions(tally.now, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
@@ -189,16 +202,16 @@ class Peak(AbstractReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """The largest value and its time, s."""
+        """Return the largest value and its time, s."""
         del now
         if self._window().is_whole:
             return {"": tally.highest, "time": tally.time}
-        found = tally.highest > -jnp.inf
+        reached = tally.highest > -jnp.inf
         results = {"": tally.highest, "time": tally.time}
-        return {name: jnp.where(found, value, jnp.nan) for name, value in results.items()}
+        return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
     def units(self) -> dict[str, str]:
-        """The quantity's unit for the peak, and s for its time."""
+        """Return the quantity's unit for the peak, and s for its time."""
         return {"": self.unit, "time": "s"}
 
 
@@ -212,10 +225,10 @@ StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
 of the value and its square; the smallest and the largest value."""
 
 
-class Statistics(AbstractReduction):
+class Statistics(AbstractWindowedReduction):
     """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
 
-    In each step the quantity is that of the parabola through both ends and the middle.
+    In each step the quantity is approximated by the parabola through both ends and the middle.
 
     **Arguments:** `quantity`, `unit`, `after` and `until` as for `Peak`.
 
@@ -233,13 +246,9 @@ class Statistics(AbstractReduction):
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
-        self._window()
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def start(self, now: Instant) -> StatisticsTally:
-        """The instant and the value there, zero duration and integrals, and the extremes so far."""
+        """Return the instant and the value there, zero integrals, and the extremes so far."""
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
         window = self._window()
@@ -248,14 +257,15 @@ class Statistics(AbstractReduction):
         return (now.time, value), (zero, zero, zero), extremes
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """The tally with the part of the step added that is inside the window."""
+        """Add the part of the step that is inside the window."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
         arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
-        a, b = self._window().places(t0, t1)
+        a, b = self._window().fractions(t0, t1)
         inside = b > a
         h = jnp.where(inside, (b - a) * length, 0.0)
+        # Three Gauss nodes integrate the parabola and its square exactly.
         values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in _GAUSS_NODES]
         pairs = list(zip(_GAUSS_WEIGHTS, values, strict=True))
         sums = (
@@ -269,7 +279,7 @@ class Statistics(AbstractReduction):
         return (t1, v), sums, (smallest, largest)
 
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
-        """The four statistics; NaN if the run ended before the window."""
+        """Return the four statistics; NaN if the run ended before the window."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -282,5 +292,5 @@ class Statistics(AbstractReduction):
         }
 
     def units(self) -> dict[str, str]:
-        """The quantity's unit for each of the four."""
+        """Return the quantity's unit for each of the four."""
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)

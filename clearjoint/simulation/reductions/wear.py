@@ -1,4 +1,4 @@
-"""Wear of a bearing's wall, gathered along a run."""
+"""Wear of a bearing's wall, accumulated during a run."""
 
 import math
 
@@ -13,30 +13,31 @@ from ...model.contact.gap import slip_velocity
 from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
-from .reductions import AbstractReduction
-from .windows import Instants, Window, optional_time
+from .reductions import AbstractWindowedReduction
+from .windows import Instants, optional_time
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """The latest instant, s; the rates of wear there, m^3/s, and the volumes so far, m^3, by base and
 sector."""
 
 
-class ArchardWear(AbstractReduction):
-    r"""Volumes that a journal wears off its bearing's wall, m^3: "" of both bases together, "V" and
-    "W" of each, and "V 1", "V 2", ... of each sector.
+class ArchardWear(AbstractWindowedReduction):
+    r"""Wear volumes of a bearing's wall, m^3: "" of both bases of the journal together, "V" and "W"
+    of each base, and "V 1", "V 2", ... of each sector.
 
     $$\frac{dV}{dt} = \frac{k F_N |v_t|}{H}$$
 
-    dV = k F_N |v_t|/H dt, by Simpson's rule in each step. Sectors are of equal angles about the
-    bearing's axis and fixed to the bearing; the first one begins at the x of the bearing's frame,
-    that of `JournalOffset`, and they follow each other from x to y. Worn walls keep their form: the
-    mean depth in a sector is its volume over its area. The dry contact wears, no film.
+    dV = k F_N |v_t|/H dt is integrated by Simpson's rule in each step. Sectors have equal angles
+    about the bearing's axis and are fixed to the bearing; the first one begins at the x axis of the
+    bearing's frame, that of `JournalOffset`, and their order is from x to y. The geometry of the
+    wall does not change: the mean wear depth of a sector is its volume over its area. Only the dry
+    contact causes wear, not a film.
 
     **Arguments:**
 
     - `joint`: name of a clearance joint.
-    - `coefficient`: k, without unit. `hardness`: H, Pa.
-    - `sectors`: their number.
+    - `coefficient`: k, without unit; `hardness`: H, Pa.
+    - `sectors`: number of sectors.
     - `after`, `until`: s, the window of time, as for `Peak`.
 
     **Source:** J. F. Archard 1953.
@@ -54,13 +55,9 @@ class ArchardWear(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
-        self._window()
         require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
         require_positive("hardness", self.hardness, "give H in Pa, such as 2e9")
         require_count("sectors", self.sectors, "give a number of sectors")
-
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has a journal."""
@@ -69,17 +66,17 @@ class ArchardWear(AbstractReduction):
         require_known("joint", self.joint, journals)
 
     def start(self, now: Instant) -> WearTally:
-        """Nothing is worn off yet."""
+        """Return the rates at the start, and zero volumes."""
         none: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
         return now.time, self._rates(now), none
 
     def update(self, tally: WearTally, now: Instant) -> WearTally:
-        """The volumes with those of the step's part in the window."""
+        """Add the volumes of the step's part in the window."""
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(), now.time - before, now.middle
         if not window.is_whole:
-            a, b = window.places(before, now.time)
+            a, b = window.fractions(before, now.time)
             at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         at_middle, sixth = self._rates(middle), length / 6.0
@@ -95,7 +92,7 @@ class ArchardWear(AbstractReduction):
         return now.time, latest, worn
 
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
-        """The volumes worn off up to the end of the run, or in the window, m^3."""
+        """Return the wear volumes up to the end of the run, or in the window, m^3."""
         _, _, volumes = tally
         of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
         of_sectors = {
@@ -109,7 +106,7 @@ class ArchardWear(AbstractReduction):
         return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
 
     def units(self) -> dict[str, str]:
-        """Each is a volume."""
+        """Return m^3 for each."""
         of_sectors = [self._label(base, k) for base in BASES for k in range(self.sectors)]
         return dict.fromkeys(("", *BASES, *of_sectors), "m^3")
 
@@ -117,7 +114,7 @@ class ArchardWear(AbstractReduction):
         return f"{base} {sector + 1}"
 
     def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
-        """Rates of wear by base and sector, m^3/s."""
+        """Return the rates of wear by base and sector, m^3/s."""
         return {base: self._rates_at(now, base) for base in BASES}
 
     def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
@@ -126,13 +123,14 @@ class ArchardWear(AbstractReduction):
         speed = self._sliding_speed(now, base)
         rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
         offset = joint.journal_offset(now.motions, base)
-        turn = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
-        here = jnp.floor((turn - jnp.floor(turn)) * self.sectors)
-        here = jnp.minimum(here, self.sectors - 1)
-        return [jnp.where(here == k, rate, 0.0) for k in range(self.sectors)]
+        turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
+        sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
+        # Rounding may make the fraction of a turn exactly 1.
+        sector = jnp.minimum(sector, self.sectors - 1)
+        return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
 
     def _sliding_speed(self, now: Instant, base: str) -> Scalar:
-        """Of the surfaces at a base, m/s; also where the joint has no friction."""
+        """Return the sliding speed at a base, m/s, also in a joint without friction."""
         contact = now.contacts[self.joint][base].contact
         first, second = (
             now.motions[name] for name in now.scene.contact_joints()[self.joint].pair()

@@ -1,4 +1,4 @@
-"""Windows in time of reductions. Without one, nothing of it is in the program."""
+"""Time windows of reductions. Without a window, the program contains nothing of it."""
 
 import math
 from typing import Annotated, TypeAlias
@@ -11,11 +11,11 @@ from ...fields.checks import as_number, require
 from ...math.vectors import Condition, Scalar
 
 Instants: TypeAlias = Annotated[float | None, "s"]
-"""A time in s, or ``None`` where the run's own begin or end is meant."""
+"""A time in s, or ``None`` for the start or end of the run."""
 
 
 def optional_time(value: Instants) -> Instants:
-    """A time as a window stores it."""
+    """Convert a time to a Python float; ``None`` stays."""
     if value is None:
         return None
     time = np.asarray(as_number(value))
@@ -25,7 +25,7 @@ def optional_time(value: Instants) -> Instants:
 
 
 class Window(eqx.Module):
-    """The part of a run between two times, s: from the first on, and before the second."""
+    """The part of a run from `after` on and before `until`, s."""
 
     after: Instants = eqx.field(static=True, converter=optional_time)
     until: Instants = eqx.field(static=True, converter=optional_time)
@@ -36,7 +36,7 @@ class Window(eqx.Module):
             "until",
             self.until,
             f"later than after = {self.after}",
-            "give the window in s, of the run's clock",
+            "give both times in s",
         )
 
     @property
@@ -46,25 +46,25 @@ class Window(eqx.Module):
 
     @property
     def start(self) -> float:
-        """Its begin, s."""
+        """Start of the window, s."""
         return -math.inf if self.after is None else self.after
 
     @property
     def end(self) -> float:
-        """Its end, s."""
+        """End of the window, s."""
         return math.inf if self.until is None else self.until
 
     def holds(self, time: Scalar) -> Condition:
-        """Whether a time, s, is in it."""
+        """Whether a time, s, is in the window."""
         return (time >= self.start) & (time < self.end)
 
-    def places(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Where in a step from `begin` to `end`, s, it begins and ends: between 0 and 1, and alike
-        outside of it."""
+    def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
+        """Return the fractions, 0 to 1, of a step from `begin` to `end`, s, between which it is in
+        the window; equal fractions if it is not."""
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """The value, or NaN for a run that ended, at a time in s, before the window."""
+        """Return the value, or NaN if the run ended, at a time in s, before the window."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)

@@ -179,7 +179,7 @@ def _history(
         t - begin_before(law, here),
         t + h * end_in_step(law, here, following, h),
         jnp.asarray(peak.force),
-        t + h * peak.place,
+        t + h * peak.fraction,
         jnp.asarray(peak.depth),
     )
 

@@ -87,7 +87,7 @@ class OpenContact(eqx.Module):
             row.entry_speed,
             -end.gap.rate,
             jnp.where(stronger, peak.force, row.peak_force),
-            jnp.where(stronger, t0 + h * peak.place, row.peak_time),
+            jnp.where(stronger, t0 + h * peak.fraction, row.peak_time),
             jnp.maximum(row.largest_penetration, peak.depth),
         )
         begins = touches & jnp.logical_not(touched)

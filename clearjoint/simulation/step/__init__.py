@@ -1,1 +1,1 @@
-"""One step: trial, acceptance, landing on events, and derivatives beside the state."""
+"""One step of a run: trial, acceptance, landing on events, and derivatives along parameters."""

@@ -1,7 +1,7 @@
-"""A contact within one step: its peak, and where it ends, from what is known at the step's ends.
+"""Peak and end of a contact within one step, from its gap at the ends of the step.
 
-The depth is a quintic through depth, rate and second rate at both ends, which is two orders better
-than the solver's dense output; the force is the law's along it.
+The penetration is a quintic through depth, rate and second rate at both ends, which is two orders
+more accurate than the solver's dense output. The force follows from it by the contact law.
 """
 
 from collections.abc import Callable
@@ -25,40 +25,40 @@ from ...math.interpolation import (
 from ...math.vectors import Condition, Scalar
 from ...model.contact.gap import Gap
 from ...model.contact.laws import AbstractContactLaw, contact_normal_force
+from ...model.joints.base import ByLabel
 
 RESOLVED_TRAVEL = 1e-8
-"""Distance in m that a step must cover at entry speed for depths to tell the rate within it."""
+"""m: distance that a step must cover at entry speed for the rate inside it to follow from depths;
+below, rounding of the depths dominates."""
 PIECES = 4
-"""In which a step is first searched for its peak: where steps don't land on the begin and end of a
-contact, one may hold the whole of it."""
+"""Number of intervals in which a step is first searched for its peak. If steps do not land on
+contact events, one step may contain a whole contact."""
 
 
 class ContactInstant(eqx.Module):
-    """A contact at one instant: its gap, the second derivative of its depth, m/s^2, and the entry
-    speed on record, m/s, or ``None`` if its law keeps none."""
+    """A contact at one instant: its gap, the second derivative of its depth, m/s^2, and its entry
+    speed, m/s, ``None`` if its law does not use one."""
 
     gap: Gap
     second_rate: Scalar
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Whether the contact has a force: it has an entry speed on record or, if its law keeps
-        none, a depth within the law's reach."""
+        """Whether the contact has a force: its entry speed is set or, if its law uses none, its
+        depth is beyond the onset of the force."""
         if self.entry_speed is None:
             return self.gap.depth + law.onset_offset() > 0.0
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
-        """The entry speed on record, or the present rate where none is kept, m/s."""
+        """Return the entry speed, or the present rate if the law uses none, m/s."""
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
 
 def contact_instants(
-    forces: dict[str, dict[str, LoadedContact]],
-    second_rates: dict[str, dict[str, Scalar]],
-    entry_speeds: EntrySpeeds,
-) -> dict[str, dict[str, ContactInstant]]:
-    """All contacts of an instant, by the elements' own names."""
+    forces: ByLabel[LoadedContact], second_rates: ByLabel[Scalar], entry_speeds: EntrySpeeds
+) -> ByLabel[ContactInstant]:
+    """Return all contacts of an instant, by joint and contact label."""
     return {
         name: {
             label: ContactInstant(
@@ -73,24 +73,22 @@ def contact_instants(
 
 
 class StepPeak(NamedTuple):
-    """The largest normal force of a contact in a step, N, the part of the step before it, and the
-    largest depth, m."""
+    """The largest normal force of a contact in a step, N, the fraction of the step at which it
+    occurs, and the largest depth, m."""
 
     force: Scalar
-    place: Scalar
+    fraction: Scalar
     depth: Scalar
 
 
 def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> StepPeak:
-    """The peak of a contact in a step of length h, with the entry speed of its start.
-
-    The rate is the quintic's slope, or in steps so short that rounding of the depth would spoil it
-    the cubic through the rates and their derivatives.
-    """
+    """Return the peak of a contact in a step of length h, s, with the entry speed of its start."""
     quintic = Quintic.through(_bend(start), _bend(end), h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
+    # In very short steps the slope of the quintic suffers from rounding of the depths; the cubic
+    # through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
     def force(x: Scalar) -> Scalar:
@@ -103,7 +101,11 @@ def peak_in_step(
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
-    """The largest value of a function over a step."""
+    """Return the largest value of a function over the fractions 0 to 1 of a step.
+
+    The largest of the inner points selects the three points around which the peak is refined; then
+    the ends of the step are compared with it.
+    """
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     first, middle, last = points[:3]
     for k in range(2, PIECES):
@@ -121,20 +123,20 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
 def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
-    """The part of a step of length h after which a contact that touches at its start is over, by
-    the cubic through depths and rates; all of it where that finds no end."""
+    """Return the fraction of a step of length h, s, at which a contact that exists at its start
+    ends, by the cubic through depths and rates; 1 if it does not end."""
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
 
-def begin_before(law: AbstractContactLaw, here: ContactInstant) -> Scalar:
-    """How long before an instant a contact that has just begun did so, s."""
-    return (here.gap.depth + law.onset_offset()) / here.gap.rate
+def begin_before(law: AbstractContactLaw, instant: ContactInstant) -> Scalar:
+    """Return the time between the onset of a contact and an instant just after it, s."""
+    return (instant.gap.depth + law.onset_offset()) / instant.gap.rate
 
 
 def _array(leaf: Scalar) -> jax.Array:
-    """Without a weak type, which a loop's result has not."""
+    """Return the number without weak type: the state of a loop must keep its types."""
     return jnp.asarray(leaf, dtype=jnp.result_type(leaf))
 
 

@@ -1,4 +1,4 @@
-"""What a run is like inside a step, and on the constraints."""
+"""State inside an accepted step by dense output, and the correction onto the constraints."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -22,9 +22,10 @@ from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit
 def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
-    """Variables and memory at an instant of an accepted step, by the solver's dense output.
+    """Return the variables and entry speeds at a time t, s, of an accepted step.
 
-    The memory is that of the step's start: what the step's end changes holds from there on.
+    Inside the step, entry speeds are those of its start: they change at its end. At the end, the
+    variables are the stored ones, which contain the corrections for events there.
     """
     end = attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
@@ -34,22 +35,27 @@ def look_inside(
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """The time at which the dense output of a graded step has what belongs to t."""
+    """Return the time to pass to the dense output for the state at t, s.
+
+    The solver assumes uniform time, so t is mapped to the fraction of the step and back.
+    """
     if attempt.time_map is None:
         return t
     length = attempt.step.t - attempt.t_start
-    x = (t - attempt.t_start) / jnp.where(length > 0.0, length, 1.0)
-    return attempt.t_start + length * attempt.time_map.place(x)
+    elapsed = (t - attempt.t_start) / jnp.where(length > 0.0, length, 1.0)
+    return attempt.t_start + length * attempt.time_map.fraction(elapsed)
 
 
 def correct(system: System, y: Variables, t: Scalar) -> Variables:
-    """The variables as the stabilisation wants them at the end of a step; what a projection takes
-    is booked in the ledger."""
+    """Return the variables at the end of a step, corrected by the stabilisation.
+
+    The energy that a projection removes is booked in the ledger.
+    """
     return system.formulation.stabilisation.corrected(y, lambda y: _project(system, y, t))
 
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
-    """The variables as they are saved inside a step: corrected too, but nothing is booked."""
+    """Return the variables inside a step, corrected by the stabilisation; the ledger stays."""
     return replace(y, motion=correct(system, y, t).motion)
 
 
@@ -66,19 +72,19 @@ def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver's dense output is known in scalar form."""
+    """Check that the dense output of a solver is available in scalar form."""
     require(
         isinstance(solver, UnrolledExplicit),
         "solver",
         type(solver).__name__,
-        "an explicit Runge-Kutta method for sections, for what sweeps see inside steps (saved "
-        "states, peaks, statistics, impacts), and for derivatives",
+        "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
+        "(saved states, peaks, statistics, impacts), and for derivatives",
         "take one such as diffrax.Tsit5(), or leave these outputs out",
     )
 
 
 class Snapshot(eqx.Module):
-    """A time, the variables and the memory there."""
+    """A time, s, and the variables and entry speeds there."""
 
     t: Scalar
     y: Variables
@@ -89,18 +95,19 @@ class Snapshot(eqx.Module):
         system: System,
         inside: Callable[[Scalar], Instant] | None = None,
     ) -> Instant:
-        """The system at this row; `inside` gives that at a place of the step that ends here."""
+        """Return the `Instant` of the snapshot; `inside` gives the one at a fraction of the step
+        that ends here."""
         motion, work = self.y.motion, self.y.work
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """What is reported of the row: its time, s, and quantities by name."""
+        """Return the time, s, and the values of quantities by name."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step, from `start` to `end`, with its stages to look inside by."""
+    """The latest accepted step, from `start` to `end`, with its stages for dense output."""
 
     start: Snapshot
     end: Snapshot
@@ -109,7 +116,7 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """The bracket of the step that an accepted attempt made."""
+        """Return the step of an accepted attempt."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -118,23 +125,23 @@ class DenseStep(eqx.Module):
             tried.time_map,
         )
 
-    def inside(self, method: Method, x: Scalar) -> Variables:
-        """The variables at a fraction x of the step, by the solver's dense output."""
+    def inside(self, method: Method, elapsed: Scalar) -> Variables:
+        """Return the variables after an elapsed part of the step's time, 0 to 1."""
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
-        return dense.at(x if self.time_map is None else self.time_map.place(x))
+        return dense.at(elapsed if self.time_map is None else self.time_map.fraction(elapsed))
 
-    def within(self, method: Method, x: Scalar) -> Snapshot:
-        """The row at a fraction x of the step."""
+    def within(self, method: Method, elapsed: Scalar) -> Snapshot:
+        """Return the snapshot after an elapsed part of the step's time, 0 to 1."""
         require_dense(method.solver)
-        t = self.start.t + x * (self.end.t - self.start.t)
-        return Snapshot(t, self.inside(method, x), self.start.entry_speeds)
+        t = self.start.t + elapsed * (self.end.t - self.start.t)
+        return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
-        """The row at a time of the step."""
+        """Return the snapshot at a time t of the step, s."""
         length = self.end.t - self.start.t
-        x = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
+        elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t
-        y = choose(ends, self.end.y, self.inside(method, x))
+        y = choose(ends, self.end.y, self.inside(method, elapsed))
         return Snapshot(t, y, choose(ends, self.end.entry_speeds, self.start.entry_speeds))

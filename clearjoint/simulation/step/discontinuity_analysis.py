@@ -1,8 +1,9 @@
-"""Elements that decide: by time, at instants which they don't declare, or by the motion.
+"""Detect undeclared discontinuities by inspecting an element's jaxpr for comparisons.
 
-A force that is switched on at t_s is constant before and after: no derivative along t_s passes
-through the comparison, and no run shows that it is missing. So the element's program is looked at:
-whether it compares, rounds or clips anything that depends on time.
+A force that is switched on at t_s is constant before and after. The derivative along t_s does not
+pass through the comparison, and no run shows that it is missing. Therefore the traced program of
+each element is searched for operations that compare, round or clip a number that depends on time,
+or on the motion.
 """
 
 import jax
@@ -26,43 +27,44 @@ from ...model.joints.base import (
 from ...model.scene import Scene
 
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
-"""Primitives whose result jumps; besides those that make no real numbers, such as comparisons."""
+"""Primitives with a discontinuous real result. Primitives without a real result, such as
+comparisons, are treated the same."""
 KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
-"""Primitives whose result has a jump or a kink."""
+"""Primitives with a jump or a kink."""
 
 
 def require_declared(scene: Scene) -> None:
-    """Check that every element that decides by time declares its breakpoints.
+    """Check that every element that compares numbers with time declares its breakpoints.
 
-    **Raises:** `ValueError` that names the first one that doesn't.
+    **Raises:** `ValueError` that names the first element that does not.
     """
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
-            for function in _functions_of_time(element):
+            for function in _undeclared_functions_of_time(element):
                 require(
-                    not _function_decides(function),
+                    not _function_compares_time(function),
                     f"scene.{family}[{name!r}]",
                     type(function).__name__.strip("_"),
-                    "a function smooth in time, or one that declares where it isn't, for "
+                    "a function smooth in time, or one that declares its breakpoints, for "
                     "derivatives to be right",
                     "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
                     "AbstractFunctionOfTime with a method `breakpoints` that returns the times in "
-                    "s at which what it compares with time changes",
+                    "s at which it jumps or has a kink",
                 )
             silent = type(element).breakpoints is AbstractElement.breakpoints
             require(
-                not (silent and _decides_when_unpacked(element)),
+                not (silent and _packed_element_compares_time(element)),
                 f"scene.{family}[{name!r}]",
                 type(element).__name__,
-                "smooth in time, or declare where it isn't, for derivatives to be right",
-                "give its class a method `breakpoints` that returns the times in s at which what "
-                "it compares with time changes, or () if nothing jumps or has a kink there",
+                "smooth in time, or declare its breakpoints, for derivatives to be right",
+                "give its class a method `breakpoints` that returns the times in s at which it "
+                "jumps or has a kink, or () if there are none",
             )
 
 
-def _functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
-    """The functions of time in an element that say nothing of breakpoints."""
+def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
+    """Return the functions of time in an element whose class does not define `breakpoints`."""
     parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
     functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
     silent = AbstractFunctionOfTime.breakpoints
@@ -70,44 +72,48 @@ def _functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]
 
 
 @cached_by_numbers
-def _function_decides(function: AbstractFunctionOfTime) -> bool:
-    """Whether what a function of time, in packed form, gives depends on a comparison with time."""
+def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
+    """Whether the value of a function of time, in packed form, depends on a comparison with
+    time."""
     program = program_of(unpack(function), 0.0)[0].jaxpr
-    return _decides(_needed(program), {program.invars[0]}, KINKED)
+    return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 @cached_by_numbers
-def _decides_when_unpacked(element: AbstractElement) -> bool:
-    """`decides_by_time` of an element in packed form."""
-    return decides_by_time(unpack(element))
+def _packed_element_compares_time(element: AbstractElement) -> bool:
+    """`compares_time` of an element in packed form."""
+    return compares_time(unpack(element))
 
 
-def decides_by_time(element: AbstractElement) -> bool:
-    """Whether anything that an element (in scalar form) says depends on a comparison with time."""
-    program = _program_of(element)
-    return _decides(_needed(program), {program.invars[0]}, KINKED)
+def compares_time(element: AbstractElement) -> bool:
+    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
+    with time."""
+    program = _program_of_element(element)
+    return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 def may_jump_by_motion(element: AbstractElement) -> bool:
-    """Whether anything that an element (in scalar form) says depends on a comparison of the
-    motion's numbers; there it may jump, or have no more than a kink."""
-    program = _program_of(element)
-    return _decides(_needed(program), {program.invars[1]}, JUMPING)
+    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
+    of positions or velocities. They may jump there; whether they do is not known."""
+    program = _program_of_element(element)
+    return _branches(_needed(program), {program.invars[1]}, JUMPING)
 
 
-def _program_of(element: AbstractElement) -> Jaxpr:
-    """What an element says, of a time and of a number that stands for all those of the motion."""
+def _program_of_element(element: AbstractElement) -> Jaxpr:
+    """Trace an element as a function of two inputs: time, and one number that stands for every
+    component of the motion."""
 
-    def statements(t: Scalar, number: Scalar) -> PyTree[Scalar]:
+    def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
-        return _statements(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+        return _outputs(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
 
-    return program_of(statements, 0.0, 1.0)[0].jaxpr
+    return program_of(outputs, 0.0, 1.0)[0].jaxpr
 
 
-def _statements(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
-    """What the equations of motion take from an element; of a constraint's value, its rates."""
+def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
+    """Return what the equations of motion use of an element. The value of a constraint is not among
+    it: constraints enter by their rates."""
     if isinstance(element, AbstractForce):
         return element.wrenches(motions, t)
     assert isinstance(element, AbstractConstraint | AbstractContactJoint)
@@ -116,7 +122,10 @@ def _statements(element: AbstractElement, motions: dict[str, Motion], t: Scalar)
 
 
 def _needed(program: Jaxpr) -> list[JaxprEqn]:
-    """The equations on which the results depend, in order."""
+    """Return the equations on which the results depend, in order.
+
+    Others are dead code, such as the comparisons of a constraint's value.
+    """
     wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
     for equation in reversed(program.eqns):
         if not wanted.isdisjoint(equation.outvars):
@@ -125,21 +134,23 @@ def _needed(program: Jaxpr) -> list[JaxprEqn]:
     return needed[::-1]
 
 
-def _decides(equations: list[JaxprEqn], causes: set[Var], deciding: frozenset[str]) -> bool:
-    """Whether any equation decides by a variable that depends on one of `causes`, by one of the
-    `deciding` primitives or by a comparison."""
+def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:
+    """Whether a comparison or one of the `primitives` is applied to a variable that depends on one
+    of `causes`."""
     causes = set(causes)
     for equation in equations:
         which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
         if not any(which):
             continue
         real = all(_is_real(v.aval) for v in equation.outvars)
-        if equation.primitive.name in deciding or not real:
+        if equation.primitive.name in primitives or not real:
             return True
-        for inner in _inner(equation):
+        for inner in _inner_programs(equation):
+            # Arguments correspond one to one for calls. For loops and conditionals the assignment
+            # differs by primitive; all inner arguments then count as dependent.
             passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
-            inner_causes = {v for v, mine in zip(inner.invars, passed, strict=True) if mine}
-            if _decides(_needed(inner), inner_causes, deciding):
+            inner_causes = {v for v, depends in zip(inner.invars, passed, strict=True) if depends}
+            if _branches(_needed(inner), inner_causes, primitives):
                 return True
         causes.update(equation.outvars)
     return False
@@ -149,8 +160,8 @@ def _is_real(value: AbstractValue) -> bool:
     return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
 
 
-def _inner(equation: JaxprEqn) -> list[Jaxpr]:
-    """The programs inside an equation, as of a loop."""
+def _inner_programs(equation: JaxprEqn) -> list[Jaxpr]:
+    """Return the programs in the parameters of an equation, such as the body of a loop."""
     leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
     return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
 

@@ -1,10 +1,10 @@
-"""Forces of a user's own that jump where the motion decides.
+"""Check accepted steps of runs with derivatives for undeclared jumps of user-defined forces.
 
-Where a torque steps at an angle, the motion's derivatives have a term that depends on how the
-instant moves (the saltation matrix, see `.jumps`). Contact laws have it; of another element nobody
-says where it jumps, and the step beside the jump looks like any other. So of elements that may jump
-each accepted step is looked at: what a smooth force changes by in a step follows from its slopes at
-both ends, what jumps does not.
+Where a torque jumps at an angle, the derivatives of the motion have a term for the shift of the
+instant (the saltation matrix, see `.saltation`). Contact laws declare such events. A user-defined
+element cannot, and a step across its jump looks like any other. Therefore each accepted step of a
+scene with an element that may jump is checked: a change of the rates larger than the slopes at both
+ends allow is reported as a discontinuity.
 """
 
 from collections.abc import Iterator
@@ -25,32 +25,35 @@ from .saltation import any_changes
 from .step_state import Method, Step
 from .trial_step import Trial, term_of
 
-OWN_MODULES = __name__.split(".")[0] + "."
+PACKAGE = __name__.split(".")[0] + "."
 STEEPEST = 4.0
-"""How much more than its slopes at both ends say a smooth rate may change by in a step. It is the
-mean of both, up to a third derivative that the tolerances keep small."""
+"""Largest change of a smooth rate over a step, relative to the sum of the changes that its slopes
+at both ends predict. For a smooth rate the change is half of that sum, up to a third derivative
+that the tolerances keep small."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
-"""Jumps that are told apart: parts of the rate that jumps, and of the largest of all rates."""
+"""Smallest jump that is reported, relative to the rate that jumps and to the largest of all
+rates."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
-    """Whether a scene has an element, or part of one, of a class from outside this package, whose
+    """Whether a scene has an element, or part of one, of a class from outside this package whose
     force compares numbers of the motion."""
     elements = [*scene.joints.values(), *scene.forces.values()]
     return any(
         isinstance(element, AbstractContactJoint) or may_jump_by_motion(element)
         for element in elements
-        if any(not type(part).__module__.startswith(OWN_MODULES) for part in _modules(element))
+        if any(not type(part).__module__.startswith(PACKAGE) for part in _modules(element))
     )
 
 
 def has_undeclared_jump(
     method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
 ) -> Condition:
-    """Whether any rate of the motion jumps within a trial step that ends with the contacts `after`.
+    """Whether any rate of the motion jumps within a trial step that ends with the contact gaps
+    `after`.
 
-    Breakpoints are not passed in it, nor are contacts' begins; where one ends whose force jumps
-    then, nothing is said.
+    Steps end at breakpoints and at contact events, so these are not inside the step. At the onset
+    or end of a contact with a force that jumps the check is skipped.
     """
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
@@ -58,12 +61,15 @@ def has_undeclared_jump(
         y = eqx.tree_at(lambda y: y.motion, step.y, motion)
         return term.vf(t, y, fixed).motion
 
+    # Slopes are taken along the secant of the step, from its start to its end, at both ends. A
+    # smooth rate changes by about the mean of both slopes.
     start, end = step.y.motion, trial.outcome.y.motion
     change = trial.t1 - step.t, jax.tree.map(jnp.subtract, end, start)
     early, early_change = jax.jvp(rates, (step.t, start), change)
     late, late_change = jax.jvp(rates, (trial.t1, end), change)
     leaves = [jax.tree.leaves(tree) for tree in (early, late, early_change, late_change)]
     magnitudes = [jnp.maximum(jnp.abs(a), jnp.abs(b)) for a, b in zip(*leaves[:2], strict=True)]
+    # Rounding of the largest rate reaches all others through the mass matrix.
     largest = reduce(jnp.maximum, [jnp.max(size) for size in magnitudes])
     jumps = [
         jnp.any(
@@ -76,7 +82,7 @@ def has_undeclared_jump(
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:
-    """A module and those within it."""
+    """Yield a module and all modules within it."""
     if isinstance(part, eqx.Module):
         yield part
         part = vars(part)

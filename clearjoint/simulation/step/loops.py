@@ -1,8 +1,8 @@
-"""How the loops of a run are carried out: plainly, or so that a reverse pass can go back over them.
+"""Loops of a run: JAX's own, or loops with checkpoints for reverse-mode differentiation.
 
-JAX cannot go back through a `while_loop`, whose number of turns is not known beforehand. equinox
-keeps the state of some turns (checkpoints) and computes the turns between them anew on the way
-back, as `diffrax.RecursiveCheckpointAdjoint` does.
+JAX cannot differentiate a `while_loop` in reverse mode, because its number of iterations is not
+known beforehand. equinox stores the state of some iterations (checkpoints) and recomputes those
+between them in the reverse pass, as `diffrax.RecursiveCheckpointAdjoint` does.
 """
 
 import abc
@@ -24,72 +24,71 @@ from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 
 CHECKPOINTS = 300
-"""Of an adjoint that does not say how many. Measured: with 894 steps 4471 took 4.4 times as long,
-and with 36 000 steps 120 took 1.5 times as long."""
+"""Number of checkpoints if the adjoint does not specify it. A run of 894 steps took 4.4 times as
+long with 4471 checkpoints; one of 36 000 steps took 1.5 times as long with 120."""
 REMEDY = (
     "Reverse-mode differentiation of `simulate` needs checkpoints: pass "
     "adjoint=diffrax.RecursiveCheckpointAdjoint() to it. For few parameters forward mode, "
     "jax.jvp or jax.jacfwd, takes less time and needs none."
 )
 
-
 Carry = TypeVar("Carry")
 Item = TypeVar("Item")
-Visit = TypeVar("Visit")
+Output = TypeVar("Output")
 
 
 class AbstractLoops(eqx.Module):
-    """The loops of a run, and the step inside them, as a way of differentiation wants them."""
+    """The loops of a run and the trial step inside them, for one mode of differentiation."""
 
     @abc.abstractmethod
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step, as `clearjoint.simulation.step.stepping.attempt` does."""
+        """Try one step; see `clearjoint.simulation.step.stepping.attempt`."""
 
     @abc.abstractmethod
     def repeat(
-        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
+        self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """Apply `go` to a state as long as `goes` holds of it, like `jax.lax.while_loop`."""
+        """Apply `body` while `condition` is true, like `jax.lax.while_loop`."""
 
     @abc.abstractmethod
     def each(
         self,
-        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
+        body: Callable[[Carry, Item], tuple[Carry, Output]],
         start: Carry,
-        places: Item,
-    ) -> tuple[Carry, Visit]:
-        """Visit places one after the other, like `jax.lax.scan`; places and visits have their
-        number in front."""
+        items: Item,
+    ) -> tuple[Carry, Output]:
+        """Apply `body` to one item after the other, like `jax.lax.scan`; `items` and outputs have
+        their number in front."""
 
     @abc.abstractmethod
     def closed(self, outcome: Carry) -> Carry:
-        """The outcome of a run. A reverse pass that cannot go back over it raises an error."""
+        """Return the outcome of a run, so that a reverse pass that is not supported raises."""
 
 
 class PlainLoops(AbstractLoops):
-    """JAX's loops, which forward differentiation can follow."""
+    """JAX's loops, which support forward-mode differentiation."""
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step by `clearjoint.simulation.step.stepping.attempt` itself."""
+        """Try one step."""
         return attempt(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
+        self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """JAX's loop, whose number of turns is not known beforehand."""
-        return jax.lax.while_loop(goes, go, start)
+        """Apply `jax.lax.while_loop`."""
+        return jax.lax.while_loop(condition, body, start)
 
     def each(
         self,
-        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
+        body: Callable[[Carry, Item], tuple[Carry, Output]],
         start: Carry,
-        places: Item,
-    ) -> tuple[Carry, Visit]:
-        """JAX's loop over a known number of places."""
-        return jax.lax.scan(visit, start, places)
+        items: Item,
+    ) -> tuple[Carry, Output]:
+        """Apply `jax.lax.scan`."""
+        return jax.lax.scan(body, start, items)
 
     def closed(self, outcome: Carry) -> Carry:
-        """The outcome; a reverse pass that begins at it raises a `RuntimeError`."""
+        """Return the outcome; a reverse pass that begins at it raises a `RuntimeError`."""
         return eqxi.nondifferentiable_backward(outcome, msg=REMEDY)
 
 
@@ -97,32 +96,33 @@ PLAIN = PlainLoops()
 
 
 class CheckpointedLoops(AbstractLoops):
-    """Loops that reverse differentiation can follow; each keeps its state at so many
-    `checkpoints`."""
+    """Loops that support reverse-mode differentiation, with a number of `checkpoints` each."""
 
     checkpoints: int = eqx.field(static=True)
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step; a trial that overflowed has no derivatives."""
+        """Try one step; the derivatives of a trial that overflowed are zero."""
         return _attempt_without_overflow(method, system, step, t_end)
 
     def repeat(
-        self, goes: Callable[[Carry], Condition], go: Callable[[Carry], Carry], start: Carry
+        self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """equinox's loop, which keeps its state at the checkpoints."""
-        return eqxi.while_loop(goes, go, start, kind="checkpointed", checkpoints=self.checkpoints)
+        """Apply equinox's loop with checkpoints."""
+        return eqxi.while_loop(
+            condition, body, start, kind="checkpointed", checkpoints=self.checkpoints
+        )
 
     def each(
         self,
-        visit: Callable[[Carry, Item], tuple[Carry, Visit]],
+        body: Callable[[Carry, Item], tuple[Carry, Output]],
         start: Carry,
-        places: Item,
-    ) -> tuple[Carry, Visit]:
-        """JAX's loop, keeping the state at each place and nothing of the way there."""
-        return jax.lax.scan(jax.checkpoint(visit, prevent_cse=False), start, places)
+        items: Item,
+    ) -> tuple[Carry, Output]:
+        """Apply `jax.lax.scan`, storing the state before each item only."""
+        return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), start, items)
 
     def closed(self, outcome: Carry) -> Carry:
-        """The outcome as it is, since a reverse pass can go back over these loops."""
+        """Return the outcome unchanged."""
         return outcome
 
 
@@ -130,7 +130,7 @@ _attempt = Compiled(attempt)
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> AbstractLoops:
-    """Loops that can be differentiated the way that an `adjoint` of `simulate` asks for."""
+    """Return the loops for the `adjoint` argument of `simulate`."""
     if adjoint is None:
         return PLAIN
     checkpoints = adjoint.checkpoints
@@ -144,8 +144,11 @@ def _attempt_without_overflow(method: Method, system: System, step: Step, t_end:
 
 @_attempt_without_overflow.def_jvp
 def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attempt, Attempt]:
-    """A trial that overflows is rejected, so that its tangents are multiplied by zero; but going
-    backwards that zero would meet their infinite slopes, and make NaN. So none enter it."""
+    """Return the attempt and its tangents, with the tangents of a trial that overflowed cut off.
+
+    Such a trial is rejected, so its tangents are multiplied by zero. In the reverse pass that zero
+    would meet infinite slopes and give NaN.
+    """
     tangents = jax.tree.map(_tangent, primals, tangents, is_leaf=_is_none)
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
 
@@ -158,6 +161,8 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     def gated(tree: Carry) -> Carry:
         return jax.tree.map(lambda leaf: jnp.where(finite, leaf, 0.0), tree)
 
+    # Zeros go in and come out, so that neither pass multiplies zero by infinity. The state of the
+    # rejected step continues with the tangents it had.
     along = gated(derivative(gated(tangents)))
     step = choose(finite, along.step, tangents[2])
     return eqx.combine(outcome, rest), replace(along, step=step)
@@ -173,7 +178,7 @@ def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
 
 
 def _is_finite(tree: PyTree[Scalar]) -> Condition:
-    """Whether all numbers are finite, and their squares."""
+    """Whether all numbers and their squares are finite: 0 times infinity or NaN is NaN."""
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):
         total = total + jnp.sum(leaf * leaf) * 0.0

@@ -1,4 +1,4 @@
-"""How a run is computed: solver, controller and landing, with the formulation of its equations."""
+"""Numerical scheme of a run: integration method and formulation of the equations of motion."""
 
 import equinox as eqx
 import jax
@@ -17,16 +17,15 @@ from .step_state import Method
 
 
 class Scheme(eqx.Module):
-    """How motions are computed, whatever moves: how equations of motion are set up, and how they
-    are integrated."""
+    """Integration method and formulation, both independent of the scene."""
 
     method: Method
     formulation: Formulation
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """The scheme that settings ask for; `redundant`: whether constraints depend on each other,
-        unless the settings say it."""
+        """Return the scheme of some settings; `redundant`: whether constraints depend on each
+        other, unless the settings specify it."""
         redundant = redundant if settings.redundant is None else settings.redundant
         choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
@@ -41,15 +40,15 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
-        """The same with numpy's numbers, made once for settings that are alike."""
+        """Return the same with NumPy numbers, cached for equal settings."""
         return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
-        """The system to integrate, of a scene in scalar form."""
+        """Return the system to integrate for a scene in scalar form."""
         return System.of(scene, self.formulation)
 
     def unpacked(self, folded_scene: ConstantFolded) -> System:
-        """The system to integrate, of a scene in packed form."""
+        """Return the system to integrate for a scene in packed form."""
         return self.system(unpack(folded_scene))
 
 
@@ -59,8 +58,10 @@ def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
 
 
 def _with_arrays(scheme: Scheme) -> Scheme:
-    """The scheme with its floats as arrays, so that changing one compiles nothing anew. Zeros stay:
-    they tell the controller which terms to leave out."""
+    """Return the scheme with its floats as arrays, so that changing one does not recompile.
+
+    Zeros remain Python numbers: the controller leaves out the terms of zero coefficients.
+    """
     return jax.tree.map(
         lambda leaf: jax.device_put(leaf) if _is_number(leaf) else leaf,
         scheme,

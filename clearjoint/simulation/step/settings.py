@@ -1,4 +1,4 @@
-"""How runs are integrated: one value for all functions that make runs."""
+"""Settings of the integration, for all functions that make runs."""
 
 from dataclasses import dataclass, field, replace
 
@@ -15,37 +15,38 @@ from .solvers import require_ordinary
 from .types import Numbers
 
 FIRST_SHARE = 1e-6
-"""Length of the first step, unless it is given, in durations of the run."""
+"""Default length of the first step relative to the duration of the run."""
 
 NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How runs are integrated. Whatever makes runs takes these, and raises a `ValueError` for those
-    that it cannot honour.
+    """Settings of the integration of runs: method, tolerances and formulation.
 
-    A copy with another number:
+    A function that makes runs raises a `ValueError` for settings that it does not support. For a
+    modified copy use `dataclasses.replace`:
 
         dataclasses.replace(cj.presets.accurate, ledger=True)
 
     **Arguments:**
 
-    - `solver`: any diffrax ODE solver. Implicit ones want a looser `atol`, such as `rtol`/1000, to
+    - `solver`: any diffrax ODE solver. Implicit ones need a looser `atol`, such as `rtol`/1000, to
       which they also solve their stages. Runs with derivatives, and sweeps that save states,
       sections or statistics, need an explicit Runge-Kutta method.
-    - `controller`: a diffrax step-size controller, which replaces the one by `rtol` and `atol`.
-    - `rtol`, `atol`: tolerances of the error of a step, relative and absolute (in SI units of each
-      state; a hundred-thousandth of `rtol` unless given, since impacts amplify small
-      misalignments; where nothing moves faster than 1e4 of these, give a smaller one).
-    - `first_step`: s; a millionth of the duration unless given.
-    - `landing_tolerance`: m, penetration within which steps land on the begin and end of contacts;
-      ``None`` steps across them. Derivatives at an `rtol` of 1e-10 or less want 1e-13.
-    - `derivative_tolerance`: of the error of derivatives, in those of the states. Of the double
-      pendulum after five impacts a base, three parameters, it gives at an `rtol` of 1e-9, where
+    - `controller`: a diffrax step-size controller; it replaces the default one, and with it `rtol`
+      and `atol`.
+    - `rtol`, `atol`: relative and absolute tolerance of the error of a step. `atol` is in the SI
+      units of each state; the default is 1e-5 `rtol`, because impacts amplify small misalignments.
+      Give a smaller one if no speed exceeds 1e4 `atol`.
+    - `first_step`: s; by default a millionth of the duration.
+    - `landing_tolerance`: m, penetration within which steps land on the onset and end of contacts;
+      ``None``: steps go across them. Derivatives at an `rtol` of 1e-10 or less need 1e-13.
+    - `derivative_tolerance`: tolerance of derivatives, in tolerances of the states. Example: the
+      double pendulum after five impacts at each base, with three parameters, at an `rtol` of 1e-9;
       the motion alone takes 823 attempted steps:
 
-      | `derivative_tolerance` | steps | error of a position's | of entry speeds' |
+      | `derivative_tolerance` | steps | error of a position's derivative | of entry speeds' |
       |---|---|---|---|
       | 1 | 1451 | 5e-8 | 4e-7 |
       | 10 | 1078 | 6e-7 | 2e-6 |
@@ -55,12 +56,12 @@ class Settings:
 
     - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
       every ideal joint is a constraint, as in the paper.
-    - `stabilisation`: of constraints, `Baumgarte()`, `Projection()` or `Unstabilised()`.
+    - `stabilisation`: of constraints: `Baumgarte()`, `Projection()` or `Unstabilised()`.
     - `ledger`: integrate the dissipated energies, J, with the state.
-    - `redundant`: whether constraints depend on each other; found out unless given (under a
-      transformation: taken as independent).
-    - `max_steps`: largest number of steps tried, of one run.
-    - `allow_float32`: run in single precision if JAX is set to it.
+    - `redundant`: whether constraints depend on each other. By default this is determined from the
+      initial state; inside a JAX transformation, they are assumed independent.
+    - `max_steps`: largest number of attempted steps of a run.
+    - `allow_float32`: allow single precision if JAX is configured for it.
 
     **Raises:** `ValueError` for a setting that no run can use.
 
@@ -84,7 +85,7 @@ class Settings:
     allow_float32: bool = False
 
     def __post_init__(self) -> None:
-        self._take_numbers_of_python()
+        self._convert_numpy_scalars()
         self._check_method()
         self.check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
@@ -96,8 +97,8 @@ class Settings:
             value = getattr(self, name)
             require(isinstance(value, kinds), name, value, "True or False", "say whether")
 
-    def _take_numbers_of_python(self) -> None:
-        """Have NumPy's scalars as Python's, of which JAX makes another program."""
+    def _convert_numpy_scalars(self) -> None:
+        """Convert NumPy scalars to Python numbers, for which JAX would compile another program."""
         for name, value in list(vars(self).items()):
             if isinstance(value, np.generic):
                 object.__setattr__(self, name, value.item())
@@ -115,7 +116,7 @@ class Settings:
         require_ordinary(self.solver)
 
     def check_numbers(self) -> None:
-        """Check each number against its range.
+        """Check that each number is in its range.
 
         **Raises:** `ValueError` that names the number.
         """
@@ -140,32 +141,32 @@ class Settings:
                 "rtol",
                 self.rtol,
                 "positive unless `atol` is",
-                "no step is without error; give a relative tolerance such as 1e-6",
+                "give a relative tolerance such as 1e-6",
             )
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings that are numbers, which JAX may trace: `rtol`, `atol`, `first_step` s, and
-        `landing_tolerance`."""
+        """The settings that JAX may trace: `rtol`, `atol`, `first_step` (s) and `landing_tolerance`
+        (m)."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Length of the first step of a run between two times, s."""
+        """Return the length of the first step of a run between two times, s."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """The same with tolerances of the error that are larger by a factor.
+        """Return the settings with `rtol` and `atol` multiplied by a factor.
 
-        **Raises:** `ValueError` if a controller has them.
+        **Raises:** `ValueError` if a controller replaces them.
         """
         self.require_tolerances("runs of several tolerances are made")
         atol = None if self.atol is None else factor * self.atol
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Check that `rtol` and `atol` are the tolerances of the error, and no controller's."""
+        """Check that `rtol` and `atol` are in use, and not replaced by a controller."""
         require(
             self.controller is None,
             "controller",
@@ -175,7 +176,7 @@ class Settings:
         )
 
     def require_double(self) -> None:
-        """Check that single precision is not asked for, for runs that can't be in it."""
+        """Check that single precision is not allowed, for runs that need double precision."""
         require(
             not self.allow_float32,
             "allow_float32",
@@ -186,9 +187,9 @@ class Settings:
 
 
 def settings_or(settings: Settings | None, default: Settings) -> Settings:
-    """The settings, or the default if there are none.
+    """Return the settings, or the default if they are ``None``.
 
-    **Raises:** `ValueError` for anything else.
+    **Raises:** `ValueError` for any other type.
     """
     kind = type(settings).__name__
     remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"

@@ -1,4 +1,4 @@
-"""diffrax's solvers and controllers, made ready for a stepping loop of our own."""
+"""Prepare diffrax solvers and controllers for the stepping loop."""
 
 from functools import reduce
 
@@ -14,12 +14,12 @@ from .unrolled_runge_kutta import unrolled
 
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
-    """The largest absolute value of all leaves.
+    """Return the largest absolute value of all leaves.
 
-    A mean would dilute the error of one impact among the bodies that take no part in it. Nothing is
-    gathered into an array, which keeps the loop native; leaves of one shape are compared element by
-    element before the elements are.
+    A mean norm would dilute the error of one impact among the bodies without contact.
     """
+    # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
+    # gathered into an array, which would keep the loop from becoming one native function.
     largest: dict[tuple[int, ...], Scalar] = {}
     for leaf in jax.tree.leaves(tree):
         shape = jnp.shape(leaf)
@@ -28,30 +28,30 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """diffrax's controller, bounding the error of each component of the state."""
+    """Return diffrax's controller, which bounds the error of each component of the state."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver is one of ordinary differential equations in one piece."""
+    """Check that a solver takes ordinary differential equations without splitting."""
     structure = solver.term_structure
     require(
         isinstance(structure, type) and issubclass(diffrax.ODETerm, structure),
         "solver",
         type(solver).__name__,
-        "a solver of ordinary differential equations in one piece",
-        "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5(); split ones don't apply here",
+        "a solver of ordinary differential equations without splitting",
+        "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()",
     )
 
 
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
-    """What `diffrax.diffeqsolve` does to a solver before it steps.
+    """Prepare a solver for steps, as `diffrax.diffeqsolve` does.
 
-    Explicit Runge-Kutta methods get their stages written out. Others loop over them in a way that
-    forward differentiation can follow, and implicit ones solve their stages to the tolerances of
-    the steps unless they have their own.
+    Explicit Runge-Kutta methods get their stages written out. Other Runge-Kutta methods loop over
+    stages so that forward differentiation can follow. Implicit ones solve their stages to the
+    tolerances of the steps unless they have their own.
     """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:

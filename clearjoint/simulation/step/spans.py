@@ -1,4 +1,4 @@
-"""The span of a run, and times within it."""
+"""Checks of the start and end time of a run, and of times within it."""
 
 import jax
 import jax.numpy as jnp
@@ -9,17 +9,17 @@ from ...fields.types import ArrayLike, Column
 from ...math.vectors import Scalar
 
 ROUNDINGS = 4.0
-"""Times may be so many roundings outside of a span: sums of steps, and single precision, are."""
-
+"""Tolerance for times outside of a span, in units of rounding: sums of steps and single precision
+have them."""
 SHORTEST = 1e10
-"""A span is at least as many of the smallest normal numbers: processors take smaller ones, of which
-its first steps would be, for zero."""
+"""Smallest span, in smallest normal numbers. Processors flush smaller numbers to zero, which the
+first steps of a shorter span would have as lengths."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the span of a run in s.
+    """Check the start and end time of a run, s.
 
-    **Raises:** `ValueError` if it does not go forward to a finite end.
+    **Raises:** `ValueError` if the end is not finite and after the start.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
@@ -44,14 +44,14 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Times to look at during a run, found to rise within its span.
+    """Check times within a run between `start` and `end`, s.
 
-    **Arguments:** `argument`: what the caller calls these times.
+    **Arguments:** `argument`: the name of the times in error messages.
 
-    **Returns:** the times in double precision, (N,). One that is outside by the rounding of its own
-    precision, or of the span's, is taken as the span's end.
+    **Returns:** the times in double precision, (N,). Times outside of the span by rounding only are
+    clipped to it.
 
-    **Raises:** `ValueError` for times that don't rise or are outside.
+    **Raises:** `ValueError` for times that decrease or are outside.
     """
     row = check_rising(times, argument)
     if (known := checkable(row, start, end)) is not None:
@@ -69,9 +69,9 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def check_rising(times: ArrayLike, argument: str) -> Column:
-    """The times as an array, (N,).
+    """Check that times do not decrease, and return them as an array, (N,).
 
-    **Raises:** `ValueError` for times that don't rise.
+    **Raises:** `ValueError` for times that decrease.
     """
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
@@ -86,8 +86,8 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """How far times may be outside of a span by rounding alone, s: that of the coarsest of the
-    types in which these are given."""
+    """Return how far times may be outside of a span by rounding alone, s, in the coarsest of the
+    floating-point types of the arguments."""
     precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
     return ROUNDINGS * precision * (abs(start) + abs(end))
 

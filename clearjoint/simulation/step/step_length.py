@@ -1,4 +1,4 @@
-"""How long steps are: up to the next event, on from there, and what errors are judged against."""
+"""Length of steps between events, and the magnitudes that errors are compared with."""
 
 from dataclasses import replace
 
@@ -16,39 +16,41 @@ from ...model.scene import Scene
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
-"""A step shorter than this share of its full length was cut short."""
+"""A step shorter than this part of its full length counts as cut short by an event."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Where the step ends: where it is proposed to, or at the next breakpoint or event."""
+    """Return the end of the next trial, s: its proposed end, or the next breakpoint, event or end
+    of the run if that is earlier."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
     if method.landing is None or not step.contact_gaps:
         return t1
+    # An event closer than the spacing of times cannot be landed on; the step must still advance.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
-    due = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
-    return jnp.minimum(t1, step.t + jnp.maximum(due, resolution))
+    time_to_event = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
+    return jnp.minimum(t1, step.t + jnp.maximum(time_to_event, resolution))
 
 
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """`full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
+    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
-    A step that an event cut short says nothing about the length of the next one. That is then the
-    full length of the one that was cut or, where a contact begins, at most twice the length that
-    held when one last began.
-
-    **Arguments:** `after`: the contacts at t1; `keep`: whether the step up to there is accepted;
-    `lands`: whether it is tried again up to an event instead; `proposed`: the controller's length
-    for the next one, s.
+    **Arguments:** `after`: the contact gaps at t1; `keep`: whether the step up to t1 is accepted;
+    `lands`: whether it is repeated up to an event instead; `proposed`: s, the controller's length
+    for the next step.
     """
     last = step.proposal
     length_tried = t1 - step.t
+    # The small error of a step that an event cut short is no measure for the next step. The next
+    # step continues with the full length of the one that was cut.
     is_cut = length_tried < CUT * last.full_length
     begins_contact = begins(step.contact_gaps, after)
+    # Contact needs much shorter steps than flight. The length that was accepted after the last
+    # onset is remembered, and after the next onset at most twice of it is tried.
     entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
     length = _uncut(last, is_cut, proposed)
     length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
@@ -57,7 +59,7 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """`full_length` of the next `Proposal` where there are breakpoints, but no contacts."""
+    """Return `full_length` of the next `Proposal` in a scene with breakpoints but no contacts."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
@@ -67,12 +69,13 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 
 
 def magnitudes(y: Variables) -> Variables:
-    """What errors are compared with: each component, but of positions and velocities the largest.
+    """Return the magnitudes that errors are compared with: of each component, but of positions and
+    velocities the largest component.
 
-    A journal that rolls along the wall hardly moves along one axis. Judged against that, its
-    velocity would take a third more steps, for nothing, and their number would depend on the axes.
-    Deflections of bristles, as parts of a full one, count as such ones at least: friction is wrong
-    by the same where they pass through zero.
+    A journal that rolls along the wall hardly moves along one axis. If its error were relative to
+    that component, runs would take a third more steps without being more accurate, and their number
+    would depend on the axes. Bristle deflections, relative to a full one, count as at least 1:
+    where they pass through zero, the error of friction is the same.
     """
 
     def largest(vector: Vector) -> Vector:
@@ -91,6 +94,6 @@ def magnitudes(y: Variables) -> Variables:
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
-    """The variables, or their errors, with deflections of bristles as parts of a full one."""
+    """Return the variables, or their errors, with bristle deflections relative to a full one."""
     full = full_deflections(scene)
     return replace(y, bristles=jax.tree.map(lambda z, one: z / one, y.bristles, full))

@@ -1,28 +1,36 @@
-"""What a run carries from step to step."""
+"""Data that a run carries from step to step."""
 
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...dynamics.contact_events import ContactGaps
 from ...dynamics.contact_forces import Bristles, EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
 from ...math.vectors import Condition, Scalar
+from ...model.joints.base import ByLabel
 from ...result_codes import RESULTS
 from .landing import Landing
 from .time_map import AbstractTimeMap
-from .types import ControllerState, DenseInformation, SecondRates, SolverState
+from .unrolled_runge_kutta import DenseInformation
 
 T = TypeVar("T")
 
+SolverState: TypeAlias = PyTree[Scalar]
+"""State of a diffrax solver between steps."""
+ControllerState: TypeAlias = PyTree[Scalar]
+"""State of a diffrax step-size controller between steps."""
+
 
 class Method(eqx.Module):
-    """How to integrate: solver, step-size controller and landing.
+    """Integration method: solver, step-size controller and landing.
 
-    `derivative_tolerance`: of the tangents, in tolerances of the state; ``None`` in runs without.
+    `landing` is ``None`` if steps go across contact events. `derivative_tolerance`: tolerance of
+    the tangents, in tolerances of the state; ``None`` in runs without tangents.
     """
 
     solver: diffrax.AbstractSolver
@@ -32,8 +40,8 @@ class Method(eqx.Module):
 
 
 class Variables(eqx.Module):
-    """What the solver integrates: the coordinates' variables, the ledger's integrals in J, and the
-    deflections of bristles in m, none in scenes without bristle laws."""
+    """The integrated variables: those of the coordinates, the integrals of the energy ledger in J,
+    and bristle deflections in m (empty without bristle laws). Their rates have the same form."""
 
     motion: MotionVariables
     work: dict[str, Scalar]
@@ -41,7 +49,7 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of a step's state with respect to p parameters, which come first in each leaf."""
+    """Derivatives of a step's state along p parameters; p is the first axis of each leaf."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -51,38 +59,41 @@ class Tangents(eqx.Module):
 class Proposal(eqx.Module):
     """The step to try next.
 
-    - `t_next`: s, where it ends, unless the run or an event cuts it short.
-    - `full_length`: s, how long it would be if no event had cut the steps before it short.
-    - `begins_contact`: whether a contact begins where it starts.
-    - `since_begin`: s, time since a contact last began, infinite if none has; ``None`` in runs
+    - `t_next`: s, its end, unless an event or the end of the run comes first.
+    - `full_length`: s, its length if no event had cut the steps before it short.
+    - `begins_contact`: whether a contact begins at its start.
+    - `time_since_onset`: s, time since a contact last began, infinite if none has; ``None`` in runs
       without derivatives.
     - `entry_length`: s, length of the last step that began a contact and was not cut short.
-    - `made_jump`: whether the rates may have jumped since the solver computed those it keeps.
-    - `controller_state`: of the step-size controller.
+    - `made_jump`: whether rates may have jumped since the solver computed those that it keeps.
+    - `controller_state`: state of the step-size controller.
     """
 
     t_next: Scalar
     full_length: Scalar
     begins_contact: Condition
-    since_begin: Scalar | None
+    time_since_onset: Scalar | None
     entry_length: Scalar
     made_jump: Condition
     controller_state: ControllerState
 
 
 class Step(eqx.Module):
-    """Everything between two steps: enough to go on from.
+    """The complete state of a run between two steps.
 
-    `t` s, variables, `entry_speeds` and `contact_gaps` are those at the end of the last accepted
-    step, and `attempts` and `accepted` count the steps so far. `second_rates` are zero where the
-    solver does not tell the rates there. `tangents` is ``None`` in runs without derivatives.
+    - `t`: s, the end of the last accepted step; `y`, `entry_speeds` (m/s), `contact_gaps` and
+      `second_rates` (of the gaps, m/s^2; zero if the solver keeps no rates) are those at t.
+    - `solver_state`, `proposal`: input of the next trial.
+    - `result`: the result code so far.
+    - `attempts`, `accepted`: number of trials, and of accepted ones.
+    - `tangents`: ``None`` in runs without derivatives.
     """
 
     t: Scalar
     y: Variables
     entry_speeds: EntrySpeeds
     contact_gaps: ContactGaps
-    second_rates: SecondRates
+    second_rates: ByLabel[Scalar]
     solver_state: SolverState
     proposal: Proposal
     result: RESULTS
@@ -92,14 +103,14 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """A step after it was tried, and what is needed to look inside it.
+    """The state after a trial step, with the data for dense output inside it.
 
-    - `step`: after the trial, with the proposal for the next one.
-    - `kept`: whether the trial was accepted; if not, `step` is where it was.
-    - `t_start`, `entry_speeds_start`: s, and entry speeds, where it began.
-    - `information`: what its dense output is made of.
-    - `time_map`: how its time passed; ``None`` where it passes evenly in all steps.
-    - `tangents`: what is needed to look at its derivatives; ``None`` without any.
+    - `step`: the new state if the trial was accepted, otherwise the old one with a new proposal.
+    - `kept`: whether the trial was accepted.
+    - `t_start`, `entry_speeds_start`: s and m/s, at the start of the trial.
+    - `information`: the solver's data for dense output.
+    - `time_map`: of the trial; ``None`` if time is uniform in all steps.
+    - `tangents`: the same data for derivatives; ``None`` without any.
     """
 
     step: Step
@@ -112,12 +123,12 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """What is needed to look at the derivatives inside a step: as the fields of `Attempt`."""
+    """Data for the derivatives inside a step; fields as those of `Attempt`."""
 
     entry_speeds_start: EntrySpeeds
     information: DenseInformation
 
 
 def choose(condition: Condition, first: T, second: T) -> T:
-    """The first of two PyTrees where a condition holds, else the second, leaf by leaf."""
+    """Return the first of two PyTrees if a condition is true, else the second, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

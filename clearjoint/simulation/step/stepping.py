@@ -1,44 +1,48 @@
-"""The stepping loop: diffrax takes the steps and adapts them, this module decides what they mean.
+"""Main loop of a run: try one step, accept or reject it, and carry the state to the next one.
 
-It calls the solver's `step` and the controller's `adapt_step_size` (diffrax, "manual stepping")
-rather than `diffeqsolve`: landing on impacts, the memory of the entry speed, projection and
-the record of accepted steps belong between a trial step and its acceptance, where wrappers of
-solver and controller reach only by hiding state in each other. The loop's body is scalar arithmetic
-without callbacks, custom calls or scatters, so that XLA compiles it to one native function.
+diffrax supplies the solver's `step` and the controller's `adapt_step_size`, called one step at a
+time (diffrax, "manual stepping") instead of through `diffeqsolve`. Between a trial step and its
+acceptance this module lands steps on contact events, updates entry speeds and bristles, corrects
+the state across force discontinuities and carries derivatives. Inside `diffeqsolve` this would need
+hidden state in wrapped solvers and controllers. The body of the loop is scalar arithmetic without
+callbacks, custom calls or scatters, so that it compiles to one native function.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.breakpoints import breakpoints, seen
+from ...dynamics.breakpoints import breakpoints, one_sided_time
 from ...dynamics.bristles import initial_bristles, updated_bristles
 from ...dynamics.contact_events import (
     ContactGap,
     ContactGaps,
     begins,
-    begins_at_once,
+    begins_at_start,
     initial_entry_speeds,
     updated_entry_speeds,
     uses_entry_speed,
 )
-from ...dynamics.contact_forces import Bristles, EntrySpeeds
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.energy import bristle_energy
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
+from ...model.joints.base import ByLabel
 from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
-from .program_size import shapes_of
 from .saltation import across_contacts, contacts_jump, slopes_jump
 from .step_length import end_of_step
 from .step_state import (
     Attempt,
     Method,
     Proposal,
+    SolverState,
     Step,
     Tangents,
     TangentsInside,
@@ -47,8 +51,19 @@ from .step_state import (
 )
 from .systems import SystemFamily
 from .trial_step import Trial, error_order, term_of, try_step
-from .types import SecondRates, SolverState
 from .unrolled_runge_kutta import UnrolledExplicit
+
+Shapes = TypeVar("Shapes")
+
+MANY_OPERATIONS = 50_000
+"""Operations of the equations of motion above which compiling takes half a minute or more.
+
+Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
+processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
+and 55 000 operations). XLA writes out all stages: 53 and 264 s for the first two chains, more than
+8 GB of memory for the last."""
+OPERATIONS_WITH_DERIVATIVES = 3
+"""Operations of a step that carries derivatives, relative to one that does not."""
 
 
 def start(
@@ -61,15 +76,20 @@ def start(
     entry_speeds: EntrySpeeds,
     derivatives: bool = False,
 ) -> Step:
-    """What there is before the first step from t0.
+    """Return the `Step` from which a run begins at t0.
 
-    **Arguments:** `first_step`: s; chosen by the controller unless given. `entry_speeds`: entry
-    speeds; from the contacts at t0 if it is empty. `derivatives`: whether the step will carry them.
+    **Arguments:**
+
+    - `first_step`: s; chosen by the controller if ``None``.
+    - `y`: the motion, and optionally ledger integrals and bristle deflections to continue from;
+      missing ones are initialised.
+    - `entry_speeds`: m/s; derived from the contacts at t0 if empty.
+    - `derivatives`: whether tangents will be added to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
     entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
-    y = replace(y, work=_ledger(system, t0, y, entry_speeds, derivatives))
+    y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
     term, args = term_of(method), (system, entry_speeds)
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
@@ -87,8 +107,8 @@ def start(
         proposal=Proposal(
             t_next=t_next,
             full_length=t_next - t0,
-            begins_contact=begins_at_once(contact_gaps),
-            since_begin=_since_begin(contact_gaps) if derivatives else None,
+            begins_contact=begins_at_start(contact_gaps),
+            time_since_onset=_time_since_onset(contact_gaps) if derivatives else None,
             entry_length=t_next - t0,
             made_jump=False,
             controller_state=controller_state,
@@ -97,56 +117,86 @@ def start(
         attempts=count,
         accepted=count,
     )
+    # Every leaf becomes an array: a loop needs the same types going in and coming out.
     return jax.tree.map(jnp.asarray, step)
 
 
-def _since_begin(contact_gaps: ContactGaps) -> Scalar:
-    """Time in s for which a contact has existed at the start of a run, of which nothing is known
-    unless it begins there."""
-    return jnp.where(begins_at_once(contact_gaps), 0.0, jnp.inf)
+def _time_since_onset(contact_gaps: ContactGaps) -> Scalar:
+    """Time in s since the onset of a contact at the start of a run: zero for a contact that begins
+    there; unknown, so infinite, for one that already exists."""
+    return jnp.where(begins_at_start(contact_gaps), 0.0, jnp.inf)
 
 
-def _ledger(
+def _initial_ledger(
     system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
 ) -> dict[str, Scalar]:
-    """The ledger's integrals at the start: those given, and for the others the scene has zero, or
-    for friction what bristles hold, which it books."""
+    """Return the integrals of the energy ledger at the start, J.
+
+    Given integrals are kept; the others start at zero. "friction" starts at the energy stored in
+    the bristles, because the ledger books under it all energy that friction takes from the motion,
+    including the part that bristles will return.
+    """
     _, powers = shapes_of(
         lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
     )
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
     if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
-        held = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
-        work["friction"] = work["friction"] if held is None else jnp.asarray(held)
+        stored = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
+        work["friction"] = work["friction"] if stored is None else jnp.asarray(stored)
     return work
 
 
-class _Arrival(eqx.Module):
-    """The state at the end of a trial, if it is accepted: fields as those of `Step`."""
+def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
+    """Return `jax.eval_shape` of the equations of motion, and warn if they are large.
+
+    It runs while a program is traced: once for each program that is compiled, before the compiler.
+    """
+    program, shapes = jax.make_jaxpr(equations, return_shape=True)()
+    operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
+    if operations > MANY_OPERATIONS:
+        warnings.warn(
+            f"A step of this scene has some {operations} operations for each stage of the solver: "
+            f"above {MANY_OPERATIONS}, compiling takes half a minute or more, and in jax.jit, vmap "
+            "and grad, where XLA compiles, minutes and more than 8 GB of memory. Long chains of "
+            "ideal joints take fewer operations in AbsoluteCoordinates(), short closed loops in "
+            "JointCoordinates(); diffrax.Bosh3() has half the stages.",
+            stacklevel=2,
+        )
+    return shapes
+
+
+class _AcceptedState(eqx.Module):
+    """The state after a trial step if that is accepted; the fields have the names of `Step`'s."""
 
     y: Variables
     entry_speeds: EntrySpeeds
     contact_gaps: ContactGaps
-    second_rates: SecondRates
+    second_rates: ByLabel[Scalar]
     tangents: Tangents | None
 
 
 def attempt(
     method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
-    """Try one step, and accept it or propose a shorter one.
+    """Try one step from `step`; either accept it or propose a shorter one.
 
-    If the step has tangents, `family` is that of the scene, and says along what they are.
+    **Arguments:** `t_end`: s, the end of the run, beyond which the step does not go; `family`: the
+    systems over the parameters, if the step carries derivatives along them.
+
+    **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
+    the given state with a new proposal.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
     after = system.contact_gaps(trial.outcome.y.motion)
     decision = decide_step(method, system, step, trial, after, t_end)
     keep = decision.keep
-    arrival = _arrival(method, system, family, step, trial, after, keep)
+    arrival = _accepted_state(method, system, family, step, trial, after, keep)
     inside = None
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
+    # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
+    # reject independently, and an accepted step of one lane must not depend on another lane.
     return Attempt(
         step=Step(
             t=jnp.where(keep, trial.t1, step.t),
@@ -170,7 +220,7 @@ def attempt(
     )
 
 
-def _arrival(
+def _accepted_state(
     method: Method,
     system: System,
     family: SystemFamily | None,
@@ -178,8 +228,12 @@ def _arrival(
     trial: Trial,
     after: ContactGaps,
     keep: Condition,
-) -> _Arrival:
-    """What a trial arrives at, with the contacts `after`: memory, forces that jump, tangents."""
+) -> _AcceptedState:
+    """Return the state after an accepted trial that ends with the contact gaps `after`.
+
+    Entry speeds are updated first, since they depend on the gaps as the solver found them. Then the
+    variables are corrected for force discontinuities at the end of the step.
+    """
     t1, y1 = trial.t1, trial.outcome.y
     second_rates = choose(
         keep,
@@ -187,17 +241,18 @@ def _arrival(
         step.second_rates,
     )
     entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
-    y1, y_tangents = _across_jumps(method, system, family, step, trial, keep)
+    y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
     if joints_have_breakpoints(system.scene):
+        # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         after = system.contact_gaps(y1.motion)
     tangents = None
     if family is not None:
         assert y_tangents is not None
         tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
-    return _Arrival(y1, entry_speeds, after, second_rates, tangents)
+    return _AcceptedState(y1, entry_speeds, after, second_rates, tangents)
 
 
-def _across_jumps(
+def _across_discontinuities(
     method: Method,
     system: System,
     family: SystemFamily | None,
@@ -205,24 +260,39 @@ def _across_jumps(
     trial: Trial,
     keep: Condition,
 ) -> tuple[Variables, Variables | None]:
-    """The variables at the end of a step, and their tangents if there are any, with what jumps of
-    the forces there leave in them."""
+    """Return the variables at the end of a step and their tangents (``None`` without a `family`),
+    corrected for force discontinuities there.
+
+    See `.saltation` and `.breakpoint_events`. The corrections of the values are zero to rounding,
+    except for velocities at the kink of a driver; those of the derivatives are not.
+    """
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
+    # What the scene cannot have is left out of the program. A force whose slope alone jumps changes
+    # only derivatives, so a run without derivatives skips that correction.
     slopes = family is not None and slopes_jump(system.scene)
     contacts = method.landing is not None and (slopes or contacts_jump(system.scene))
-    switches = bool(breakpoints(system.scene))
-    if not contacts and not switches and not y1.bristles:
+    has_breakpoints = bool(breakpoints(system.scene))
+    if not contacts and not has_breakpoints and not y1.bristles:
         return y1, y_tangents
     t1 = trial.t1
 
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         if contacts:
-            time = seen(system, step.t, t1)
+            time = one_sided_time(system, step.t, t1)
             y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
-        if switches:
+        if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
-            y = replace(y, bristles=_bristles_after(method, system, step, y))
+            gaps, motions = system.contact_gaps(y.motion), system.motions(y.motion)
+            bristles = updated_bristles(
+                system.scene,
+                y.bristles,
+                motions,
+                step.contact_gaps,
+                gaps,
+                method.landing is not None,
+            )
+            y = replace(y, bristles=bristles)
         return y, None
 
     if family is None:
@@ -233,29 +303,23 @@ def _across_jumps(
     return y1, y_tangents
 
 
-def _bristles_after(method: Method, system: System, step: Step, y: Variables) -> Bristles:
-    """The deflections of bristles if the step is accepted."""
-    after, motions = system.contact_gaps(y.motion), system.motions(y.motion)
-    lands = method.landing is not None
-    return updated_bristles(system.scene, y.bristles, motions, step.contact_gaps, after, lands)
-
-
 def _tangents_after(
     family: SystemFamily,
     step: Step,
     trial: Trial,
     y_tangents: Variables,
-    second_rates: SecondRates,
+    second_rates: ByLabel[Scalar],
 ) -> Tangents:
-    """The tangents if the step is accepted; `y_tangents` are those of the variables at its end.
+    """Return the tangents if the step is accepted; `y_tangents` are those of the variables at its
+    end.
 
-    Those of the entry speed hold up to terms of the size of the depth landed at, since the second
-    rates are taken as constants.
+    The tangents of entry speeds neglect terms proportional to the penetration at the end of the
+    step, because the second rates are treated as constants.
     """
     end, start = trial.tangents, step.tangents
     assert end is not None and start is not None
 
-    def memory_after(
+    def entry_speeds_after(
         system: System, y1: Variables, entry_speeds: EntrySpeeds
     ) -> tuple[EntrySpeeds, None]:
         after = system.contact_gaps(y1.motion)
@@ -263,10 +327,12 @@ def _tangents_after(
             system.scene, entry_speeds, step.contact_gaps, after, second_rates
         ), None
 
-    _, _, memory_tangents = family.pushed(
-        memory_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
+    # Differentiated at the solver's result, not at the corrected one: entry speeds were computed
+    # from the gaps of the former.
+    _, _, entry_speed_tangents = family.pushed(
+        entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
     )
-    return Tangents(y_tangents, memory_tangents, end.solver_state)
+    return Tangents(y_tangents, entry_speed_tangents, end.solver_state)
 
 
 def _entry_speeds_after(
@@ -277,16 +343,22 @@ def _entry_speeds_after(
     after: ContactGaps,
     t1: Scalar,
     keep: Condition,
-    second_rates: SecondRates,
+    second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """The memory if the step is accepted."""
+    """Return the entry speeds if the step is accepted, m/s."""
     if not uses_entry_speed(system.scene):
         return step.entry_speeds
     if not isinstance(method.solver, UnrolledExplicit):
+        # The solver's state does not contain the rates at the end of the step. One more evaluation
+        # is spent only where a contact begins, as nothing else uses them.
+        zeros = second_rates
+
+        def end_second_rates() -> ByLabel[Scalar]:
+            rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
+            return system.second_rates(y1.motion, rates.motion)
+
         second_rates = jax.lax.cond(
-            keep & begins(step.contact_gaps, after),
-            lambda: _end_second_rates(method, system, step, y1, t1),
-            lambda: second_rates,
+            keep & begins(step.contact_gaps, after), end_second_rates, lambda: zeros
         )
     return updated_entry_speeds(
         system.scene, step.entry_speeds, step.contact_gaps, after, second_rates
@@ -299,8 +371,9 @@ def _second_rates(
     y: Variables,
     solver_state: SolverState,
     contact_gaps: ContactGaps,
-) -> SecondRates:
-    """Second derivatives of the gaps where the solver has the rates of the variables; else zero."""
+) -> ByLabel[Scalar]:
+    """Return the second derivatives of the gaps, m/s^2, if the solver's state is the rates of the
+    variables, as in `UnrolledExplicit`; otherwise zeros."""
     if contact_gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return jax.tree.map(
@@ -308,14 +381,6 @@ def _second_rates(
         contact_gaps,
         is_leaf=lambda node: isinstance(node, ContactGap),
     )
-
-
-def _end_second_rates(
-    method: Method, system: System, step: Step, y1: Variables, t1: Scalar
-) -> SecondRates:
-    """Second derivatives of the gaps at the end of a step."""
-    rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
-    return system.second_rates(y1.motion, rates.motion)
 
 
 def blank_attempt(
@@ -326,12 +391,12 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """A step before the first attempt, in the form of what `attempt` gives."""
+    """Return an `Attempt` of zeros around `step`: the initial value of a loop over attempts."""
     shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     return replace(zeros, step=step)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Whether to try another step before `t_end` and within the number of attempts."""
+    """Whether to try another step: before `t_end`, without failure, within `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

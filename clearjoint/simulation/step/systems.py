@@ -1,4 +1,4 @@
-"""Systems over parameters, for derivatives along these."""
+"""Systems as functions of parameters, for derivatives along these."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,7 +18,7 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The systems of a family of scenes, in which no elements are grouped; `origin`: as theirs."""
+    """The systems of a family of scenes, without grouped elements; `origin` as of `System`."""
 
     family: AbstractFamily
     formulation: Formulation
@@ -30,11 +30,11 @@ class SystemFamily(eqx.Module):
         return self.family.values
 
     def system(self) -> System:
-        """The system of the scene at the coordinates `values`."""
+        """Return the system of the scene at the coordinates `values`."""
         return System(self.family.scene(self.values), self.formulation, self.origin)
 
     def start(self, values: Coordinates) -> State:
-        """The initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), in scalar form."""
         return self.family.start(values)
 
     def pushed(
@@ -43,7 +43,8 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """`AbstractFamily.pushed` for a function of system and `primals`."""
+        """Return the value, auxiliary result and derivatives along the parameters of a function of
+        the system and `primals`; see `AbstractFamily.pushed`."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation, self.origin), *primals)

@@ -1,12 +1,13 @@
-"""Steps in which time passes unevenly: slowly where a contact begins or ends.
+"""Time maps of steps: time passes slowly where a contact begins or ends.
 
-Forces begin as (t - t_on)^1.5, and end so; their derivatives along a parameter as the square root.
-In t neither is smooth. Error estimates then miss nearly all of the error of a step from the begin,
-which cost 1e-6 of an impact's energy at rtol 1e-8; and steps with derivatives could grow from
-there, and had to shrink towards the end, by no more than a seventh each. In the root of the time
-from the begin, or to the end, all of this is smooth.
+Contact forces begin as (t - t_on)^1.5, and end so; their derivatives along a parameter go as the
+square root. Neither is smooth in t, but both are in the square root of the time since the onset or
+until the end. With uniform time, error estimates miss nearly all of the error of the first step
+after an onset: 1e-6 of an impact's energy at rtol 1e-8. Steps with derivatives can change by at
+most a seventh each after an onset and before an end.
 
-A place in a step runs from 0 to 1, and the part of its time that has passed is a polynomial of it.
+A time map is a polynomial from the fraction x of a step, 0 to 1, in which the solver's stages are
+spaced, to the elapsed part of the step's time.
 """
 
 import abc
@@ -17,57 +18,59 @@ import jax.numpy as jnp
 
 from ...math.vectors import Condition, Scalar
 
-LEAST = 1e-300
-"""What stands for zero under a root, which has a slope there."""
+TINY = 1e-300
+"""Floor for sqrt arguments; keeps the derivative finite."""
 
 
 class AbstractTimeMap(eqx.Module):
-    """How the time of a step passes with the place in it."""
+    """Relation between the fraction x of a step and the elapsed part of its time."""
 
     @abc.abstractmethod
-    def elapsed(self, place: float) -> Scalar:
-        """The part of the step's time that has passed at a place."""
+    def elapsed(self, x: float) -> Scalar:
+        """Return the elapsed part of the step's time at a fraction x."""
 
     @abc.abstractmethod
-    def slope(self, place: float) -> Scalar:
-        """How fast that part grows with the place."""
+    def slope(self, x: float) -> Scalar:
+        """Return the derivative of `elapsed`."""
 
     @abc.abstractmethod
-    def place(self, part: Scalar) -> Scalar:
-        """The place at which a part of the step's time has passed."""
+    def fraction(self, elapsed: Scalar) -> Scalar:
+        """Return the fraction x at an elapsed part of the time, the inverse of `elapsed`."""
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Length in s of the next step, or of this one tried again unless it is to `keep`, where
-        the controller proposes one as if all steps were graded alike."""
+        """Convert the controller's proposal into the length of the step to try next, s.
+
+        **Arguments:** `proposed`: s, as if the next step had the time map of this one; `keep`:
+        whether this step is accepted; otherwise it is repeated.
+        """
         del keep
         return proposed
 
 
 class FromOnset(AbstractTimeMap):
-    """Time as the square of the place where a contact `begins` at the start of the step; else it
-    passes evenly."""
+    """Time as the square of x if a contact `begins` at the start of the step; uniform otherwise."""
 
     begins: Condition
 
-    def elapsed(self, place: float) -> Scalar:
-        """The part of the step's time that has passed at a place."""
-        return jnp.where(self.begins, place * place, place)
+    def elapsed(self, x: float) -> Scalar:
+        """Return x^2 after an onset, otherwise x."""
+        return jnp.where(self.begins, x * x, x)
 
-    def slope(self, place: float) -> Scalar:
-        """How fast that part grows with the place."""
-        return jnp.where(self.begins, 2.0 * place, 1.0)
+    def slope(self, x: float) -> Scalar:
+        """Return 2 x after an onset, otherwise 1."""
+        return jnp.where(self.begins, 2.0 * x, 1.0)
 
-    def place(self, part: Scalar) -> Scalar:
-        """The place at which a part of the step's time has passed."""
-        return jnp.where(self.begins, jnp.sqrt(jnp.maximum(part, 0.0)), part)
+    def fraction(self, elapsed: Scalar) -> Scalar:
+        """Return the square root after an onset, otherwise the elapsed part."""
+        return jnp.where(self.begins, jnp.sqrt(jnp.maximum(elapsed, 0.0)), elapsed)
 
 
 class WithinContact(AbstractTimeMap):
-    """Steps even in the root of the time from the begin or to the end of a contact, whichever is
-    nearer.
+    """x uniform in the square root of the time since the onset of a contact, or until its end.
 
     - `length`: s, of the step.
-    - `start`, `end`: the roots, s^0.5, where the step starts and ends; both 1 without a contact.
+    - `start`, `end`: the square roots at its start and end, s^0.5; both 1 without a contact, which
+      makes time uniform.
     """
 
     length: Scalar
@@ -76,45 +79,53 @@ class WithinContact(AbstractTimeMap):
 
     @staticmethod
     def of(
-        length: Scalar, touches: Condition, begins: Condition, since: Scalar, due: Scalar
+        length: Scalar, touches: Condition, begins: Condition, since: Scalar, until_end: Scalar
     ) -> "WithinContact":
-        """The time map of a step.
+        """Return the time map of a step of a given length, s.
 
         **Arguments:** `touches`: whether any contact is closed; `begins`: whether one begins at the
-        start; `since`: s, time since one last began; `due`: s, time until the first one ends.
+        start of the step; `since`: s, time since the last onset; `until_end`: s, time until the
+        first contact ends.
         """
-        nears_end = ~begins & (due < since)
-        known = touches & jnp.isfinite(jnp.minimum(since, due))
-        start = jnp.where(nears_end, due, jnp.where(begins, 0.0, since))
-        end = jnp.where(nears_end, jnp.maximum(due - length, 0.0), since + length)
+        # The nearer singularity decides. At an onset `since` may still be that of an earlier
+        # contact, so `begins` overrides it.
+        nears_end = ~begins & (until_end < since)
+        known = touches & jnp.isfinite(jnp.minimum(since, until_end))
+        start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
+        end = jnp.where(nears_end, jnp.maximum(until_end - length, 0.0), since + length)
         roots = (jnp.sqrt(jnp.where(known, time, 1.0)) for time in (start, end))
-        # Where steps end, and how time passes in them, is no function of the parameters.
+        # The solution does not depend on step sizes and time maps, so they are not differentiated.
         return jax.lax.stop_gradient(WithinContact(length, *roots))
 
-    def elapsed(self, place: float) -> Scalar:
-        """The part of the step's time that has passed at a place."""
-        pace = self._pace()
-        return place * (pace + (1.0 - pace) * place)
+    def elapsed(self, x: float) -> Scalar:
+        """Return x (p + (1 - p) x) with the slope p at the start."""
+        pace = self._initial_slope()
+        return x * (pace + (1.0 - pace) * x)
 
-    def slope(self, place: float) -> Scalar:
-        """How fast that part grows with the place."""
-        pace = self._pace()
-        return pace + 2.0 * place * (1.0 - pace)
+    def slope(self, x: float) -> Scalar:
+        """Return the derivative of `elapsed`."""
+        pace = self._initial_slope()
+        return pace + 2.0 * x * (1.0 - pace)
 
-    def place(self, part: Scalar) -> Scalar:
-        """The place at which a part of the step's time has passed."""
-        pace = self._pace()
-        square = pace * pace + 4.0 * (1.0 - pace) * part
-        return 2.0 * part / (pace + jnp.sqrt(jnp.maximum(square, LEAST)))
+    def fraction(self, elapsed: Scalar) -> Scalar:
+        """Return the root of the quadratic `elapsed`, in the form without cancellation."""
+        pace = self._initial_slope()
+        square = pace * pace + 4.0 * (1.0 - pace) * elapsed
+        return 2.0 * elapsed / (pace + jnp.sqrt(jnp.maximum(square, TINY)))
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Length in s of a step that differs from this one in the roots as the controller's
-        proposal does in time; the proposal itself where that would go past the end."""
-        change = proposed / self.length * (self.end - self.start)
-        here = jnp.where(keep, self.end, self.start)
-        alike = proposed * (2.0 * here + change) / (self.start + self.end)
-        return jnp.where(here + change >= 0.0, alike, proposed)
+        """Return the length of a step whose square roots differ by this step's difference times
+        the ratio that the controller proposes for lengths.
 
-    def _pace(self) -> Scalar:
-        """How fast time passes at the start, on the whole step's average 1."""
+        The controller's ratio applies to the variable in which the error is smooth, that is to the
+        square root. If the next step would go past the end of the contact, the proposal is used.
+        """
+        change = proposed / self.length * (self.end - self.start)
+        root = jnp.where(keep, self.end, self.start)
+        # (root + change)^2 - root^2, in which end^2 - start^2 is the length up to its sign.
+        alike = proposed * (2.0 * root + change) / (self.start + self.end)
+        return jnp.where(root + change >= 0.0, alike, proposed)
+
+    def _initial_slope(self) -> Scalar:
+        """Return the slope of `elapsed` at the start of the step."""
         return 2.0 * self.start / (self.start + self.end)

@@ -1,4 +1,4 @@
-"""One trial of the solver: a step, and its derivatives, before it is accepted or rejected."""
+"""One trial step of the solver with its derivatives, before it is accepted or rejected."""
 
 from dataclasses import replace
 
@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...compilation import traced_once
-from ...dynamics.breakpoints import breakpoints, seen
+from ...dynamics.breakpoints import breakpoints, one_sided_time
+from ...dynamics.bristles import bristle_rates
 from ...dynamics.contact_events import closed, touches, uses_entry_speed
 from ...dynamics.contact_forces import Closed, EntrySpeeds
 from ...dynamics.system import System
@@ -18,24 +19,37 @@ from ...math.groups import sum_
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import correct
-from .rates import rates_of
 from .saltation import contacts_jump, slopes_jump
-from .step_state import Method, Step, Variables, choose
+from .step_state import Method, SolverState, Step, Variables, choose
 from .systems import SystemFamily
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
-from .types import DenseInformation, SolverState
-from .unrolled_runge_kutta import UnrolledExplicit
+from .unrolled_runge_kutta import DenseInformation, UnrolledExplicit
 
 REJECTED_ERROR = 1e30
-"""Of a trial that is not finite: no controller accepts it."""
+"""Error assigned to a trial that is not finite: no controller accepts it."""
+
+
+def rates_of(
+    system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
+) -> Variables:
+    """Return the time derivatives of all integrated variables at t, s.
+
+    If `closed` is given, only these contacts transmit forces; otherwise those that penetrate.
+    """
+    dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
+    powers = system.powers(dynamics, t)
+    return Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """The rates of the variables as a diffrax term, whose arguments are system and memory.
+    """Return the rates of the variables as a diffrax term with `(system, entry_speeds)` as args.
 
-    Of a `step` that lands on events: the rates with the contacts that are closed at its start. They
-    are traced once for all stages of a step; and anew for another term, since what they read
-    outside of their arguments may have changed.
+    **Arguments:** `step`: the step in which the rates are evaluated. If steps land on contact
+    events, contacts then stay open or closed as they are at its start; forces that depend on time
+    are taken on the step's side of each breakpoint.
+
+    The rates are traced once per term and reused for all stages. Each term traces anew, because the
+    traced function closes over values of the surrounding trace.
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
@@ -43,7 +57,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
         system, entry_speeds = args
-        t = seen(system, t if step is None else step.t, t)
+        t = one_sided_time(system, t if step is None else step.t, t)
         return traced_rates(system, y, entry_speeds, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
@@ -61,14 +75,14 @@ def _rates(
 
 
 def error_order(method: Method) -> Single:
-    """The order of the solver's error estimate, which the controller needs."""
+    """Return the order of the solver's error estimate, which the controller needs."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
     return order
 
 
 class SolverStep(eqx.Module):
-    """What a solver's step gives, or its derivatives along p parameters, which come first."""
+    """Result of a solver's step; or its derivatives along p parameters, p as the first axis."""
 
     y: Variables
     error: Variables
@@ -77,12 +91,12 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A step as the solver made it.
+    """A trial step as the solver computed it.
 
-    - `t1`: s, where it ends; `time_map`: how its time passes.
-    - `outcome`: what it gives, and `tangents` the derivatives of that, ``None`` without any.
-    - `finite`: whether both were finite. If not, the variables are those of the start.
-    - `solver_result`: the solver's own code.
+    - `t1`: s, its end; `time_map`: how time passes in it.
+    - `outcome`: its result; `tangents`: the derivatives of the result, ``None`` without any.
+    - `finite`: whether both are finite. If not, the variables are those at the start of the step.
+    - `solver_result`: the solver's own result code.
     """
 
     t1: Scalar
@@ -94,26 +108,24 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """How time passes in the step up to t1; ``None`` where it passes evenly in all steps.
-
-    Without derivatives, grading the steps out of a contact too gained nothing: as many steps, and
-    more of them in a journal that rolls along the wall.
-    """
+    """Return the time map of the step up to t1; ``None`` if time is uniform in all steps."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
         return None
-    begins, since = step.proposal.begins_contact, step.proposal.since_begin
+    begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
     if since is None:
+        # Without derivatives, mapping the steps towards the end of a contact saved no steps, and a
+        # journal rolling along the wall took more.
         return FromOnset(begins)
-    due = method.landing.time_to_contact_end(step.contact_gaps, step.second_rates)
-    return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, due)
+    until_end = method.landing.time_to_contact_end(step.contact_gaps, step.second_rates)
+    return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, until_end)
 
 
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """The solver's step up to t1, corrected as the stabilisation wants it."""
+    """Compute the solver's step up to t1, stabilised and with derivatives along `family`."""
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
     options = {} if time_map is None else {"time_map": time_map}
@@ -133,7 +145,7 @@ def try_step(
             made_jump,
             **options,
         )
-        y1 = correct(system, y1, seen(system, step.t, t1))
+        y1 = correct(system, y1, one_sided_time(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
@@ -143,6 +155,8 @@ def try_step(
         outcome, result = advance(system, *start)
         finite, tangents = _all_finite((outcome.y, outcome.error)), None
     else:
+        # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
+        # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.pushed(advance, start, along)
@@ -158,21 +172,30 @@ def _after_jump(
     t1: Scalar,
     start: tuple[Variables, EntrySpeeds, SolverState],
 ) -> SolverState:
-    """What the solver keeps of the last step, of a start of variables, memory and that: anew where
-    a contact began or ended there, with the contacts that are closed since."""
+    """Return the solver's state at the start of a step: the kept one, or a new one if a contact
+    began or ended there.
+
+    The kept rates are those with the contacts of the last step. Their values agree with the new
+    ones, but their derivatives do not if the slope of a force jumps. `start` holds the variables,
+    the entry speeds and the kept state.
+    """
     y, entry_speeds, kept = start
 
-    def anew() -> SolverState:
+    def evaluated() -> SolverState:
         return method.solver.init(term_of(method, step), step.t, t1, y, (system, entry_speeds))
 
-    return jax.lax.cond(step.proposal.made_jump, anew, lambda: kept)
+    return jax.lax.cond(step.proposal.made_jump, evaluated, lambda: kept)
 
 
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """The variables in numbers that don't drift in many steps, and what the solver keeps of their
-    rates to match."""
+    """Return the variables normalised (unit Euler parameters, angles within two turns), and the
+    solver's state to match.
+
+    The solver keeps rates of the variables for its next step. Normalising is a change of variables,
+    so rates are mapped by its derivative.
+    """
 
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
@@ -185,8 +208,8 @@ def _without_drift(
 
 
 def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """The outcome if it is finite; else with the given variables, and an error beyond all
-    bounds."""
+    """Return the outcome if it is finite; otherwise one with the variables `y` and an error that no
+    controller accepts."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return SolverStep(
         choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
@@ -194,11 +217,11 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Whether the rates at the start of a step may differ from those at the end of the last one.
+    """Whether rates may be discontinuous from the end of one step to the start of the next.
 
-    A new memory changes them, a force that jumps does, and bristles begin to be dragged with the
-    contact; but where steps land on the begin of contacts, memory changes where the force is still
-    zero.
+    Then the rates that the solver keeps from the last step cannot be reused. Breakpoints, bristles
+    that a contact begins to drag, and forces that jump at onset make rates discontinuous. So does a
+    new entry speed, unless steps land on onsets: there the force is still zero.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
@@ -206,22 +229,23 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
-    """Whether the rates at the start of a step are those at the end of the last one but for a slope
-    that jumps where a contact begins or ends."""
+    """Whether rates are continuous from step to step, but their slopes may jump where a contact
+    begins or ends."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
 def _all_finite(tree: PyTree[Scalar]) -> Condition:
-    """One test for all leaves: adding zero times each lets any NaN or infinity through. Leaves of
-    one shape are added element by element before the elements are."""
+    """Whether all numbers are finite, in one test: 0 times a NaN or an infinity is NaN, so the sum
+    of all leaves times 0 is zero only if every leaf is finite."""
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
+        # Leaves of one shape are added elementwise first, which takes fewer reductions.
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
-    return sum(sum_(_sum(family)) for family in families.values()) == 0.0
+    return sum(sum_(_pairwise_sum(family)) for family in families.values()) == 0.0
 
 
-def _sum(terms: list[Scalar]) -> Scalar:
-    """The sum by halves: a processor adds those of a level side by side."""
+def _pairwise_sum(terms: list[Scalar]) -> Scalar:
+    """Sum by halves, so that a processor can do independent additions side by side."""
     middle = len(terms) // 2
-    return _sum(terms[:middle]) + _sum(terms[middle:]) if middle else terms[0]
+    return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]

@@ -1,16 +1,16 @@
 """Explicit Runge-Kutta steps with their stages written out.
 
-diffrax loops over the stages and decides inside the loop, by looking at all lanes of a batch,
-whether the last stage of the step before may be used again. Written out, a step is plain
-arithmetic: in a batch it takes a third of the time, and no lane sees another, so that its numbers
-do not depend on who runs beside it. Tableaux, error estimates and dense output are diffrax's.
+diffrax loops over the stages and decides inside the loop, from all lanes of a batch together,
+whether the last stage of the previous step can be reused. Written out, a step is plain arithmetic:
+in a batch it takes a third of the time, and no lane depends on another, so that its numbers are
+those of a single run. Tableaux, error estimates and dense output are diffrax's.
 
-Time may pass unevenly in a step: see `.time_map`.
+Time may be non-uniform in a step: see `.time_map`.
 """
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import diffrax
 import equinox as eqx
@@ -23,17 +23,18 @@ from ...fields.types import Single
 from ...math.vectors import Scalar
 from ...native import evaluated
 from .time_map import AbstractTimeMap
-from .types import DenseInformation
 
 Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
 """A PyTree of variables, or of their rates."""
+DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
+"""What a diffrax solver returns for the dense output of a step, by its names."""
 
 
 class UnrolledExplicit(diffrax.AbstractSolver):
-    """The steps of a diffrax explicit Runge-Kutta method, stages written out.
+    """A diffrax explicit Runge-Kutta method with its stages written out.
 
-    Its state holds the rates at the start of the next step.
+    The state of the solver is the rates at the start of the next step.
     """
 
     method: diffrax.AbstractERK
@@ -41,7 +42,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     @property
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What makes the dense output of a step, as diffrax asks for it."""
+        """Factory of the dense output of a step, in diffrax's interface."""
         return self._interpolation
 
     def _interpolation(
@@ -51,19 +52,19 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return DenseOutput(self.method, t0, t1, y0, stages)
 
     def order(self, terms: diffrax.ODETerm) -> int | None:
-        """Order of the wrapped method's solution."""
+        """Return the order of the wrapped method's solution."""
         return self.method.order(terms)
 
     def error_order(self, terms: diffrax.ODETerm) -> Single | None:
-        """Order of the wrapped method's error estimate."""
+        """Return the order of the wrapped method's error estimate."""
         return self.method.error_order(terms)
 
     def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
-        """The rates of the variables at a time."""
+        """Return the rates of the variables at a time."""
         return terms.vf(t0, y0, args)
 
     def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
-        """The solver's state before the first step: the rates there."""
+        """Return the state before the first step: the rates there."""
         del t1
         return terms.vf(t0, y0, args)
 
@@ -78,17 +79,30 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         made_jump: Scalar,
         time_map: AbstractTimeMap | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
-        """One step; the rates at its start are computed anew unless `made_jump` is ``False``."""
+        """Compute one step from t0 to t1, s.
+
+        **Arguments:** `solver_state`: the rates at t0, reused if `made_jump` is ``False``;
+        `time_map`: how time passes in the step, uniformly if ``None``.
+
+        **Returns:** the variables at t1, the error estimate, the data for dense output, the rates
+        at t1 and diffrax's result code.
+        """
         tableau = _tableau(self.method)
         h = t1 - t0
+        # Only the Python value False is tested: a traced condition would have to evaluate both
+        # branches in every lane, so the rates are then computed unconditionally.
         last = solver_state if made_jump is False else terms.vf(t0, y0, args)
-        stages, y = [_per_place(last, 0.0, time_map)], y0
+        # With a time map the independent variable is the fraction x of the step. Its nodes are
+        # those of the tableau, and dy/dx = dy/dt dt/dx.
+        stages, y = [_rates_by_fraction(last, 0.0, time_map)], y0
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
-            t = t1 if fraction == 1.0 else t0 + _elapsed(fraction, time_map) * h
+            elapsed = fraction if time_map is None else time_map.elapsed(fraction)
+            t = t1 if fraction == 1.0 else t0 + elapsed * h
             last = terms.vf(t, y, args)
-            stages.append(_per_place(last, fraction, time_map))
+            stages.append(_rates_by_fraction(last, fraction, time_map))
         y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
+        # "First same as last": the last stage was evaluated at the end of the step.
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
         error = jax.tree.map(
@@ -102,10 +116,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 class DenseOutput(eqx.Module):
     """diffrax's dense output of a step, in scalar form.
 
-    Its sums over the stages are written out. A reduction of an array would be a loop in the midst
-    of arithmetic, and at each loop XLA's emitter forgets what it has written before: what an
-    acceleration, say, takes of many variables it then wrote again at every use. One derivative of
-    one acceleration of the double pendulum came to 59 MB of LLVM text, now 11, and never compiled.
+    Sums over the stages are written out. A reduction of an array would be a loop between scalar
+    operations, and XLA's emitter repeats expressions that it has emitted before a loop at each use
+    after it. One derivative of one acceleration of the double pendulum had 59 MB of LLVM text and
+    never compiled; now it has 11 MB.
     """
 
     method: diffrax.AbstractERK
@@ -115,12 +129,12 @@ class DenseOutput(eqx.Module):
     stages: tuple[PyTree[Scalar], ...]
 
     def evaluate(self, t: Scalar) -> PyTree[Scalar]:
-        """The variables at a time within the step, s."""
+        """Return the variables at a time within the step, s; time is uniform."""
         h = self.t1 - self.t0
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """The variables at a fraction x of the step."""
+        """Return the variables at a fraction x of the step."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -132,16 +146,11 @@ class DenseOutput(eqx.Module):
         return jax.tree.map(leaf, self.y0, *self.stages)
 
 
-def _elapsed(place: float, time_map: AbstractTimeMap | None) -> Scalar:
-    """The part of a step's time that has passed at a place in it."""
-    return place if time_map is None else time_map.elapsed(place)
-
-
-def _per_place(rates: Y, place: float, time_map: AbstractTimeMap | None) -> Y:
-    """Rates against the place in the step, over its length."""
+def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
+    """Return rates with respect to the fraction x of the step, divided by its length."""
     if time_map is None:
         return rates
-    slope = time_map.slope(place)
+    slope = time_map.slope(x)
     return jax.tree.map(lambda rate: slope * rate, rates)
 
 
@@ -160,7 +169,7 @@ def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """The solver with its stages written out, if it is an explicit Runge-Kutta method."""
+    """Return the solver with its stages written out if it is an explicit Runge-Kutta method."""
     if isinstance(solver, diffrax.AbstractERK) and isinstance(
         solver.tableau, diffrax.ButcherTableau
     ):
@@ -169,7 +178,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
-    """A polynomial without constant term, lowest power first."""
+    """Evaluate a polynomial without constant term; coefficients with the lowest power first."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)
@@ -178,29 +187,29 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 
 @cache
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
-    """Polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages.
+    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages f_i.
 
-    Shape (stages, degree + 1), lowest power first; x is the fraction of the step. They are read off
-    diffrax's interpolant, which is linear in the stages: of as many variables, with one stage each.
-    Its operations are carried out one by one, so that no compiler fuses them and the digits are the
-    same on every processor.
+    Shape (stages, degree + 1), lowest power first; x is the fraction of the step. diffrax's
+    interpolant is linear in the stages, so it is evaluated for unit stages at Chebyshev nodes x.
+    Its operations are executed one by one: a compiler would fuse them, and the digits would differ
+    between processors.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
 
-    def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, place: Scalar) -> Scalar:
-        return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(place)
+    def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
+        return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
 
     b, unit = np.asarray(tableau.b_sol), np.eye(stages)
     rows = zip(b, unit, strict=True)
-    calls = [(0.0, 1.0, *row, place) for row in rows for place in x]
+    calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
     numbers = evaluated(value, calls)
     if numbers is not None:
         values = np.reshape(numbers, (stages, len(x))).T
     else:
         with jax.ensure_compile_time_eval():
             y1, k = map(jax.device_put, (b, unit))
-            values = np.array([value(0.0, 1.0, y1, k, place) for place in x])
+            values = np.array([value(0.0, 1.0, y1, k, t) for t in x])
     return np.linalg.solve(np.vander(x, increasing=True), values).T

@@ -1,8 +1,8 @@
-"""Derivatives beside the state: where they start, and what they are inside a step.
+"""Derivatives of a run along parameters: their initial values, and their values inside a step.
 
 Runge-Kutta methods commute with differentiation: the derivative of a step along a parameter is the
-same step of the variational equations, error estimate included. So `attempt` differentiates the
-solver's step, for all parameters at once, and judges its error over state and derivatives.
+same step of the variational equations, error estimate included. Hence `attempt` differentiates the
+solver's step for all parameters at once, and controls the error of state and derivatives together.
 """
 
 from dataclasses import replace
@@ -16,17 +16,16 @@ from ...dynamics.system import System
 from ...math.vectors import Scalar
 from ...parametrisation.parametrised_scene import Coordinates
 from .dense_output import dense_time
-from .step_state import Attempt, Method, Step, Tangents, Variables, choose
+from .step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from .stepping import start
 from .systems import SystemFamily
 from .trial_step import term_of
-from .types import SolverState
 
 
 def start_with_tangents(
     method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """`start` for a family of systems, with the derivatives of the initial state."""
+    """Return the `Step` from which a run with derivatives begins at t0; see `start`."""
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family.start(values)
@@ -35,7 +34,7 @@ def start_with_tangents(
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
     count = len(family.values)
-    (y, entry_speeds), _, (y_along, memory_along) = family.pushed(
+    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
         initial, (family.values,), (jnp.eye(count),)
     )
     system = family.system()
@@ -46,17 +45,22 @@ def start_with_tangents(
     ) -> tuple[SolverState, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
 
+    # The ledger, and entry speeds that the state does not contain, start without dependence on the
+    # parameters.
     none = jnp.zeros(count)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
-    memory_along = memory_along or jax.tree.map(lambda _: none, step.entry_speeds)
+    entry_speeds_along = entry_speeds_along or jax.tree.map(lambda _: none, step.entry_speeds)
     _, _, state_along = family.pushed(
-        solver_state, (step.y, step.entry_speeds), (y_along, memory_along)
+        solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )
-    return replace(step, tangents=Tangents(y_along, memory_along, state_along))
+    return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
 
 
 def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
-    """Derivatives of what `look_inside` gives, before it is projected."""
+    """Return the derivatives of the variables and entry speeds at a time t, s, of an accepted step.
+
+    These are the derivatives of `look_inside` before its projection onto the constraints.
+    """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)

@@ -1,4 +1,4 @@
-"""Forces of contacts that are held open or closed for a whole step."""
+"""Forces of contacts that stay open or closed for a whole step."""
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ SPRINGS = [cj.laws.Hertz(4e8, exponent=1.0), cj.laws.ExactRestitution(0.8, 4e8, 
 
 
 def forces_at(law, closed, depth):
-    """Normal force, N, and friction along Y of a point against a plane."""
+    """Return normal force and friction along Y of a point against a plane, N."""
     plane = Plane(
         "ball", ((0, 0, 0),), (1.0, 0.0, 0.0), 0.0, law, cj.frictions.RegularisedCoulomb(0.2, 1e-2)
     )
@@ -28,8 +28,8 @@ def forces_at(law, closed, depth):
 
 
 @pytest.mark.parametrize("law", SPRINGS)
-def test_force_of_a_closed_spring_goes_on_past_the_wall(law):
-    """Value and slope; friction, of which no joint is asked for a normal force below zero, too."""
+def test_force_of_a_closed_spring_continues_past_the_wall(law):
+    """Value and slope, also of friction, whose law never gets a negative normal force."""
     inside, past = (forces_at(law, True, sign * DEPTH) for sign in (1.0, -1.0))
     np.testing.assert_allclose(past, -inside, rtol=1e-14)
     assert inside[0] > 0.0
@@ -46,6 +46,6 @@ def test_force_of_a_closed_spring_goes_on_past_the_wall(law):
         cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6),
     ],
 )
-def test_a_force_that_begins_flat_ends_at_the_wall(law):
+def test_a_force_with_zero_slope_at_the_wall_ends_there(law):
     assert not law.slope_jumps()
     assert not np.any(forces_at(law, True, -law.onset_offset() - DEPTH))

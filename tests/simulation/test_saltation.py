@@ -1,4 +1,4 @@
-"""Derivatives across jumps of the force: at the begin and end of contacts, and in time."""
+"""Derivatives across force discontinuities: at the onset and end of contacts, and in time."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
-from clearjoint.simulation.step.discontinuity_analysis import decides_by_time
+from clearjoint.simulation.step.discontinuity_analysis import compares_time
 from tests.support.planes import Plane
 
 Q = cj.quantities
@@ -22,9 +22,12 @@ SETTINGS = replace(cj.presets.derivatives, rtol=1e-10)
 
 
 class Buffer(cj.extend.AbstractContactLaw):
-    """A spring, a damper beside it and a preload: max(K d + D d' + P, 0). It jumps at the onset by
-    what the damper and the preload push there, and at the separation by the preload; and where the
-    body turns, if only a part of the force is left in `restitution`."""
+    """A spring, a parallel damper and a preload: max(K d + D d' + P, 0).
+
+    The force jumps at the onset by the damper's force and the preload, and at the separation by the
+    preload. In restitution it is multiplied by `restitution`, so it jumps at the turning point if
+    that is not 1.
+    """
 
     stiffness: Any = quantity("N/m")
     damping: Any = quantity("N s/m", default=0.0)
@@ -56,14 +59,14 @@ def dropped(law, points=1):
 
 
 def arrived(end, drop, stiffness, damping, preload):
-    """Place and velocity in closed form: the fall, an oscillation about rest, and the rise."""
+    """Position and velocity in closed form: the fall, an oscillation about rest, and the rise."""
     begin = np.sqrt(2.0 * drop / GRAVITY)
     rest = (MASS * GRAVITY - preload) / stiffness
     decay = 0.5 * damping / MASS
     w = np.sqrt(stiffness / MASS - decay**2)
 
     def inside(t):
-        """Depth, its rate and second rate, by x = rest + exp(-decay t) (a cos + b sin)."""
+        """Return depth, rate and second rate, by x = rest + exp(-decay t) (a cos + b sin)."""
         a, b = -rest, (GRAVITY * begin - decay * rest) / w
         c, s, e = np.cos(w * t), np.sin(w * t), np.exp(-decay * t)
         depth = rest + e * (a * c + b * s)
@@ -87,7 +90,7 @@ def arrived(end, drop, stiffness, damping, preload):
 
 
 def slope(function, value, step):
-    """Derivative by central differences of fourth order."""
+    """Return the derivative by central differences of fourth order."""
     at = [function(value + k * step) for k in (-2, -1, 1, 2)]
     return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
 
@@ -113,19 +116,19 @@ def expected(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_sensitivities_across_a_jump_of_a_law(law):
-    """What the damper and the preload push at once belongs in the derivatives after it."""
+    """The derivatives after the onset contain the jump of the force there."""
     scene, state = dropped(Buffer(*LAWS[law]))
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
-    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], SETTINGS)
-    values = [found.values[name][0] for name in outputs]
-    derivatives = [found.derivatives[name][0] for name in outputs]
+    result = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], SETTINGS)
+    values = [result.values[name][0] for name in outputs]
+    derivatives = [result.derivatives[name][0] for name in outputs]
     np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
 
 
 @pytest.mark.slow
-def test_plain_derivatives_have_the_jump_too():
-    """Those of the computed steps."""
+def test_forward_derivatives_of_a_run_contain_the_jump_too():
+    """`jax.jvp` of `simulate`, without the tangents of `sensitivities`."""
     scene, state = dropped(Buffer(*LAWS["both"]))
 
     def speed(drop):
@@ -143,35 +146,37 @@ def test_plain_derivatives_have_the_jump_too():
 @pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-9, 1e-10, 1e-11])
 @pytest.mark.parametrize("landing", [1e-12, 1e-13])
-def test_two_contacts_of_a_spring_that_begin_nearly_at_once(rtol, landing):
-    """The journal of the double pendulum meets the wall with both bases, 1e-11 m apart; within
-    what a step may end past either, K d(depth) makes a hundredth of how the tilt's rate changes."""
+def test_two_contacts_of_a_spring_that_begin_almost_together(rtol, landing):
+    """Both bases of the double pendulum's journal meet the wall, 1e-11 m apart.
+
+    Within the depth at which a step may land, K d(depth) is a hundredth of the change of the tilt's
+    rate.
+    """
     law = cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)
     scene, state = cj.mechanisms.double_pendulum(law=law)
-    places = {
+    paths = {
         "e": (lambda s: s.joints["shoulder"].law.restitution, 3e-4),
         "K": (lambda s: s.joints["shoulder"].law.stiffness.stiffness, 4e4),
         "c": (lambda s: s.joints["shoulder"].clearance, 5e-8),
     }
     end, tight = 0.03, replace(cj.presets.derivatives, rtol=1e-12)
 
-    def height(place, change):
-        moved = cj.set_value(scene, place, place(scene) + change)
+    def height(path, change):
+        moved = cj.set_value(scene, path, path(scene) + change)
         return cj.simulate(moved, state, end, tight).final.bodies["arm 2"].position[1]
 
     settings = replace(cj.presets.derivatives, rtol=rtol, landing_tolerance=landing)
-    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
+    parameters = {name: cj.Parameter(path) for name, (path, _) in paths.items()}
     outputs = {"y": Q.Position("arm 2", "y")}
-    found = cj.sensitivities(scene, state, end, parameters, outputs, [end], settings)
+    result = cj.sensitivities(scene, state, end, parameters, outputs, [end], settings)
     differences = [
-        slope(lambda by, place=place: height(place, by), 0.0, step)
-        for place, step in places.values()
+        slope(lambda by, path=path: height(path, by), 0.0, step) for path, step in paths.values()
     ]
-    np.testing.assert_allclose(found.derivatives["y"][0], differences, rtol=1e-6)
+    np.testing.assert_allclose(result.derivatives["y"][0], differences, rtol=1e-6)
 
 
 class Push(cj.extend.AbstractForce):
-    """A force along X on a body, from a time on; `how` says so in several ways."""
+    """A force along X on a body from a time on; `how` compares the times in several ways."""
 
     body: str = eqx.field(static=True)
     force: Any = quantity("N")
@@ -190,7 +195,7 @@ class Push(cj.extend.AbstractForce):
 
 
 class Undeclared(Push):
-    """The same, which doesn't say when."""
+    """The same force without declared breakpoints."""
 
     breakpoints = cj.extend.AbstractForce.breakpoints
 
@@ -205,8 +210,8 @@ def start_of(k):
     return cj.Parameter(lambda s: s.forces[f"push {k}"].start)
 
 
-def test_switches_in_time_have_their_derivatives():
-    """x = sum F (t - t_s)^2/(2 m); two at one instant, each with its own; either comparison."""
+def test_derivatives_along_the_times_of_switched_forces():
+    """x = sum F (t - t_s)^2/(2 m); two forces at one instant; both comparisons, < and <=."""
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3, jnp.greater))
     parameters = {
         "first": start_of(0),
@@ -214,16 +219,16 @@ def test_switches_in_time_have_their_derivatives():
         "force": cj.Parameter(lambda s: s.forces["push 0"].force),
     }
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
-    found = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
-    np.testing.assert_allclose(found.values["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
-    x, v = found.derivatives["x"], found.derivatives["v"]
+    result = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
+    np.testing.assert_allclose(result.values["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
+    x, v = result.derivatives["x"], result.derivatives["v"]
     np.testing.assert_allclose(x, [[0, 0, 0], [0, 0, 0], [-1.4, -0.35, 0.1225]], atol=1e-9)
     np.testing.assert_allclose(v, [[0, 0, 0], [-2, -0.5, 0], [-2, -0.5, 0.35]], atol=1e-9)
-    assert found.accepted < 12
+    assert result.accepted < 12
 
 
 @pytest.mark.slow
-def test_plain_derivatives_have_the_switch_too():
+def test_forward_derivatives_of_a_run_contain_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 
     def ended(start):
@@ -233,7 +238,7 @@ def test_plain_derivatives_have_the_switch_too():
     np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
 
 
-def test_a_switch_in_time_that_is_not_declared_is_refused():
+def test_an_undeclared_switch_in_time_is_refused():
     scene, state = pushed(Undeclared("ball", 4.0, 0.3))
     outputs = {"x": Q.Position("ball", "x")}
     with pytest.raises(ValueError, match=r"forces\['push 0'\].*`breakpoints`"):
@@ -254,7 +259,7 @@ class Varying(cj.extend.AbstractForce):
 
 
 @pytest.mark.parametrize(
-    ("function", "decides"),
+    ("function", "compares"),
     [
         (lambda t: jnp.exp(-t) * jax.jit(jnp.cos)(t) + jnp.tanh(t), False),
         (lambda t: 3.0, False),
@@ -266,13 +271,13 @@ class Varying(cj.extend.AbstractForce):
         (lambda t: 1.0 * t.astype(int), True),
     ],
 )
-def test_what_decides_by_time_is_found(function, decides):
-    assert decides_by_time(unpack(Varying(function))) is decides
+def test_comparisons_with_time_are_detected(function, compares):
+    assert compares_time(unpack(Varying(function))) is compares
 
 
 class Threshold(cj.extend.AbstractForce):
-    """A force along X that changes in several ways where the ball passes a place, 1 m, or a speed,
-    1 m/s."""
+    """A force along X that changes in several ways where the ball passes a position, 1 m, or a
+    speed, 1 m/s."""
 
     step: Any = quantity("N")
     kink: Any = quantity("N/m")
@@ -292,7 +297,7 @@ NONE = 1e-20
 
 
 @pytest.mark.parametrize(
-    ("threshold", "place"),
+    ("threshold", "position"),
     [
         (Threshold(0.5, NONE, NONE, NONE), 1.0),
         (Threshold(0.02, NONE, NONE, NONE), 1.0),
@@ -302,26 +307,26 @@ NONE = 1e-20
     ],
     ids=["step", "small step", "kink", "ramp", "step by speed"],
 )
-def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, place):
+def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, position):
     scene, state = pushed(Push("ball", 4.0, 0.0))
     scene = cj.Scene(scene.bodies, forces={**scene.forces, "threshold": threshold})
     parameters = {"force": cj.Parameter(lambda s: s.forces["push 0"].force)}
     outputs = {"x": Q.Position("ball", "x")}
-    found = cj.sensitivities(scene, state, 1.5, parameters, outputs, [0.2, 1.5], throw=False)
-    if place is None:
-        assert found.result == cj.RESULTS.successful
+    result = cj.sensitivities(scene, state, 1.5, parameters, outputs, [0.2, 1.5], throw=False)
+    if position is None:
+        assert result.result == cj.RESULTS.successful
     else:
-        assert found.result == cj.RESULTS.force_jumped
-        np.testing.assert_allclose(found.time, np.sqrt(place), rtol=1e-3)
-        np.testing.assert_allclose(found.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
+        assert result.result == cj.RESULTS.force_jumped
+        np.testing.assert_allclose(result.time, np.sqrt(position), rtol=1e-3)
+        np.testing.assert_allclose(result.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
 
 
-def test_a_law_of_ones_own_that_jumps_inside_a_contact_ends_the_derivatives():
+def test_a_user_defined_law_that_jumps_inside_a_contact_ends_the_derivatives():
     scene, state = dropped(Buffer(*LAWS["damper"], 0.5))
     outputs = {"x": Q.Position("ball", "x")}
-    found = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], throw=False)
-    assert found.result == cj.RESULTS.force_jumped
-    assert 0.0102 < found.time < 0.0125
+    result = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], throw=False)
+    assert result.result == cj.RESULTS.force_jumped
+    assert 0.0102 < result.time < 0.0125
 
 
 def test_derivatives_need_landing():
@@ -336,7 +341,7 @@ def test_derivatives_need_landing():
         )
 
 
-def test_a_law_of_ones_own_is_taken_to_jump_unless_it_says_not():
+def test_a_user_defined_law_counts_as_discontinuous_unless_it_declares_otherwise():
     class Harder(cj.laws.Hertz):
         def force(self, gap, entry_speed):
             return super().force(gap, entry_speed) + gap.rate
