@@ -10,8 +10,8 @@ from ..model.mechanisms.double_pendulum import double_pendulum
 from ..model.mechanisms.four_bar import four_bar
 from ..model.mechanisms.slider_crank import slider_crank
 from ..model.scene import Scene
-from ..scene_files.complaints import FilePlace
 from ..scene_files.files import save
+from ..scene_files.locations import FileLocation
 
 STUDY = Path(__file__).parent / "templates" / "study.toml"
 SCENE_HEAD = """\
@@ -69,7 +69,7 @@ def write_example(mechanism: str, folder: Path) -> list[Path]:
     for path in paths:
         if path.exists():
             remedy = "remove it, or choose another folder by --out"
-            FilePlace(str(path)).refuse("a file", "none that would be overwritten", remedy)
+            FileLocation(str(path)).refuse("a file", "none that would be overwritten", remedy)
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in zip(paths, example_texts(mechanism, *names), strict=True):
         path.write_text(text, encoding="utf-8")

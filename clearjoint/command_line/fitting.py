@@ -13,7 +13,7 @@ from ..identification.levenberg_marquardt import Ending, Iteration
 from ..measurements.readers import Channel, read_csv
 from ..measurements.series import Measurements, Series
 from ..parametrisation.parameter import Parameter
-from ..scene_files.complaints import FilePlace
+from ..scene_files.locations import FileLocation
 from ..scene_files.numbers import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import Folder
@@ -68,7 +68,7 @@ def fit(study: Study, out: Path) -> CommandResult:
     return CommandResult(WELL if converged else FAILED, line)
 
 
-def _measured(study: Study, part: FitPart, place: FilePlace) -> Measurements:
+def _measured(study: Study, part: FitPart, place: FileLocation) -> Measurements:
     """The measurements, with their noise in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
@@ -96,7 +96,7 @@ def _measured(study: Study, part: FitPart, place: FilePlace) -> Measurements:
     )
 
 
-def _noisy(series: Series, column: ColumnPart, place: FilePlace) -> Series:
+def _noisy(series: Series, column: ColumnPart, place: FileLocation) -> Series:
     """The series with the noise that a text with a unit gives."""
     noise = number_of_text(column.noise, series.unit, place.at("noise"))
     rows = series.times, series.values
@@ -104,7 +104,7 @@ def _noisy(series: Series, column: ColumnPart, place: FilePlace) -> Series:
 
 
 def _parameters(
-    study: Study, part: FitPart, place: FilePlace
+    study: Study, part: FitPart, place: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
     """The parameters, and the first guesses that the study gives."""
     parameters, guess = {}, {}

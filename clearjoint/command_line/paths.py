@@ -11,7 +11,7 @@ from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.paths import parameters, unit_at
-from ..scene_files.complaints import FilePlace, listed
+from ..scene_files.locations import FileLocation, listed
 from ..scene_files.numbers import number_of_text
 
 STATE = "state"
@@ -19,7 +19,7 @@ STEP = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
 Keys = tuple[str | int, ...]
 
 
-def keys_of(text: str, place: FilePlace) -> Keys:
+def keys_of(text: str, place: FileLocation) -> Keys:
     """The keys of a written place. Names with dots are put into quotation marks.
 
     **Raises:** `ValueError` for a text that is no place.
@@ -66,7 +66,7 @@ class FoundPlace:
     in_state: bool
     unit: str
 
-    def number(self, found: object, where: FilePlace) -> float:
+    def number(self, found: object, where: FileLocation) -> float:
         """The number that a file gives for it, in the SI unit."""
         if isinstance(found, str):
             return number_of_text(found, self.unit, where)
@@ -76,7 +76,7 @@ class FoundPlace:
 
 
 def find_place(
-    texts: str | Sequence[str], scene: Scene, state: State, where: FilePlace
+    texts: str | Sequence[str], scene: Scene, state: State, where: FileLocation
 ) -> FoundPlace:
     """The place, of one number or of several that are tied, that a file names.
 
@@ -95,7 +95,7 @@ def find_place(
     return FoundPlace(place, in_state, unit_at(tree, place))
 
 
-def _require_number(tree: PyTree, keys: Keys, where: FilePlace) -> None:
+def _require_number(tree: PyTree, keys: Keys, where: FileLocation) -> None:
     here = tree
     for depth, key in enumerate(keys):
         known = _entries(here)

@@ -10,9 +10,9 @@ from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
-from ..scene_files.complaints import FilePlace, Keys, listed
 from ..scene_files.files import scene_of_document
 from ..scene_files.formats import Document, read_document
+from ..scene_files.locations import FileLocation, Keys, listed
 from ..scene_files.reading import Reader
 from ..simulation.results.channels import Channels
 from ..simulation.run.sections import Section
@@ -37,7 +37,7 @@ class Study:
     scene: Scene
     state: State
     parts: StudyParts
-    place: FilePlace
+    place: FileLocation
     document: Mapping[str, object]
 
     @property
@@ -87,7 +87,7 @@ class Study:
             for name, one in self.parts.run.sections.items()
         }
 
-    def find(self, texts: str | Iterable[str], where: FilePlace) -> FoundPlace:
+    def find(self, texts: str | Iterable[str], where: FileLocation) -> FoundPlace:
         """The place in the scene, or its state, that a section names."""
         names = texts if isinstance(texts, str) else tuple(texts)
         return find_place(names, self.scene, self.state, where)
@@ -141,17 +141,19 @@ def _channels(quantities: Mapping[str, AbstractQuantity]) -> Channels:
     return {name: (one, one.unit or "1") for name, one in quantities.items()}
 
 
-def _document(path: Path) -> tuple[Document, FilePlace]:
+def _document(path: Path) -> tuple[Document, FileLocation]:
     if path.is_dir():
-        FilePlace(str(path)).refuse(path.name, "a file", "`clearjoint report` takes folders")
+        FileLocation(str(path)).refuse(path.name, "a file", "`clearjoint report` takes folders")
     if not path.exists():
         beside = [one.name for one in path.parent.glob("*") if one.suffix in (".toml", ".json")]
         remedy = nearest(path.name, beside, f"there {'is' if beside else 'are'} {listed(beside)}")
-        FilePlace(str(path)).refuse(path.name, "a file that is there", remedy)
+        FileLocation(str(path)).refuse(path.name, "a file that is there", remedy)
     return read_document(path)
 
 
-def _parts_and_scene(document: Document, place: FilePlace) -> tuple[Document, Document, FilePlace]:
+def _parts_and_scene(
+    document: Document, place: FileLocation
+) -> tuple[Document, Document, FileLocation]:
     """The sections of a study file, and the scene that it names or holds."""
     if SCENE not in document:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
@@ -166,7 +168,7 @@ def _parts_and_scene(document: Document, place: FilePlace) -> tuple[Document, Do
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     """Set what stands at a place of a file's tables: whether it is the study's, and its keys."""
-    place = FilePlace(f"--set {change}")
+    place = FileLocation(f"--set {change}")
     name, equals, text = change.partition("=")
     if not equals:
         place.refuse(change, "a place and a value", "write joints.pin.clearance=0.2mm, say")
@@ -184,7 +186,11 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
 
 
 def _entry(
-    here: object, key: str | int, before: tuple[str | int, ...], study: Document, place: FilePlace
+    here: object,
+    key: str | int,
+    before: tuple[str | int, ...],
+    study: Document,
+    place: FileLocation,
 ) -> object:
     """What stands under a key; a table of the study that is not there is added."""
     if isinstance(here, dict):

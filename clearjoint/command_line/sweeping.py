@@ -11,7 +11,7 @@ import numpy as np
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
 from ..result_codes import result_numbers
-from ..scene_files.complaints import FilePlace
+from ..scene_files.locations import FileLocation
 from ..simulation.run.saving import Saving
 from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output, check_outputs
@@ -26,7 +26,7 @@ from .study_parts import AxisPart, SweepPart
 if TYPE_CHECKING:
     import xarray as xr
 
-Reading = Callable[[object, FilePlace], float]
+Reading = Callable[[object, FileLocation], float]
 """What reads a number at a place."""
 PIECES = 16
 """Chunks of a store, unless told how long they are: what is lost at most when it is stopped."""
@@ -101,7 +101,7 @@ def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
     return SweepArguments(axes, part.outputs, Saving(sections=study.sections()), chunk)
 
 
-def check_output(name: str, output: object, scene: Scene, where: FilePlace) -> None:
+def check_output(name: str, output: object, scene: Scene, where: FileLocation) -> None:
     """Check that the scene has what an output names, which may be a quantity too.
 
     **Raises:** `ValueError` with the place in the file.
@@ -114,13 +114,13 @@ def check_output(name: str, output: object, scene: Scene, where: FilePlace) -> N
         raise ValueError(f"{where}: {error}") from error
 
 
-def _axis(study: Study, part: AxisPart, where: FilePlace) -> Axis:
+def _axis(study: Study, part: AxisPart, where: FileLocation) -> Axis:
     found = study.find(part.place, where.at("place"))
     make = Axis.initial if found.in_state else Axis
     return make(found.place, _values(part, found.number, where))
 
 
-def _values(part: AxisPart, number: Reading, where: FilePlace) -> np.ndarray:
+def _values(part: AxisPart, number: Reading, where: FileLocation) -> np.ndarray:
     if part.values is not None:
         values = [number(value, where.at("values").at(k)) for k, value in enumerate(part.values)]
         return np.array(values)

@@ -25,7 +25,7 @@ from clearjoint.command_line.reports import lane_table
 from clearjoint.command_line.schemas import study_schema
 from clearjoint.command_line.study import read_study
 from clearjoint.command_line.sweeping import sweep_arguments
-from clearjoint.scene_files.complaints import FilePlace
+from clearjoint.scene_files.locations import FileLocation
 from clearjoint.simulation.run import host_run, interruptions
 from tests.support.dropped_rod import dropped_rod
 
@@ -137,7 +137,7 @@ def test_every_number_has_a_place_that_can_be_written(folder):
     assert any(re.match(r"joints\.pin\.clearance +0\.0005 m$", line) for line in lines)
     assert any(line.startswith("state.bodies.rod.velocity ") for line in lines)
     scene, state = dropped_rod()
-    where = FilePlace("here")
+    where = FileLocation("here")
     for name, (value, unit) in cj.parameters(scene).items():
         if np.ndim(value) == 0:
             found = find_place(written(name), scene, state, where)
@@ -154,7 +154,7 @@ def test_every_number_has_a_place_that_can_be_written(folder):
     ],
 )
 def test_places_are_written_with_dots_or_brackets(text, keys):
-    assert keys_of(text, FilePlace("here")) == keys
+    assert keys_of(text, FileLocation("here")) == keys
 
 
 def test_numbers_are_set_on_the_command_line(folder):

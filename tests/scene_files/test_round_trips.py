@@ -1,5 +1,4 @@
-"""What is saved is read back to the last bit: every element that the package exports, and classes
-of one's own."""
+"""Saved scenes are restored bit for bit: every exported element, and user-defined classes."""
 
 import enum
 import inspect
@@ -19,10 +18,10 @@ from jaxtyping import Float
 
 import clearjoint as cj
 from clearjoint.model.contact.stiffness import AbstractElasticity
-from clearjoint.scene_files.complaints import FilePlace
+from clearjoint.scene_files.class_names import is_abstract
 from clearjoint.scene_files.expectations import Expectation, arguments
 from clearjoint.scene_files.files import first_difference
-from clearjoint.scene_files.kinds import is_abstract
+from clearjoint.scene_files.locations import FileLocation
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}
@@ -73,7 +72,7 @@ EXAMPLES = {
     "BengisuAkay": lambda: cj.frictions.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
     "BrownMcPhee": lambda: cj.frictions.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
 }
-"""Elements that random arguments don't make."""
+"""Elements that need other than random arguments."""
 ANY_OF = {
     AbstractElasticity: cj.laws.RavnStiffness(207e9, 0.3),
     cj.extend.AbstractStiffness: cj.laws.RavnStiffness(207e9, 0.3),
@@ -85,10 +84,10 @@ ANY_OF = {
 
 
 def exact(path, scene, state, **options) -> tuple[cj.Scene, cj.State]:
-    """Scene and state as they are read back, the same to the last bit."""
+    """Scene and state as they are read back, bit for bit the same."""
     cj.save(scene, state, path)
     read = cj.load(path, **options)
-    assert first_difference((scene, state), read, FilePlace("round trip")) is None
+    assert first_difference((scene, state), read, FileLocation("round trip")) is None
     return read
 
 
@@ -132,7 +131,7 @@ def example(name: str) -> Any:
 
 
 def scene_with(element: Any) -> cj.Scene:
-    """A scene that has an element somewhere."""
+    """A scene that contains an element."""
     joints: dict[str, Any] = {}
     if isinstance(element, cj.extend.AbstractForce):
         return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
@@ -191,7 +190,7 @@ def test_mechanisms_come_back_exactly(mechanism, tmp_path):
     exact(tmp_path / "mechanism.toml", *mechanism())
 
 
-def test_memory_and_arrays_of_jax_come_back(tmp_path):
+def test_entry_speeds_and_jax_arrays_come_back(tmp_path):
     scene, state = cj.mechanisms.double_pendulum()
     entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
     bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
@@ -208,7 +207,7 @@ class Way(enum.Enum):
 
 
 class Polynomial(eqx.Module):
-    """A function with numbers: what a file holds in the place of a Python function."""
+    """A function with numbers, which a file can hold unlike a Python function."""
 
     coefficients: tuple[float, ...]
 
@@ -238,7 +237,7 @@ class Push(cj.extend.AbstractForce):
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
-def test_containers_options_and_absent_values_of_ones_own_class_come_back(suffix, tmp_path):
+def test_containers_options_and_none_of_a_user_defined_class_come_back(suffix, tmp_path):
     push = Push(
         "a",
         Polynomial((0.1, 2.0)),
@@ -276,7 +275,7 @@ def test_the_file_reads_well(tmp_path):
     assert tomllib.loads(text)["format"] == 1
 
 
-def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
+def test_a_number_instead_of_an_element_is_refused(tmp_path):
     push = Push("a", Polynomial((1.0,)), (0, 0, 1))
     path = tmp_path / "push.json"
     cj.save(cj.Scene(BODIES, forces={"p": push}), STATE, path)
@@ -287,7 +286,7 @@ def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
         cj.load(path, [Push, Polynomial])
 
 
-def test_what_was_warned_of_is_not_warned_of_again(tmp_path):
+def test_saving_does_not_repeat_warnings(tmp_path):
     with pytest.warns(cj.UnusualValueWarning):
         scene = cj.Scene(BODIES, gravity=(0.0, 0.0, -9810.0))
     with warnings.catch_warnings():
@@ -339,7 +338,7 @@ class Kinds(Push):
 
 
 class Unconverted(eqx.Module):
-    """An array that nothing makes of a file's numbers."""
+    """A class whose field keeps a list as it is."""
 
     rates: Any
 
@@ -348,7 +347,7 @@ class Unconverted(eqx.Module):
 
 
 class Converted(eqx.Module):
-    """One whose annotations say what is an array."""
+    """A class whose annotations declare arrays."""
 
     rates: np.ndarray
     start: Float[np.ndarray, ""]
@@ -367,9 +366,9 @@ class Forgetful(Push):
 
 
 @pytest.mark.parametrize(
-    ("element", "complaint"),
+    ("element", "message"),
     [
-        (Doubling("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.limits`.*not make anew"),
+        (Doubling("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.limits`.*does not restore"),
         (Kinds("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.kind`.*rename"),
         (Doubling("a", Polynomial((1.0,)), (0, 0, 1), limits=[1, [2]]), r"`forces.push.limits`"),
         (
@@ -383,14 +382,20 @@ class Forgetful(Push):
         (Forgetful(3.0), r"`forces.push.size`.*store it in a field"),
     ],
 )
-def test_what_would_come_back_changed_is_refused(element, complaint, tmp_path):
-    with pytest.raises(ValueError, match=complaint):
+def test_values_that_would_change_are_refused(element, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
         saving(element, tmp_path)
 
 
+<<<<<<< HEAD
 def test_a_law_of_ones_own_runs_from_a_scene_file(tmp_path):
     """The docstring of `load`, whole: a law in Python, used by a file that names it."""
     blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
+=======
+def test_a_user_defined_law_runs_from_a_scene_file(tmp_path):
+    """The docstring of `load`: a law in Python, used by a file that names it."""
+    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", cj.load.__doc__ or "", re.DOTALL))
+>>>>>>> 409700c (Scene files: plain texts, locations instead of places, three modules fewer)
     path = tmp_path / "pendulum.toml"
     path.write_text(blocks["toml"])
     names: dict[str, Any] = {"__name__": "my_laws"}

@@ -1,21 +1,21 @@
-"""Errors of a place in a file: where it is, what was found, what was expected, the remedy."""
+"""Locations in a file, and the errors about the values there."""
 
 import tomllib
 from collections.abc import Iterable, Mapping
 from typing import NoReturn, TypeAlias
 
 Keys: TypeAlias = tuple[str | int, ...]
-"""Keys of tables, and indices in lists, that lead to a place."""
+"""Keys of tables and indices of lists that lead to a location."""
 LONGEST = 60
-"""Characters of what was found that are shown."""
+"""Characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
-"""Characters of a file in which lines are looked up."""
+"""Characters of a file up to which error messages name lines."""
 
 
 class Source:
-    """The text of a file, in which the lines of its keys are found.
+    """The text of a file, in which the lines of keys are found.
 
-    `changes`: what was set otherwise than in the file, such as "joints.pin.clearance=2mm", by keys.
+    `changes`: values that the command line replaced, such as "joints.pin.clearance=2mm", by keys.
     """
 
     def __init__(self, text: str, suffix: str):
@@ -35,22 +35,20 @@ class Source:
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
-        """The first line of the statement that sets a key that is there.
-
-        The parser itself decides: the statement is the last one of the shortest beginning of the
-        file that is valid and has the key.
-        """
+        """The first line of the statement that sets an existing key."""
         lines = self._text.split("\n")
 
-        def valid_lines(most: int) -> tuple[int, object]:
-            """Lines of the longest valid beginning, of so many lines at most, and its tables."""
-            for count in range(most, 0, -1):
+        def valid_lines(limit: int) -> tuple[int, object]:
+            """Number of lines and tables of the longest valid TOML in the first `limit` lines."""
+            for count in range(limit, 0, -1):
                 try:
                     return count, tomllib.loads("\n".join(lines[:count]) + "\n")
                 except tomllib.TOMLDecodeError:
                     continue
             return 0, {}
 
+        # tomllib reports no positions. The statement ends where the beginning of the file, if
+        # parsed alone, has the key for the first time: bisect for that line.
         without, enough = 0, len(lines)
         while enough - without > 1:
             middle = (without + enough) // 2
@@ -58,6 +56,7 @@ class Source:
                 enough = middle
             else:
                 without = middle
+        # A statement of several lines begins after the valid text before it.
         first = valid_lines(enough - 1)[0]
         while not lines[first].strip() or lines[first].lstrip().startswith("#"):
             first += 1
@@ -73,42 +72,42 @@ def _has(tables: object, keys: Keys) -> bool:
     return True
 
 
-class FilePlace:
-    """Where a value stands: a file, the keys that lead there, and the file's text if known."""
+class FileLocation:
+    """Location of a value: a file, the keys that lead to the value, and the file's text."""
 
     def __init__(self, file: str, keys: Keys = (), source: Source | None = None):
         self.file = file
         self.keys = keys
         self.source = source
 
-    def at(self, key: str | int) -> "FilePlace":
-        """The place of an entry."""
-        return FilePlace(self.file, (*self.keys, key), self.source)
+    def at(self, *keys: str | int) -> "FileLocation":
+        """The location of an entry below this one."""
+        return FileLocation(self.file, (*self.keys, *keys), self.source)
 
     def __str__(self) -> str:
-        shown = "".join(map(_step, self.keys)).removeprefix(".")
+        path = "".join(map(_step, self.keys)).removeprefix(".")
         where = "" if self.source is None else self.source.where(self.keys)
-        return f"{self.file}{where}, `{shown}`" if shown else self.file
+        return f"{self.file}{where}, `{path}`" if path else self.file
 
-    def refuse(self, found: object, expected: str, remedy: str) -> NoReturn:
-        """Raise the ``ValueError`` of a value that can't stand here."""
-        raise ValueError(f"{self}: found {_shown(found)}, expected {expected}: {remedy}.")
+    def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
+        """Raise a ``ValueError`` about the value at this location."""
+        raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
 
-def _shown(found: object) -> str:
-    """What was found, cut between the entries of a table or list, and else after `LONGEST`."""
-    if isinstance(found, Mapping):
-        return f"a table with {_shown(list(found))}" if found else "an empty table"
-    if isinstance(found, list | tuple) and found:
+def _shown(value: object) -> str:
+    """A value for a message; a long table or list is cut between entries, a text at `LONGEST`."""
+    if isinstance(value, Mapping):
+        return f"a table with {_shown(list(value))}" if value else "an empty table"
+    if isinstance(value, list | tuple) and value:
         texts, length = [], 0
-        for item in found:
+        for item in value:
             texts.append(_shown(item))
             length += len(texts[-1])
-            if length > LONGEST and len(texts) < len(found):
-                texts.append(f"... ({len(found)} entries)")
+            if length > LONGEST and len(texts) < len(value):
+                texts.append(f"... ({len(value)} entries)")
                 break
         return f"[{', '.join(texts)}]"
-    text = repr(found)
+    text = repr(value)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
 
 
@@ -119,5 +118,5 @@ def _step(key: str | int) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names for a message, in their alphabet's order."""
+    """Names for a message, in alphabetical order."""
     return ", ".join(sorted(names)) or "none"
