@@ -159,9 +159,7 @@ def test_a_file_imports_nothing(read, tmp_path, monkeypatch):
     (tmp_path / "my_laws.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("my_laws:Quadratic", "os:system", "clearjoint.model.contact.laws:Hertz"):
-        with pytest.raises(
-            ValueError, match=r"none: import it and pass classes=\["
-        ):
+        with pytest.raises(ValueError, match=r"none: import it and pass classes=\["):
             read(PIN, ("LankaraniNikravesh", name))
     assert "my_laws" not in sys.modules
 
