@@ -387,15 +387,9 @@ def test_values_that_would_change_are_refused(element, message, tmp_path):
         saving(element, tmp_path)
 
 
-<<<<<<< HEAD
-def test_a_law_of_ones_own_runs_from_a_scene_file(tmp_path):
-    """The docstring of `load`, whole: a law in Python, used by a file that names it."""
-    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
-=======
 def test_a_user_defined_law_runs_from_a_scene_file(tmp_path):
     """The docstring of `load`: a law in Python, used by a file that names it."""
-    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", cj.load.__doc__ or "", re.DOTALL))
->>>>>>> 409700c (Scene files: plain texts, locations instead of places, three modules fewer)
+    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
     path = tmp_path / "pendulum.toml"
     path.write_text(blocks["toml"])
     names: dict[str, Any] = {"__name__": "my_laws"}
