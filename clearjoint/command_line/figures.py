@@ -10,8 +10,8 @@ from .. import plot
 from ..identification.fit import Fit
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..plot.cycle import section_points
 from ..plot.labels import scaled
+from ..plot.sections import section_points
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.observe import Observation
 from ..simulation.results.solution import Solution

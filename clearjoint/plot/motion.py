@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
@@ -12,6 +13,7 @@ from ..simulation.results.solution import Trajectory
 from .observed import acceleration_of, centre_of
 from .style import TimeSpan, axes_or_new, dress, inside, lines, show
 
+Curve = tuple[np.ndarray, np.ndarray]
 COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
 
 
@@ -122,6 +124,34 @@ def path(
         axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
     return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
+
+
+def over_angle(
+    curves: Mapping[str, Curve],
+    quantity: str,
+    *,
+    shaft: str = "crank",
+    axes: Axes | None = None,
+) -> Axes:
+    """Curves over the angle of a shaft.
+
+    **Arguments:**
+
+    - `curves`: angles (N,) in rad and values (N,), by label; later ones lie over earlier ones.
+    - `quantity`: what the values are, with their unit. `shaft`: what turns.
+
+    **Returns:** the axes; angle in degrees, ticks at quarter turns.
+
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
+    """
+    axes = axes_or_new(axes)
+    for (label, (angles, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
+        degrees = np.degrees(angles)
+        axes.plot(degrees, values, color=colour, linestyle=style, linewidth=1.4, label=label)
+        axes.set_xlim(degrees[0], degrees[-1])
+    axes.xaxis.set_major_locator(MultipleLocator(90.0))
+    return dress(axes, f"{shaft} angle, °", quantity)
 
 
 def _over_time(

@@ -15,8 +15,8 @@ from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .labels import fitting_unit
 from .observed import contact, without_twins
-from .outcomes import require_names
 from .style import BLUE, DARK, LIGHT, VERMILLION, polar_or_new
+from .sweeps import require_names
 
 Weight = Literal["impulse", "force"]
 LOOKS = (

@@ -18,7 +18,6 @@ from ..quantities.base import Quantity
 from ..simulation.results.observe import Observation, observe
 from ..simulation.results.solution import Solution, Trajectory
 from ..simulation.step.settings import Settings
-from .along import series, trajectory_of
 from .report_panels import (
     LINE,
     draw_energies,
@@ -28,6 +27,7 @@ from .report_panels import (
     draw_words,
 )
 from .report_tables import impact_rows, joint_rows, run_lines
+from .time_series import series, trajectory_of
 
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""

@@ -17,8 +17,8 @@ from .journal import journal_orbit
 from .labels import time_unit
 from .polar import contact_rose
 from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells
-from .spectra import is_even, spectrum_of
 from .style import GREY, dress, hide_legend, lines
+from .time_series import is_even, spectrum_of
 from .timelines import motion_timeline
 
 MOST_ORBITS = 2

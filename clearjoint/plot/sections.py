@@ -1,15 +1,169 @@
-"""Poincaré sections of a sweep: bifurcation diagrams."""
+"""Poincaré sections of a run, of a lane and of all lanes of a sweep (bifurcation diagrams)."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.ticker import MaxNLocator
 
-from .labels import scale_axes, scaled, tick_logarithm
-from .outcomes import ended_well, mark_failed, only_axis, require_names
-from .style import DARK, axes_or_new, dress
+from ..fields.checks import require
+from ..fields.drawn_text import shown
+from ..simulation.run.sections import Crossings, Section
+from .journal import clearance_circle
+from .labels import fitting_unit, scale_axes, scaled, tick_logarithm
+from .style import BLUE, DARK, LIGHT, axes_or_new, dress
+from .sweeps import ended_well, mark_failed, only_axis, require_names
+
+SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+UNLIKE = 20.0
+"""Ratio of the largest values of two channels of one unit up to which their scales are equal."""
+
+
+def poincare_map(
+    x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
+) -> Axes:
+    """Points where a motion stands once a period: one dot if it is periodic, a cloud if chaotic.
+
+    **Arguments:** `x`, `y`: (N,) coordinates of the points, in order; `labels`: theirs, with units.
+
+    **Returns:** the axes; later points are darker, as a bar tells.
+
+    >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
+    """
+    return _mapped(x, y, 1 + np.arange(len(x)), labels, axes_or_new(axes, (5.4, 4.8)))
+
+
+def _mapped(
+    x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes
+) -> Axes:
+    """Points in shades that tell their numbers."""
+    look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
+    points = axes.scatter(x, y, c=numbers, **look)
+    if len(x) > 1:
+        bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
+        bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return dress(axes, *labels)
+
+
+def poincare_section(
+    crossings: Crossings,
+    section: Section,
+    channels: tuple[str, str] | None = None,
+    *,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Where a run crossed a Poincaré section: a few dots if it is periodic, a cloud if chaotic.
+
+    **Arguments:**
+
+    - `crossings`: `solution.sections[name]`. `section`: the `Section` that was asked for.
+    - `channels`: names of those to the right and upwards; the section's first two unless given.
+    - `after`: s; earlier crossings, those of the transient, are left out.
+    - `clearance`: radial, m, whose circle to draw: of the joint of which the channels are a
+      `JournalOffset`.
+
+    **Returns:** the axes, in units that suit, of equal scale for channels of one unit that are
+    about as wide. Later points are darker, as a bar tells.
+
+    **Raises:** `ValueError` for channels that the section has not, a `clearance` to channels that
+    are no lengths, and where no crossing is left.
+
+    >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
+    >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
+    >>> values = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}
+    >>> axes = plot.poincare_section(cj.results.Crossings(np.arange(3.0), values), section)
+    >>> axes.get_xlabel()
+    'x, µm'
+    """
+    known = list(section.channels)
+    chosen = tuple(known[:2]) if channels is None else tuple(channels)
+    fine = len(chosen) == 2 and set(chosen) <= set(known)
+    remedy = "record two channels, and name them"
+    require(fine, "channels", chosen, f"two of those of the section, {known}", remedy)
+    units = [section.channels[name][1] for name in chosen]
+    values = [crossings.values[name] for name in chosen]
+    return section_points(crossings.times, values, chosen, units, after, clearance, axes)
+
+
+def poincare_section_of_lane(
+    lane: xr.Dataset,
+    section: str,
+    channels: tuple[str, str],
+    *,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Where one lane of a sweep crossed a Poincaré section.
+
+    **Arguments:** `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``;
+    `section`: name of the `Section`; `channels`: names of those to the right and upwards; `after`,
+    `clearance`: as of `plot.poincare_section`.
+
+    **Returns:** as of `plot.poincare_section`.
+
+    **Raises:** `ValueError` for names that the sweep has not.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
+    >>> still = cj.Section(speed, {"x": (x, "m"), "speed": (speed, "m/s")}, count=3)
+    >>> save, outputs = cj.Saving(sections={"still": still}), {"speed": cj.Peak(speed, "m/s")}
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, save=save, progress=False)
+    >>> lane = found.sel(stiffness=100.0)
+    >>> drawn = plot.poincare_section_of_lane(lane, "still", ("x", "speed"))
+    """
+    names = [f"{section}_{channel}" for channel in channels]
+    require_names(lane, (*names, f"{section}_count", f"{section}_time"))
+    count = lane[f"{section}_count"]
+    require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    there = slice(int(count))
+    units = [lane[name].attrs.get("units", "1") for name in names]
+    times, *values = (lane[name].values[there] for name in (f"{section}_time", *names))
+    return section_points(times, values, channels, units, after, clearance, axes)
+
+
+def section_points(
+    times: np.ndarray,
+    values: Sequence[np.ndarray],
+    channels: Sequence[str],
+    units: Sequence[str],
+    after: float | None,
+    clearance: float | None,
+    axes: Axes | None,
+) -> Axes:
+    """Two channels of crossings at times (N,) s, in SI units."""
+    times, lengths = np.asarray(times), set(units) == {"m"}
+    kept = np.full(len(times), True) if after is None else times >= after
+    last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
+    require(bool(kept.any()) or after is None, "after", after, last, "give an earlier time")
+    expected = f"None for channels in {units}"
+    require(clearance is None or lengths, "clearance", clearance, expected, "leave it out")
+    places = [np.asarray(row)[kept] for row in values]
+    sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in places]
+    largest = max(*sizes, 0.0 if clearance is None else clearance)
+    alike = units[0] == units[1] and largest <= UNLIKE * min(sizes)
+    same = alike or clearance is not None
+    columns = []
+    for row, size, channel, unit in zip(places, sizes, channels, units, strict=True):
+        factor, text = fitting_unit(np.array([largest if same else size]), unit)
+        suffix = "" if text == "1" else f", {text}"
+        columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
+    (x, right, factor), (y, up, _) = columns
+    axes = _mapped(x, y, 1 + np.flatnonzero(kept), (right, up), axes_or_new(axes, (5.4, 4.8)))
+    if clearance is not None:
+        clearance_circle(axes, clearance, factor=factor)
+    if same:
+        axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
+    if after is not None:
+        text = f"{kept.sum()} of {len(kept)} crossings, from {after:g} s on"
+        axes.set_title(text, fontsize="small", loc="right")
+    return axes
 
 
 def bifurcation(
