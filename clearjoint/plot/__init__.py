@@ -1,29 +1,28 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws data that is already there (`Observation`, a `Solution`, `Impacts`, a `Fit`, or
-the data set of a sweep) into given matplotlib axes, or into new ones, and returns them; `fitted`,
-`journal_frames` and `report` make figures of their own. None simulates or shows anything, and only
-`animate_journal` and `report` write files. Times are in s, lengths in m and forces in N on the way
-in; the axes show the units that suit them.
+Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
+set of a sweep) into given matplotlib axes or new ones, and returns them; `fitted`, `journal_frames`
+and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
+`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
 
-| of a run | call |
+| of a run | functions |
 |---|---|
-| journal in its clearance circle | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
+| orbit of the journal | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
 | forces over time | `contact_forces`, `joint_forces` |
 | force over penetration | `hysteresis` |
 | free flight, impact, following | `motion_timeline` |
 | directions of contact | `contact_rose` |
 | energies and their drift | `energy_ledger` |
 | motion of any quantity | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
-| all on one page | `report` |
+| report on one page | `report` |
 
-| of a sweep | call |
+| of a sweep | functions |
 |---|---|
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
 | sections over a parameter, or of a lane | `bifurcation`, `poincare_section_of_lane` |
 | orbit and wear of a lane | `orbit`, `wear` |
 
-Curves differ by line style and areas by grey value and hatching too, for print without colours.
+Curves also differ by line style, and areas by grey value and hatching, for print without colours.
 """
 
 from ..fields.readable import without_modules as _without_modules

@@ -1,9 +1,5 @@
 """Figures of fits, of what data identify, and of how long a run can be fitted."""
 
-from collections.abc import Collection
-from functools import cached_property
-from typing import Protocol
-
 import numpy as np
 import xarray as xr
 from matplotlib import pyplot as plt
@@ -11,52 +7,23 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
+from ..identification.fit import Fit
 from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
-from ..measurements.series import Measurements
 from .labels import scaled
-from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress, lines
+from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
 LETTER = 0.08
-"""Width of a letter of a name, inches."""
+"""Width of a letter, inches."""
 ROW = 1.9
-"""Height of a series with its residuals, inches."""
+"""Height of a panel, inches."""
 
 
-class FittedModel(Protocol):
-    """What is drawn of a fit, such as `clearjoint.results.Fit`."""
+def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
+    """Draw each series with its fit, and below the residuals in units of the noise.
 
-    @property
-    def measurements(self) -> Measurements:
-        """What was fitted."""
-        ...
-
-    @property
-    def parameters(self) -> Collection[str]:
-        """The parameters' names, in the order of `correlation`."""
-        ...
-
-    @cached_property
-    def predictions(self) -> dict[str, np.ndarray]:
-        """The fitted run at the times of each series, (N,), SI."""
-        ...
-
-    @cached_property
-    def residuals(self) -> dict[str, np.ndarray]:
-        """(Prediction - value) / noise of each series, (N,)."""
-        ...
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """Correlation (p, p) of the estimates."""
-        ...
-
-
-def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
-    """Each series with its fit, and the residuals in units of the noise below.
-
-    **Arguments:** `series`: names of those to draw; all unless given.
+    **Arguments:** `series`: names of the series; by default all.
 
     **Returns:** the axes, (2, number of series), of a new figure.
 
@@ -73,8 +40,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """
     names = list(fit.measurements.series) if series is None else list(series)
     known = list(fit.measurements.series)
-    fine = bool(names) and set(names) <= set(known)
-    require(fine, "series", names, "names of series", f"choose from {', '.join(known)}")
+    is_valid = bool(names) and set(names) <= set(known)
+    require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
     columns = min(2, len(names))
     blocks = -(-len(names) // columns)
     figure, grid = plt.subplots(
@@ -98,7 +65,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
+def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
     times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -114,8 +81,8 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
     dress(below, times.label, "residual / noise")
 
 
-def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Correlations of the estimates, as numbers on colours.
+def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
+    """Draw the correlations of the estimates, as coloured numbers.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -129,8 +96,8 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     >>> axes = plot.correlations(fit)
     """
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
-    beside = LETTER * max(map(len, names), default=0)
-    width, height = 1.0 + 1.0 * len(names) + beside, 0.9 + 0.9 * len(names) + 0.5 * beside
+    label_width = LETTER * max(map(len, names), default=0)
+    width, height = 1.0 + 1.0 * len(names) + label_width, 0.9 + 0.9 * len(names) + 0.5 * label_width
     axes = axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
@@ -143,14 +110,15 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
 
 
 def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
-    """Bounds of the parameters' standard deviations against the length of the record.
+    """Draw lower bounds of the parameters' standard deviations over the length of the record.
 
-    One line a parameter, all of them estimated together, in the scales' coordinates: of a logarithm
-    the relative error. Lines are thin and faint where the parameter is not identifiable.
+    Each parameter has a line; all are estimated together. Deviations are in the coordinates of the
+    scales, for `Log` relative errors. Lines are thin and faint where a parameter is not
+    identifiable.
 
-    **Arguments:** `report`: from `identifiability`; `report.of(...)` draws a sensor alone.
+    **Arguments:** `report`: from `identifiability`; `report.of(...)` for a single sensor.
 
-    **Returns:** the axes; time in ms, the deviations logarithmic.
+    **Returns:** the axes; time in ms, deviations logarithmic.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -173,10 +141,10 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 
 
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Displacements of the bodies per unit of each parameter's coordinate, and per m/s of initial
-    velocity, over time; with the times beyond which a fit by a single run fails.
+    """Draw the displacement of the bodies over time per unit of each parameter's coordinate and per
+    m/s of initial velocity, with the times beyond which a fit by a single run fails.
 
-    **Arguments:** `fit_horizon`: from `clearjoint.fit_horizon`.
+    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
 
     **Returns:** the axes; time in ms, displacements in m, logarithmic.
 
@@ -193,9 +161,10 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     times = horizon.times * 1e3
     labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
-    for k, (label, (colour, style)) in enumerate(zip(labels, lines(), strict=False)):
-        size = np.where(horizon.growth[:, k] > 0.0, horizon.growth[:, k], np.nan)
-        axes.plot(times, size, color=colour, linestyle=style, linewidth=1.5, label=label)
+    growth = np.where(horizon.growth > 0.0, horizon.growth, np.nan)
+    draw_lines(
+        axes, ((label, times, column) for label, column in zip(labels, growth.T, strict=True))
+    )
     _mark_limits(horizon, axes)
     axes.set_yscale("log")
     axes.legend(frameon=False, title="displacement per unit of", loc="lower right")
@@ -203,9 +172,9 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Error of the integration over the noise, and relative error of the derivatives, over time.
+    """Draw the integration error relative to the noise, and the relative error of the derivatives.
 
-    **Arguments:** `fit_horizon`: from `clearjoint.fit_horizon`.
+    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
 
     **Returns:** the axes; time in ms, errors logarithmic.
 
@@ -224,9 +193,8 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
         "error of the run over the noise": horizon.error,
         "relative error of derivatives": horizon.derivative_error,
     }
-    for (label, error), (colour, style) in zip(curves.items(), lines(), strict=False):
-        there = np.where(error > 0.0, error, np.nan)
-        axes.plot(horizon.times * 1e3, there, color=colour, linestyle=style, label=label)
+    times = horizon.times * 1e3
+    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves.items()))
     _mark_limits(horizon, axes)
     axes.set_yscale("log")
     axes.legend(frameon=False, loc="lower right")
@@ -235,7 +203,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
     limits = {
-        "guesses go astray": (horizon.convergence, DARK),
+        "guesses fail": (horizon.convergence, DARK),
         "integration fails": (horizon.numerical, GREY),
     }
     for label, (time, colour) in limits.items():

@@ -10,20 +10,20 @@ from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from .labels import legend_label, scale_axes, scaled, suits_logarithm, tick_logarithm
-from .style import VERMILLION, axes_or_new, dress, inside, next_colour
+from .style import VERMILLION, axes_or_new, dress, inside, legend_above, next_colour
 
 
-def ended_well(dataset: xr.Dataset) -> xr.DataArray:
-    """Which lanes ran to their end, by their result codes."""
+def is_successful(dataset: xr.Dataset) -> xr.DataArray:
+    """Whether each lane ran to its end, by its result code."""
     attributes = dataset["result"].attrs
     codes = dict(zip(attributes["flag_meanings"].split(), attributes["flag_values"], strict=True))
     return dataset["result"] == codes["successful"]
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """One number for each lane along the given axes; NaN where a lane did not run to its end.
+    """Return the number of each lane along the given axes; NaN where a lane failed or is pending.
 
-    **Raises:** `ValueError` if the sweep has no such variable or axis, or the variable has other
+    **Raises:** `ValueError` for an unknown variable or axis, and for a variable with other
     dimensions than these axes.
     """
     require_names(dataset, (variable, *along))
@@ -35,11 +35,11 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
         f"a number for each value of {along}",
         "select along the other dimensions first: dataset.sel(...)",
     )
-    return dataset[variable].where(ended_well(dataset)).transpose(*dims)
+    return dataset[variable].where(is_successful(dataset)).transpose(*dims)
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """The name of the axis to draw against; the sweep's only one unless given."""
+    """Return the name of the axis, by default that of the sweep's only one."""
     if axis is not None:
         return axis
     dims = dataset["result"].dims
@@ -53,9 +53,11 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     return str(dims[0])
 
 
-def mark_failed(axes: Axes, places: np.ndarray, well: np.ndarray, colour: str = VERMILLION) -> None:
-    """Crosses at the foot of the axes where lanes did not run to their end."""
-    missing = places[~well]
+def mark_failed(
+    axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
+) -> None:
+    """Draw crosses at the lower edge of the axes for lanes that failed or are pending."""
+    missing = positions[~successful]
     if missing.size:
         axes.plot(
             missing,
@@ -81,7 +83,7 @@ def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
 
 
 LONG = 40
-"""Characters of a label of which two stand above each other in a legend."""
+"""Characters of a label from which on a legend has one column instead of two."""
 
 
 def against(
@@ -94,22 +96,22 @@ def against(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """One output of a sweep against one swept parameter, a point for each lane.
+    """Draw an output of a sweep over a swept parameter, as a point for each lane.
 
-    Lanes that failed or are pending are crosses of the points' colour at the foot of the axes. Into
-    axes that have some already, points come in another colour and in the units of these.
+    Lanes that failed or are pending are crosses at the lower edge of the axes. In axes of another
+    call, points have another colour and the units of these axes.
 
     **Arguments:**
 
-    - `dataset`: of `sweep` or `open_sweep`, with other axes selected away.
-    - `variable`: the output's name. `axis`: the parameter's; unless given, the sweep's only one.
-    - `median`: if given, a line through the median of so many neighbouring lanes, which tells a
-      trend from the scatter of chaotic motion.
-    - `label`: what the legend calls the points: unless given, where other axes of the sweep have
-      been selected, such as ``dataset.sel(restitution=0.9)``, or that and the output's name.
-    - `colour`: of the points; unless given, one that the axes do not have yet.
+    - `dataset`: from `sweep` or `open_sweep`, with a value of each other axis selected.
+    - `variable`: name of the output. `axis`: name of the parameter; by default the only axis.
+    - `median`: number of neighbouring lanes for a line through their median, which shows the trend
+      in the scatter of chaotic motion.
+    - `label`: text of the legend; by default the name of the output and the selected values of
+      other axes, as by ``dataset.sel(restitution=0.9)``.
+    - `colour`: of the points; by default one that the axes do not have yet.
 
-    **Returns:** the axes, logarithmic where values spread over a decade.
+    **Returns:** the axes, logarithmic for values of more than a decade.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -137,42 +139,41 @@ def against(
         line = running_median(x.values, y.values, median)
         axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")
     scale_axes(axes, x.values, y.values)
-    mark_failed(axes, x.values, ended_well(dataset).values, colour)
+    mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
     if len(labels) > 1:
         columns = 1 if max(map(len, map(str, labels))) > LONG else 2
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
+        legend_above(axes, columns)
     return dress(axes, x.label, y.label)
 
 
 def running_median(
-    places: np.ndarray, values: np.ndarray, width: int
+    positions: np.ndarray, values: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Median of `width` neighbouring values, against the median of their places.
+    """Return medians of `width` neighbouring positions, and of the values there.
 
-    NaN is left out, and so are the ends, which have too few neighbours.
+    NaN is omitted, and so are the ends, which have too few neighbours.
 
     **Raises:** `ValueError` if there are fewer values than `width`.
 
     >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
-    >>> places, medians = plot.running_median(np.arange(5.0), values, 3)
+    >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
     >>> medians
     array([2., 3., 3.])
     """
-    there = np.isfinite(values)
-    count = int(there.sum())
+    known = np.isfinite(values)
+    count = int(known.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
-    order = np.argsort(places[there], kind="stable")
-    rows = (
-        np.lib.stride_tricks.sliding_window_view(column[there][order], width)
-        for column in (places, values)
+    order = np.argsort(positions[known], kind="stable")
+    x, y = (
+        np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
+        for column in (positions, values)
     )
-    middle, height = (np.median(row, axis=1) for row in rows)
-    return middle, height
+    return x, y
 
 
 class Fill(TypedDict):
-    """Look of an area: colours of its face and hatching, and the pattern of this."""
+    """Look of an area: colours of face and hatching, and the pattern of the hatching."""
 
     facecolor: str
     edgecolor: str
@@ -185,14 +186,14 @@ MISSING = Fill(facecolor="0.85", edgecolor="0.55", hatch="////")
 def parameter_map(
     dataset: xr.Dataset, variable: str, x: str, y: str, *, axes: Axes | None = None
 ) -> Axes:
-    """One output of a sweep over two parameters, in colours that a bar explains.
+    """Draw an output of a sweep over two parameters, as colours with a colour bar.
 
     Lanes that failed or are pending are grey and hatched.
 
-    **Arguments:** `dataset`: of `sweep` or `open_sweep`, with further axes selected away;
-    `variable`: the output's name; `x`, `y`: the parameters', to the right and upwards.
+    **Arguments:** `dataset`: from `sweep` or `open_sweep`, with a value of each other axis
+    selected; `variable`: name of the output; `x`, `y`: horizontal and vertical parameter.
 
-    **Returns:** the axes, and colours, logarithmic where values spread over a decade.
+    **Returns:** the axes. Axes and colours are logarithmic for values of more than a decade.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -202,11 +203,11 @@ def parameter_map(
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
     axes = axes_or_new(axes)
-    right, up = scaled(dataset[x]), scaled(dataset[y])
+    x_data, y_data = scaled(dataset[x]), scaled(dataset[y])
     values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
     norm = LogNorm() if suits_logarithm(values) else Normalize()
-    mesh = axes.pcolormesh(right.values, up.values, values, norm=norm, shading="nearest")
-    scale_axes(axes, right.values, up.values, swept="xy")
+    mesh = axes.pcolormesh(x_data.values, y_data.values, values, norm=norm, shading="nearest")
+    scale_axes(axes, x_data.values, y_data.values, swept="xy")
     bar = axes.figure.colorbar(mesh, ax=axes, label=label)
     if suits_logarithm(values):
         tick_logarithm(bar.ax.yaxis, values)
@@ -214,14 +215,14 @@ def parameter_map(
     missing = int((values != values).sum())
     if missing:
         patch = Patch(**MISSING, label=f"failed or pending: {missing}")
-        axes.legend(handles=[patch], loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
-    dress(axes, right.label, up.label)
+        legend_above(axes, handles=[patch])
+    dress(axes, x_data.label, y_data.label)
     axes.grid(False)
     return axes
 
 
 Bounds = tuple[float, float]
-"""Smallest and largest value of a parameter to take, in the unit of the data set."""
+"""Smallest and largest value of a parameter, in the unit of the data set."""
 
 
 def convergence(
@@ -234,18 +235,17 @@ def convergence(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """A deviation against a parameter that tends to zero, and the rate at which it follows.
+    """Draw a deviation over a parameter that tends to zero, and its rate of convergence.
 
     **Arguments:**
 
-    - `dataset`, `variable`, `axis`: as in `against`; failed lanes are crosses likewise.
-    - `within`: values of the parameter between which the rate is fitted and its line drawn; all
-      unless given.
-    - `label`: of these points in the legend, in front of the rate.
-    - `colour`: of the points; unless given, one that the axes do not have yet.
-    - `axes`: pass those of another call to compare.
+    - `dataset`, `variable`, `axis`: see `against`; failed lanes are crosses too.
+    - `within`: range of the parameter for the fit and the line of the rate; by default all values.
+    - `label`: text of the legend before the rate.
+    - `colour`: of the points; by default one that the axes do not have yet.
+    - `axes`: those of another call, to compare.
 
-    **Returns:** the axes, logarithmic both ways.
+    **Returns:** the axes, both logarithmic.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -266,7 +266,7 @@ def convergence(
     ends = np.array([x.values[used].min(), x.values[used].max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
     axes.set(xscale="log", yscale="log")
-    mark_failed(axes, x.values, ended_well(dataset).values, colour)
+    mark_failed(axes, x.values, is_successful(dataset).values, colour)
     axes.legend(frameon=False)
     return dress(axes, x.label, y.label)
 
@@ -274,7 +274,7 @@ def convergence(
 def power_law_exponent(
     dataset: xr.Dataset, variable: str, axis: str | None = None, *, within: Bounds | None = None
 ) -> float:
-    """The exponent p of the power law C a^p in a parameter a, by least squares of logarithms.
+    """Return the exponent p of a power law C a^p, by least squares of logarithms.
 
     The arguments are those of `convergence`.
 
@@ -293,9 +293,9 @@ def power_law_exponent(
     return _power_law(dataset[axis].values[used], values[used])[0]
 
 
-def _power_law(places: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Exponent and factor of the power law through positive values."""
-    there = (places > 0.0) & (values > 0.0)
-    require(there.sum() >= 2, "within", values, "where two values are positive", "widen it")
-    exponent, logarithm = np.polyfit(np.log(places[there]), np.log(values[there]), 1)
+def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Exponent and factor of the power law through the positive values."""
+    positive = (x > 0.0) & (y > 0.0)
+    require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
+    exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)
     return float(exponent), float(np.exp(logarithm))

@@ -14,7 +14,7 @@ from ..quantities.base import AbstractQuantity, Quantity
 from ..simulation.results.quantity_values import rates_along, values_along
 from ..simulation.results.solution import Solution, Trajectory
 from .labels import fitting_unit, scaled
-from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside
+from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, legend_above
 
 
 def series(
@@ -25,16 +25,16 @@ def series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """A quantity along a solution.
+    """Return a quantity along a solution.
 
     **Arguments:**
 
-    - `scene`: the one that was simulated. `solution`: with saved states.
+    - `scene`: the simulated scene. `solution`: with saved states.
     - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
-    - `unit`: its unit, SI, where it does not know its own.
-    - `trajectory`: `solution.steps`, say, for every accepted step; the saved states unless given.
+    - `unit`: SI unit, for a quantity without one.
+    - `trajectory`: by default the saved states; `solution.steps` for every accepted step.
 
-    **Returns:** (N,) over "time", s, with the name and the unit of the quantity.
+    **Returns:** (N,) over "time", s, with the name and unit of the quantity.
 
     **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
@@ -59,10 +59,10 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """The rate of a quantity along a solution, from the equations of motion: for quantities that
-    positions, velocities and the time decide.
+    """Return the rate of a quantity along a solution, from the equations of motion. The quantity
+    must be a function of positions, velocities and time.
 
-    **Arguments**, **Returns**, **Raises:** as of `series`.
+    **Arguments**, **Returns**, **Raises:** see `series`.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -78,16 +78,16 @@ def rate_series(
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
-    """The trajectory to look along: the given one, or the saved states of the solution."""
-    found = solution.saved if trajectory is None else trajectory
+    """Return the given trajectory, by default the saved states of the solution."""
+    trajectory = solution.saved if trajectory is None else trajectory
     remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"
-    require(found is not None, "solution", "without saved states", "one with states", remedy)
-    assert found is not None
-    return found
+    require(trajectory is not None, "solution", "without saved states", "one with states", remedy)
+    assert trajectory is not None
+    return trajectory
 
 
 def name_of(quantity: Callable[..., object]) -> str:
-    """What a label calls a quantity: its kind, and the names in it."""
+    """Return the name of a quantity in labels: its kind, and the names that it refers to."""
     kind = getattr(quantity, "__name__", type(quantity).__name__)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
     if not isinstance(quantity, AbstractQuantity):
@@ -97,12 +97,11 @@ def name_of(quantity: Callable[..., object]) -> str:
 
 
 def unit_of(quantity: Quantity, unit: str | None) -> str:
-    """The unit of a quantity, SI: the given one, or its own."""
-    own = getattr(quantity, "unit", None)
-    found = own if unit is None else unit
-    require(found is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
-    assert found is not None
-    return found
+    """Return the given SI unit, by default that of the quantity."""
+    unit = getattr(quantity, "unit", None) if unit is None else unit
+    require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
+    assert unit is not None
+    return unit
 
 
 def _over_seconds(unit: str) -> str:
@@ -129,64 +128,62 @@ def phase_portrait(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """The rate of a quantity over the quantity: a closed curve if the motion is periodic.
+    """Draw the rate of a quantity over the quantity: a closed curve for a periodic motion.
 
     **Arguments:**
 
-    - `scene`, `solution`, `unit`, `trajectory`: as of `plot.series`.
-    - `quantity`: one that positions decide, such as an angle, a position or a penetration; its
-      rate comes from the equations of motion.
-    - `window`: instants between which to draw, s; all there are unless given.
+    - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
+    - `quantity`: a function of positions, such as an angle, a position or a penetration; its rate
+      comes from the equations of motion.
+    - `window`: start and end of the drawn time, s; by default all times.
 
-    **Returns:** the axes. A dot marks the beginning, a square the end. Angles that turn go on
-    beyond a turn.
+    **Returns:** the axes. A dot marks the start, a square the end. Angles continue beyond a full
+    turn.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "x"))
     """
-    place = series(scene, solution, quantity, unit=unit, trajectory=trajectory)
-    rate = rate_series(scene, solution, quantity, unit=unit, trajectory=trajectory)
+    values = series(scene, solution, quantity, unit=unit, trajectory=trajectory)
+    rates = rate_series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     period = getattr(quantity, "period", None)
     if period is not None:
-        place = place.copy(data=np.unwrap(place.values, period=period))
-    return _draw(place, rate, window, axes_or_new(axes, (5.6, 4.4)))
-
-
-def _draw(place: xr.DataArray, rate: xr.DataArray, window: TimeSpan | None, axes: Axes) -> Axes:
-    during = inside(place["time"].values, window)
-    x, y = scaled(place[during]), scaled(rate[during])
+        values = values.copy(data=np.unwrap(values.values, period=period))
+    axes = axes_or_new(axes, (5.6, 4.4))
+    in_window = inside(values["time"].values, window)
+    x, y = scaled(values[in_window]), scaled(rates[in_window])
     axes.plot(x.values, y.values, color=BLUE, linewidth=0.9)
-    for row, marker, label in ((0, "o", "begins"), (-1, "s", "ends")):
+    for row, marker, label in ((0, "o", "start"), (-1, "s", "end")):
         if len(x.values):
             look = {"color": DARK, "markersize": 5, "linestyle": "", "zorder": 3}
             axes.plot(x.values[[row]], y.values[[row]], marker, label=label, **look)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+    legend_above(axes, 2)
     return dress(axes, x.label, y.label)
 
 
 DECADES = 8.0
-"""Decades below the largest amplitude that are shown."""
+"""Shown decades below the largest amplitude."""
 FEWEST = 4
-"""Samples of a record that has a spectrum."""
+"""Smallest number of samples for a spectrum."""
 UNEVEN = 1e-6
-"""Largest difference of sampling intervals, over their mean."""
+"""Largest difference of sampling intervals relative to their mean."""
 NO_UNIT = "1"
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
-    """One-sided amplitude spectrum of a record.
+    """Return the one-sided amplitude spectrum of a record.
 
-    A harmonic of amplitude A at one of the frequencies has there A. The mean is taken off first.
+    A harmonic of amplitude A at one of the frequencies has the value A there. The mean is
+    subtracted first.
 
     **Arguments:**
 
-    - `record`: (N,) over a coordinate "time", s, at equal intervals; such as from `plot.series`.
-    - `taper`: the window, as scipy.signal.get_window takes it: "hann", "flattop" (amplitudes that
-      are true between frequencies too), "boxcar" (for a whole number of periods).
+    - `record`: (N,) over a coordinate "time", s, at equal intervals, such as from `plot.series`.
+    - `taper`: a window of `scipy.signal.get_window`: "hann", "flattop" (true amplitudes between
+      frequencies too), "boxcar" (for a whole number of periods).
 
-    **Returns:** (N // 2,) over "frequency", Hz, from that of the whole record on; in the record's
-    unit.
+    **Returns:** (N // 2,) over "frequency", Hz, in the record's unit. The lowest frequency is the
+    inverse of the record's length.
 
     **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
 
@@ -205,25 +202,25 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 
 def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, and amplitudes, without those of frequency zero."""
+    """Frequencies, Hz, without zero, and amplitudes."""
     remedy = "save more states"
-    require(len(times) >= FEWEST, "record", len(times), f"{FEWEST} samples or more", remedy)
+    require(len(times) >= FEWEST, "record", len(times), f"at least {FEWEST} samples", remedy)
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
-    remedy = "save states at even times: Saving(np.linspace(0, end, count))"
+    remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
     require(is_even(intervals), "record", shown, "sampled at equal intervals of time", remedy)
     interval = float(intervals.mean())
     frequency, power = signal.periodogram(
         values, 1.0 / interval, taper, detrend="constant", scaling="spectrum"
     )
-    sides = np.full(len(power), 2.0)
+    sides = np.full(len(power), 2.0)  # amplitude² / power; the Nyquist frequency has one side
     if len(values) % 2 == 0:
         sides[-1] = 1.0
     return frequency[1:], np.sqrt(sides * power)[1:]
 
 
 def is_even(intervals: np.ndarray) -> bool:
-    """Whether times at such intervals, (N - 1,) s, have a spectrum: enough of them, all alike."""
+    """Whether intervals between samples, (N - 1,) s, are equal, and enough for a spectrum."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
@@ -239,14 +236,13 @@ def spectrum(
     taper: str = "hann",
     axes: Axes | None = None,
 ) -> Axes:
-    """Amplitude spectrum of any quantity along a solution.
+    """Draw the amplitude spectrum of a quantity along a solution.
 
     **Arguments:**
 
-    - `scene`, `solution`, `quantity`, `unit`: as of `plot.series`; the states are saved at equal
-      intervals of time, short enough for the impacts: what is faster than half the sampling rate
-      folds back.
-    - `taper`: the window; see `plot.amplitude_spectrum`.
+    - `scene`, `solution`, `quantity`, `unit`: see `plot.series`. States must be saved at equal
+      intervals, short enough for the impacts: frequencies above half the sampling rate are aliased.
+    - `taper`: see `plot.amplitude_spectrum`.
 
     **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit, logarithmic.
 
@@ -261,9 +257,9 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Amplitude spectrum of a record that is there, such as a measured one or a sweep's lane.
+    """Draw the amplitude spectrum of a record, such as a measured one or one of a sweep's lane.
 
-    **Arguments**, **Raises:** as of `plot.amplitude_spectrum`. **Returns:** as of `plot.spectrum`.
+    **Arguments**, **Raises:** see `plot.amplitude_spectrum`. **Returns:** see `plot.spectrum`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0
@@ -271,18 +267,19 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     >>> plot.spectrum_of(record, taper="boxcar").get_title(loc="right")
     'window: boxcar; lines 1 Hz apart'
     """
-    found = amplitude_spectrum(record, taper)
+    amplitudes = amplitude_spectrum(record, taper)
     axes = axes_or_new(axes)
-    y = scaled(found)
-    faster, unit = fitting_unit(found["frequency"].values, "Hz")
-    axes.plot(found["frequency"].values * faster, y.values, color=BLUE, linewidth=0.9)
+    y = scaled(amplitudes)
+    frequencies = amplitudes["frequency"].values
+    factor, unit = fitting_unit(frequencies, "Hz")
+    axes.plot(frequencies * factor, y.values, color=BLUE, linewidth=0.9)
     times = record["time"].values
     half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])
-    axes.set_xlim(0.0, float(f"{half_rate * faster:.9g}"))
+    axes.set_xlim(0.0, float(f"{half_rate * factor:.9g}"))
     largest = y.values.max(initial=0.0)
     if largest > 0.0:
         axes.set_yscale("log")
         axes.set_ylim(max(0.5 * y.values.min(), largest * 10.0**-DECADES), 2.0 * largest)
-    lines = f"window: {taper}; lines {float(found['frequency'][0]):.3g} Hz apart"
-    axes.set_title(lines, fontsize="small", loc="right")
+    title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
+    axes.set_title(title, fontsize="small", loc="right")
     return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")

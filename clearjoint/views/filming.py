@@ -1,4 +1,4 @@
-"""Still pictures and animations by matplotlib, for reports and talks."""
+"""Pictures and animations of a view by matplotlib."""
 
 import shutil
 from collections.abc import Sequence
@@ -15,29 +15,29 @@ from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from ..fields.drawn_text import literal, shown
-from .camera import WIDE, Camera, in_perspective
 from .meshes import Mesh, needed
 from .page import Legend
 from .parts import DrawnPart
+from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])
-"""Direction of the light: to the right, upwards, towards the viewer."""
+"""Direction of the light: components to the right, upwards and to the viewer."""
 SHADE = 0.45
-"""Brightness of what the light does not reach."""
-BESIDE = 0.28
-"""Share of the width that the legend takes."""
+"""Brightness of surfaces in the shade."""
+LEGEND_WIDTH = 0.28
+"""Width of the legend relative to that of the figure."""
 LONGEST_EDGE = 0.3
-"""Of a triangle, over half the height of the picture."""
+"""Longest edge of a triangle relative to half the height of the picture."""
 TITLE = 24
 """Characters in a line of the title."""
-DOTS = 100
+DPI = 100
 FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A figure of parts seen by a camera, which shows one instant after the other.
+    """A figure of parts seen by a camera, which can show each instant.
 
-    Triangles are drawn from the farthest to the nearest one, those that face away left out.
+    Triangles are drawn from the farthest to the nearest; those that face away are omitted.
     """
 
     def __init__(
@@ -52,19 +52,19 @@ class Film:
         self._parts = [_divided(part, LONGEST_EDGE * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
-        self.figure = Figure(figsize=size, dpi=DOTS)
-        self._axes = self.figure.add_axes((BESIDE, 0.0, 1.0 - BESIDE, 1.0))
+        self.figure = Figure(figsize=size, dpi=DPI)
+        self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
         self._axes.set(xlim=(-wide, wide), ylim=(-high, high), aspect="equal")
         self._triangles = PolyCollection([], linewidths=0.3)
         self._axes.add_collection(self._triangles)
-        self._clock = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
+        self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         self._describe(legend)
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Show an instant by its number."""
+        """Show the instant k."""
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
@@ -87,22 +87,22 @@ class Film:
         seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
         self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
         if self._times is not None:
-            self._clock.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
+            self._time_text.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
         """Write a GIF or an MP4 of some instants, or a picture of the first one.
 
-        **Raises:** `ValueError` for an MP4 where there is no ffmpeg.
+        **Raises:** `ValueError` for an MP4 without ffmpeg.
         """
         if file.suffix.lower() not in (".gif", ".mp4"):
             self.show(frames[0])
-            self.figure.savefig(file, dpi=2 * DOTS)
+            self.figure.savefig(file, dpi=2 * DPI)
             return
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
-            found = shutil.which("ffmpeg") is not None
-            remedy = 'install ffmpeg, or save an animation that needs none: "....gif"'
-            require(found, "file", str(file), "an animation that can be written here", remedy)
+            has_ffmpeg = shutil.which("ffmpeg") is not None
+            remedy = "install ffmpeg, or save a GIF, which does not need it"
+            require(has_ffmpeg, "file", str(file), "a GIF, since ffmpeg is missing", remedy)
             writer = FFMpegWriter(FRAMES_PER_SECOND)
 
         def draw(k: int) -> list[PolyCollection]:
@@ -110,7 +110,7 @@ class Film:
             return [self._triangles]
 
         animation = FuncAnimation(self.figure, draw, frames=frames, init_func=list)
-        animation.save(file, writer=writer, dpi=DOTS)
+        animation.save(file, writer=writer, dpi=DPI)
 
     def _describe(self, legend: Legend) -> None:
         patches = [
@@ -130,11 +130,11 @@ class Film:
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """The part with edges no longer than so many m, so that its triangles can be told apart in
-    depth; as it is if its pose stretches it."""
-    still = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
+    """The part with edges of at most `longest` m, so that its triangles can be sorted by depth; the
+    part itself if its pose stretches it."""
+    is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
-    if not still or np.linalg.norm(edges, axis=2).max() <= longest:
+    if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
         return part
     remesh = needed("trimesh").remesh
     vertices, faces = remesh.subdivide_to_size(*part.mesh, max_edge=longest)

@@ -14,9 +14,9 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
-from clearjoint.views.journals import WALL
+from clearjoint.views.initial_state import initial_state
 from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
-from clearjoint.views.placing import placed
+from clearjoint.views.sketching import WALL
 from clearjoint.views.survey import equivalent_solid
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
@@ -310,7 +310,7 @@ def test_teeth_mesh_in_the_gaps_of_the_other_gear():
 
 def test_bodies_without_a_state_are_where_joints_put_them():
     scene, _ = cj.mechanisms.double_pendulum()
-    state, fits = placed(scene)
+    state, fits = initial_state(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
     assert "as the joints put it" in cj.view(scene).legend.notes[0]
@@ -319,7 +319,7 @@ def test_bodies_without_a_state_are_where_joints_put_them():
 @pytest.mark.slow
 def test_loops_are_closed_where_no_state_is_given():
     scene, _ = cj.mechanisms.four_bar()
-    state, fits = placed(scene)
+    state, fits = initial_state(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
 

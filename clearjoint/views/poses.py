@@ -1,4 +1,4 @@
-"""Where all bodies are at the instants of a view."""
+"""Poses of all bodies at the instants of a view."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from ..simulation.results.solution import Trajectory
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses of all bodies, the ground's among them.
+    """Poses of all bodies and the ground.
 
-    - `times`: (N,) s, or ``None`` of a mechanism that stands still, with N = 1.
+    - `times`: (N,) s, or ``None`` for a single state, with N = 1.
     - `poses[body]`: (N, 4, 4) homogeneous matrices from body to global axes, m.
     """
 
@@ -29,7 +29,7 @@ class BodyPoses:
         return len(self.poses[GROUND])
 
     def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Global places of a point, (3,) m in body axes."""
+        """Global positions of a point, (3,) m in body axes."""
         pose = self.poses[body]
         return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
 
@@ -40,21 +40,21 @@ class BodyPoses:
 
 
 def standing(state: State) -> BodyPoses:
-    """A mechanism in one state."""
+    """Return the poses of one state."""
     poses = {name: _poses(body)[None] for name, body in state.bodies.items()}
     return BodyPoses(None, poses | {GROUND: np.eye(4)[None]})
 
 
 def moving(trajectory: Trajectory) -> BodyPoses:
-    """A mechanism along a trajectory."""
+    """Return the poses along a trajectory."""
     times = np.asarray(trajectory.times, dtype=float)
     poses = {name: _poses(body) for name, body in trajectory.states.bodies.items()}
     return BodyPoses(times, poses | {GROUND: np.tile(np.eye(4), (len(times), 1, 1))})
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Which of the rising times (N,) to show: at most so many, spread over the time, with the first
-    and the last."""
+    """Return indices of at most `most` of the increasing times (N,), at about equal distances, with
+    the first and the last."""
     if len(times) <= most:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)
@@ -64,12 +64,12 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 
 
 def at_instants(trajectory: Trajectory, chosen: np.ndarray) -> Trajectory:
-    """The part of a trajectory at some of its instants, by their numbers."""
+    """Return the part of a trajectory at some of its instants, by index."""
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], trajectory)
 
 
 def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
-    """Check that states are those of a scene's bodies."""
+    """Check that a state has the bodies of a scene."""
     require(
         set(state.bodies) == set(bodies),
         "motion",
@@ -80,22 +80,22 @@ def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
 
 
 def require_instants(trajectory: Trajectory) -> None:
-    """Check that there is a state for each time."""
+    """Check that a trajectory has a state for each time."""
     count = len(np.asarray(trajectory.times))
     for name, body in trajectory.states.bodies.items():
         shape = np.shape(body.position)
-        fine = count > 0 and shape == (count, 3)
-        remedy = "pass a state by itself, or a trajectory with the times in front of each array"
+        is_valid = count > 0 and shape == (count, 3)
+        remedy = "pass a State, or a trajectory whose arrays have the times as first axis"
         argument = f"motion.states.bodies[{name!r}].position"
-        require(fine, argument, shape, f"of shape ({count}, 3), one row for each time", remedy)
+        require(is_valid, argument, shape, f"of shape ({count}, 3), one row for each time", remedy)
 
 
 def _poses(body: BodyState) -> Float[np.ndarray, "*N 4 4"]:
-    """Of position and Euler parameters, whose norm does not matter."""
+    """Poses from positions and Euler parameters, which need not have unit norm."""
     from scipy.spatial.transform import Rotation
 
-    position, turn = np.asarray(body.position), np.asarray(body.orientation)
+    position, orientation = np.asarray(body.position), np.asarray(body.orientation)
     poses = np.broadcast_to(np.eye(4), (*position.shape[:-1], 4, 4)).copy()
-    poses[..., :3, :3] = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+    poses[..., :3, :3] = Rotation.from_quat(orientation, scalar_first=True).as_matrix()
     poses[..., :3, 3] = position
     return poses
