@@ -1,4 +1,4 @@
-"""Names of any characters, through every picture and file."""
+"""Names with any characters, in all figures and files."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ CHANNELS = ("$x^$ 50% _Größe 轴", "$x^$" * 50)
 
 @pytest.fixture(scope="module")
 def renamed(tumbling):
-    """A journal in two bearings at one place, and its motion."""
+    """A journal in two bearings at the same position, and its motion."""
     scene, solution, _ = tumbling
     names = dict(zip(("bearing", "journal"), BODIES, strict=True))
     pin = scene.joints["pin"]
@@ -39,7 +39,7 @@ def renamed(tumbling):
 
 
 def drawn(figure) -> list[str]:
-    """What a figure says, once it is drawn: mathematics that can't be read would be an error."""
+    """The texts of a drawn figure; invalid mathematics would raise an error."""
     figure.canvas.draw()
     return [text.get_text() for text in figure.findobj(plt.Text)]
 
