@@ -20,7 +20,7 @@ def labels(axes) -> tuple[str, str]:
 
 
 def seen_contact(penetration, rate, force, angle=0.0) -> cj.results.Observation:
-    """An observation of one base at equal intervals, in contact at an angle; the other one is free."""
+    """An observation of one base at equal intervals, in contact at an angle; the other is free."""
     count = len(penetration)
     times = np.linspace(0.0, 1e-3 * (count - 1), count)
     angle = np.broadcast_to(angle, (count,))
@@ -126,7 +126,7 @@ def test_the_area_of_the_loop_is_the_dissipated_energy():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be at least one impact"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
-    with pytest.raises(ValueError, match="`observation` must be of three instants or more"):
+    with pytest.raises(ValueError, match="`observation` must be of at least 3 instants"):
         plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
 
 
