@@ -1,5 +1,9 @@
 """Figures of fits, of what data identify, and of how long a run can be fitted."""
 
+from collections.abc import Collection
+from functools import cached_property
+from typing import Protocol
+
 import numpy as np
 import xarray as xr
 from matplotlib import pyplot as plt
@@ -7,10 +11,10 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..identification.fit import Fit
 from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
+from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
@@ -20,7 +24,36 @@ ROW = 1.9
 """Height of a panel, inches."""
 
 
-def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
+class FittedModel(Protocol):
+    """The properties of `clearjoint.results.Fit` that figures show."""
+
+    @property
+    def measurements(self) -> Measurements:
+        """Measured series."""
+        ...
+
+    @property
+    def parameters(self) -> Collection[str]:
+        """Names of the parameters, in the order of `correlation`."""
+        ...
+
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray]:
+        """Fitted values of each series, (N,), SI."""
+        ...
+
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """(Prediction - value) / noise of each series, (N,)."""
+        ...
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (p, p) of the estimates."""
+        ...
+
+
+def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """Draw each series with its fit, and below the residuals in units of the noise.
 
     **Arguments:** `series`: names of the series; by default all.
@@ -65,7 +98,7 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
+def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
     times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -81,7 +114,7 @@ def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     dress(below, times.label, "residual / noise")
 
 
-def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
+def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     """Draw the correlations of the estimates, as coloured numbers.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)

@@ -162,7 +162,7 @@ def _bars(
     axes.tick_params(axis="x", pad=5)
     axes.set_rlabel_position(_emptiest(middles, tops))
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
-    legend_above(axes, 2, bbox_to_anchor=(0.5, 1.08))
+    legend_above(axes, 2, height=1.08)
     axes.set_xlabel(f"{quantity[0]}, {unit}")
     axes.set_xticklabels(_named(axes, "x", "y"))
 

@@ -1,10 +1,10 @@
 """Colours, line styles, sizes and helpers for all figures."""
 
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.projections.polar import PolarAxes
 
@@ -86,10 +86,23 @@ def draw_lines(
         axes.plot(x, y, color=colour, linestyle=style, linewidth=linewidth, label=label)
 
 
-def legend_above(axes: Axes, columns: int = 1, **options: Any) -> None:
-    """Add a legend without a frame above the axes."""
-    options = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)} | options
-    axes.legend(ncols=columns, frameon=False, **options)
+def legend_above(
+    axes: Axes,
+    columns: int = 1,
+    *,
+    handles: Sequence[Artist] | None = None,
+    handlelength: float | None = None,
+    height: float = 1.0,
+) -> None:
+    """Add a legend without a frame above the axes, at a `height` in axes coordinates."""
+    axes.legend(
+        handles=handles,
+        loc="lower center",
+        bbox_to_anchor=(0.5, height),
+        ncols=columns,
+        frameon=False,
+        handlelength=handlelength,
+    )
 
 
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:

@@ -70,7 +70,7 @@ def factories(kind: type) -> dict[str, Callable[..., object]]:
     }
 
 
-def constructor(kind: type, factory: str = "") -> Callable[..., Any]:
+def constructor(kind: type, factory: str = "") -> Callable[..., object]:
     """The function that makes an instance of a class, or its factory method of a name."""
     return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
 

@@ -126,7 +126,7 @@ def test_the_area_of_the_loop_is_the_dissipated_energy():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be at least one impact"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
-    with pytest.raises(ValueError, match="`observation` must be of at least 3 instants"):
+    with pytest.raises(ValueError, match="`observation` must be of three or more instants"):
         plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
 
 
