@@ -7,7 +7,7 @@
 - `prepare_folder` makes the folder for them.
 - `seconds_of_compiling` tells for how long a program has been in the making.
 - `remember_contents` is called once, when the import of the package ends (see `package_code`).
-  `plain_values.described` and `package_code.source_digest` make the keys of kept programs.
+  `plain_values.digest_of` and `package_code.source_digest` make the keys of kept programs.
 """
 
 # First of all, so that the source files are noted before any other module is read from them.

@@ -1,7 +1,7 @@
 """Values that consist of this package's classes, numbers, strings and arrays only.
 
 What a program does with such a value is known from the sources of the package and from the value's
-fields. `described` gives a digest of such a value, which is the same in every process, and refuses
+fields. `digest_of` gives a digest of such a value, which is the same in every process, and refuses
 every value that holds a function, a class, or an instance of a class, of another origin.
 """
 
@@ -30,16 +30,16 @@ class NotPlainError(Exception):
     """A value that holds more than this package's classes, numbers, strings and arrays."""
 
 
-def described(value: object) -> str:
+def digest_of(value: object) -> str:
     """The digest of a value, equal in all processes for equal values.
 
     **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays,
     tuples, lists and dictionaries, and of functions, classes and their instances that a module of
     this package or of `NUMERIC` has under their names.
 
-    >>> from clearjoint.compilation.plain_values import described
+    >>> from clearjoint.compilation.plain_values import digest_of
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
-    >>> described(one) == described(same), described(one) == described(other)
+    >>> digest_of(one) == digest_of(same), digest_of(one) == digest_of(other)
     (True, False)
     """
     try:

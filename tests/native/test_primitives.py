@@ -16,7 +16,7 @@ from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
 from clearjoint.native.cells import Cells
 from clearjoint.native.functions import NativeProgram
 from clearjoint.native.lanes import WIDTH, LaneLoop
-from clearjoint.native.lowering import LARGEST_TAKEN_APART
+from clearjoint.native.lowering import LARGEST_UNROLLED
 
 # No subnormal numbers, which XLA takes for zero.
 SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]
@@ -185,7 +185,7 @@ def test_floats(size):
     a, b = numbers(size)
     a, b = a[:size], b[:size]
     with jax.debug_nans(False):
-        assert (len(a) > LARGEST_TAKEN_APART) == (size > 7)
+        assert (len(a) > LARGEST_UNROLLED) == (size > 7)
         expected = jax.jit(every)(a, b)
     assert_same(NativeFunction(every)(a, b), with_numpy(expected, a, b))
 
