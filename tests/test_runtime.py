@@ -51,7 +51,7 @@ def test_a_cache_that_is_a_file_is_refused_before_anything_is_set(tmp_path):
 
 def test_a_cache_that_must_not_be_used_is_warned_of(tmp_path):
     tmp_path.chmod(0o777)
-    with pytest.warns(UserWarning, match="programs are not kept. Others than you may write"):
+    with pytest.warns(UserWarning, match="programs are not saved. Other users may write"):
         assert runtime._usable(str(tmp_path)) is None
     assert runtime._usable("gs://bucket/cache") == "gs://bucket/cache"
 

@@ -530,7 +530,7 @@ class _Writer:
             self._lines.append(f"store {base} {part}, ptr {pointer}, align 8")
 
     def _cell_type(self, value: Value) -> tuple[str, str]:
-        """Return LLVM's types of a value in memory, where integers and bools have 64 bits, and else."""
+        """Return LLVM's types of a value in memory, where all kinds have 64 bits, and elsewhere."""
         kind = self._program.kinds[value]
         cell = kind if kind[0] == "f" else "i" + kind[1:]
         return self._type_of(cell), self._type_of(kind)

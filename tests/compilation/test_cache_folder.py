@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from clearjoint.compilation.cache_folder import is_private, prepare_folder
+from clearjoint.compilation.program_store import is_private, prepare_folder
 
 
 def test_it_is_made_for_its_owner_alone(tmp_path):
