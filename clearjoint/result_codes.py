@@ -18,11 +18,11 @@ class RESULTS(eqx.Enumeration):
     )
     step_too_small = (
         "The step size fell to the resolution of the time. The motion may be singular there, or "
-        "the tolerances tighter than double precision allows. If the time is large, short steps are "
-        "lost in rounding: continue from the state reached with a `start_time` of zero. In runs with "
-        "derivatives the cause may be a force with a kink within a contact, for example where the "
-        "damping of `KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a law without a "
-        "kink."
+        "the tolerances tighter than double precision allows. If the time is large, short steps "
+        "are lost in rounding: continue from the state reached with a `start_time` of zero. In "
+        "runs with derivatives the cause may be a force with a kink within a contact, for example "
+        "where the damping of `KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a "
+        "law without a kink."
     )
     non_finite = (
         "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."

@@ -60,8 +60,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """Switch 64-bit floats on, and set the folder of compiled programs.
 
     Call it before JAX computes anything, if possible: existing arrays keep their precision, and
-    calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if XLA has not
-    read its flags yet (see `XLA_FLAGS`).
+    calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if XLA has
+    not read its flags yet (see `XLA_FLAGS`).
 
     Machine code is saved in the folder, under a digest of the code that it is compiled from. If the
     arguments of a call consist only of this package's classes, numbers, strings and arrays, the
