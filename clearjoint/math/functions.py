@@ -1,5 +1,5 @@
-"""Functions of scalars: NumPy's for NumPy's and Python's numbers, for which nothing is compiled, and
-JAX's for traced ones."""
+"""Functions of scalars, by NumPy for numbers of NumPy and Python, so that nothing is compiled for
+them, and otherwise by JAX."""
 
 import jax
 from jax.core import Tracer

@@ -120,15 +120,15 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
 
 
 def sum_(value: Scalar) -> Scalar:
-    """Return the sum over the elements of a group; a scalar is returned as it is."""
+    """Return the sum over the elements of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.sum(value)
 
 
 def min_(value: Scalar) -> Scalar:
-    """Return the minimum over the elements of a group; a scalar is returned as it is."""
+    """Return the minimum over the elements of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
 def any_(value: Condition) -> Condition:
-    """Return whether a condition holds for any element of a group; a scalar is returned as it is."""
+    """Return whether a condition holds for any element of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.any(value)

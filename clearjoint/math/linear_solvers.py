@@ -133,9 +133,9 @@ class LeastNorm(AbstractSolver):
     relative_shift = 1e-8
     sweeps = 3
     rounding = 1e-12
-    """Magnitude up to which an entry of a row, which is of order one (a unit direction, or an arm in
-    m), is a rounding error. A row that the coordinates satisfy identically consists of these, and
-    would make the solution arbitrary."""
+    """Magnitude up to which an entry of a row (of a unit direction, or an arm in m) is a rounding
+    error. A row that the coordinates satisfy identically consists of rounding errors, and would
+    make the solution arbitrary."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return the row with zeros for entries that are rounding errors."""

@@ -23,7 +23,7 @@ class RotationVector(NamedTuple):
     factor: Scalar
 
     def rate(self, spin: Vector) -> Vector:
-        """Return the rate of the vector, rad/s, by the inverse left Jacobian of the exponential map.
+        """Return the rate of the vector, rad/s: the inverse left Jacobian of the exponential map.
 
         `spin`: angular velocity of the rotated frame relative to the fixed frame, in axes of the
         latter, rad/s.
@@ -32,8 +32,8 @@ class RotationVector(NamedTuple):
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
-        """Return the torque, N m in fixed axes, with the power of a moment that acts on the vector's
-        rate; its matrix is the transpose of that of `rate`."""
+        """Return the torque, N m in fixed axes, with the same power as a moment conjugate to the
+        vector's rate; its matrix is the transpose of that in `rate`."""
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 

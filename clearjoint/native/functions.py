@@ -11,6 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import ShapedArray
 from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
@@ -224,7 +225,7 @@ def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _new_region(ops: Operations, aval: jax.core.ShapedArray) -> Region:
+def _new_region(ops: Operations, aval: ShapedArray) -> Region:
     return Region.of(aval, ops.allocate(aval.size))
 
 

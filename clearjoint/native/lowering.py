@@ -421,11 +421,12 @@ class Lowering:
     # Equations.
 
     def inline(
-        self, closed: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
+        self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
         """Add the equations of a jaxpr and return its results."""
-        consts = getattr(closed, "consts", ())
-        return self.inline_with(getattr(closed, "jaxpr", closed), consts, arguments)
+        if isinstance(jaxpr, core.Jaxpr):
+            return self.inline_with(jaxpr, (), arguments)
+        return self.inline_with(jaxpr.jaxpr, jaxpr.consts, arguments)
 
     def inline_with(
         self, jaxpr: core.Jaxpr, consts: Sequence[ArrayLike], arguments: Sequence[Array]
