@@ -424,9 +424,9 @@ class Lowering:
         self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
         """Add the equations of a jaxpr and return its results."""
-        if isinstance(jaxpr, core.Jaxpr):
-            return self.inline_with(jaxpr, (), arguments)
-        return self.inline_with(jaxpr.jaxpr, jaxpr.consts, arguments)
+        if isinstance(jaxpr, core.ClosedJaxpr):
+            return self.inline_with(jaxpr.jaxpr, jaxpr.consts, arguments)
+        return self.inline_with(jaxpr, (), arguments)
 
     def inline_with(
         self, jaxpr: core.Jaxpr, consts: Sequence[ArrayLike], arguments: Sequence[Array]
