@@ -125,7 +125,7 @@ def _is_as_imported() -> bool:
 
 def _files() -> dict[str, tuple[int, ...]]:
     """Return size, times and inode of each source file, which change when it is written."""
-    found, folders = {}, [_FOLDER]
+    states, folders = {}, [_FOLDER]
     while folders:
         with os.scandir(folders.pop()) as entries:
             for entry in entries:
@@ -133,8 +133,8 @@ def _files() -> dict[str, tuple[int, ...]]:
                     folders.append(entry.path)
                 elif entry.name.endswith(".py"):
                     s = entry.stat()
-                    found[entry.path] = s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino
-    return found
+                    states[entry.path] = s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino
+    return states
 
 
 def _digest(paths: dict[str, tuple[int, ...]]) -> str:
@@ -149,25 +149,25 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
 def _contents(names: Mapping[str, list[str]]) -> list[object]:
     """Return the values of names in modules, and all parts of them that may be replaced: attributes
     of classes, items of dictionaries and lists, code and defaults of functions."""
-    found: list[object] = []
+    contents: list[object] = []
     for module, names_of_module in names.items():
         values = list(map(vars(sys.modules[module]).get, names_of_module))
         for value in list(values):
             if isinstance(value, type) and _is_listed_in(module, value):
                 members = vars(value)
                 attributes = sorted(members.keys() - _BOOKKEEPING)
-                found += attributes
+                contents += attributes
                 values += map(members.get, attributes)
-        found += values
+        contents += values
         for value in values:
             if isinstance(value, types.FunctionType):
-                found += value.__code__, value.__defaults__, value.__kwdefaults__
+                contents += value.__code__, value.__defaults__, value.__kwdefaults__
             elif isinstance(value, dict) and not isinstance(value, OrderedDict):
                 # An `OrderedDict` is a cache of results in this package, and changes in any run.
-                found += *value.keys(), *value.values()
+                contents += *value.keys(), *value.values()
             elif isinstance(value, list):
-                found += value
-    return found
+                contents += value
+    return contents
 
 
 def _is_listed_in(module: str, cls: type) -> bool:

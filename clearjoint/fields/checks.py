@@ -366,15 +366,17 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
         """Return whether a leaf has changed: outside of inner containers, and anywhere."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
-            found = [collect(getattr(tree, name), (*path, name)) for name in names]
-            near, anywhere = (any(which) for which in zip(*found, strict=True)) if found else NONE
+            changes = [collect(getattr(tree, name), (*path, name)) for name in names]
+            near, anywhere = (
+                (any(which) for which in zip(*changes, strict=True)) if changes else NONE
+            )
             if near or (anywhere and not is_of_package(tree)):
                 paths.append(path)
             return near, anywhere
         if isinstance(tree, dict | list | tuple):
             keys = list(tree) if isinstance(tree, dict) else range(len(tree))
-            found = [collect(tree[key], (*path, key)) for key in keys]
-            return False, any(anywhere for _, anywhere in found)
+            changes = [collect(tree[key], (*path, key)) for key in keys]
+            return False, any(anywhere for _, anywhere in changes)
         return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())

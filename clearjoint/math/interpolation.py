@@ -152,8 +152,8 @@ class Parabola(NamedTuple):
         root = jnp.sqrt(jnp.maximum(squared, 0.0))
         # Both roots without cancellation: q has the larger magnitude of -slope +- root.
         q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
-        one, other = q / bend, above / jnp.where(q == 0.0, 1.0, q)
-        between = jnp.clip(jnp.maximum(one, other), a, b) - jnp.clip(jnp.minimum(one, other), a, b)
+        r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
+        between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
         throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
         return jnp.where(squared > 0.0, crossing, throughout)
@@ -241,8 +241,8 @@ def _nearest_three(
 ) -> tuple[Point, Point, Point]:
     """Return the higher of the two inner points among three, in rising order, and a new one between
     them, with its neighbours."""
-    behind = new.x > middle.x
-    low, high = _either(behind, middle, new), _either(behind, new, middle)
+    is_right = new.x > middle.x
+    low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
     return (
         _either(falls, first, low),

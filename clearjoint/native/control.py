@@ -66,8 +66,8 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
     ops, selected = lower.ops, []
     for a, b in zip(lower.flatten(yes), lower.flatten(no), strict=True):
         kind = ops.kinds[a]
-        own = ops.emit("splat", "bp", condition) if kind.endswith("p") else condition
-        selected.append(ops.emit("select", kind, own, a, b))
+        is_yes = ops.emit("splat", "bp", condition) if kind.endswith("p") else condition
+        selected.append(ops.emit("select", kind, is_yes, a, b))
     return lower.unflatten(selected, yes)
 
 
@@ -209,7 +209,7 @@ def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Arra
         for new, old in zip(results, carries, strict=True)
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start
     ]
-    # Arrays that change places go through new cells, so that none is overwritten before it is read.
+    # Arrays that exchange their cells go through new ones: none is overwritten before it is read.
     taken = {old.start for old in carries if isinstance(old, InMemory)}
     moves = [(lower.copied(new) if new.start in taken else new, old) for new, old in moves]
     for new, old in moves:

@@ -36,7 +36,7 @@ def load_or_make(
     store = store_of_code() if keeps_programs() else None
     key = None
     if store is not None:
-        # A value that cannot be described, for whatever reason, has no key.
+        # A value that cannot be described, for any reason, has no key.
         with suppress(Exception):
             key = program_key(function, arguments)
     if store is None or key is None:

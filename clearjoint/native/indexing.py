@@ -168,8 +168,7 @@ def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Arr
         blocks = [block_at(flat[k * depth : (k + 1) * depth]) for k in range(count)]
         values = np.array(blocks, dtype=np.int64).reshape([*batch, *block])
         # The axes of a block go to `offset_dims` of the result, those of the batch between them.
-        behind = range(len(batch), values.ndim)
-        values = np.moveaxis(values, behind, numbers.offset_dims)
+        values = np.moveaxis(values, range(len(batch), values.ndim), numbers.offset_dims)
         return [lower.array(values.ravel().tolist(), tuple(out.shape))]
     if tuple(numbers.offset_dims) != tuple(range(len(batch), len(out.shape))):
         raise UnsupportedPrimitiveError("gather of large transposed arrays")
