@@ -17,6 +17,7 @@ import jax
 
 MOST_BYTES = 1_000_000_000
 """Size of all files from which on those unused for longest are removed."""
+_OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
 _DIGEST = 20
 _is_on = False
@@ -53,22 +54,18 @@ def prepare_folder(folder: Path) -> str | None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise ValueError(
-            f"The cache folder {str(folder)!r} is a file, or lies in one: remove the file, or give "
-            "another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
+            f"The cache folder {str(folder)!r} is a file, or lies in one: remove the file, or "
+            f"{_OTHER_PATH}"
         ) from None
     except OSError as error:
-        return (
-            f"The cache folder {str(folder)!r} can't be made ({error.strerror}): give another path "
-            "to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
-        )
+        return f"The cache folder {str(folder)!r} can't be made ({error.strerror}): {_OTHER_PATH}"
     if is_private(folder):
         return None
     mode = stat.filemode(folder.stat().st_mode)
     return (
         f"Other users may write to the cache folder {str(folder)!r} ({mode}), from which "
         "machine code is read: remove it, and it is made again for you alone; or, if nobody else "
-        f"has written to it, run `chmod go-w '{folder}'`; or give another path to "
-        "`configure(cache=...)` or in the variable CLEARJOINT_CACHE."
+        f"has written to it, run `chmod go-w '{folder}'`; or {_OTHER_PATH}"
     )
 
 

@@ -46,11 +46,6 @@ class Compiled(Generic[Arguments, Result]):
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 
-    def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
-        """Return the program for such arguments, as optimised by XLA."""
-        with program_is_made_inside():
-            return self._outermost.lower(*arguments, **options).compile().compiled.as_text()
-
     def programs(self) -> int:
         """Return the number of compiled programs."""
         return self._inner._cached._cache_size() + self._outermost._cached._cache_size()

@@ -58,10 +58,6 @@ class Native(Generic[Arguments, Result]):
                     report_fallback(error)
         return self._compiled(*arguments, **options)
 
-    def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
-        """Return the program for such arguments, as optimised by XLA."""
-        return self._compiled.program(*arguments, **options)
-
     def programs(self) -> int:
         """Return the number of compiled programs."""
         return self._compiled.programs() + self.native.count()

@@ -189,29 +189,23 @@ def _with_library(a: _Arithmetic, name: str, fits: Value, usual: Value, *given: 
     return a.ops.branch(beyond, rare, lambda: [usual])[0]
 
 
-def _angle_fits(a: _Arithmetic, angle: Value) -> Value:
-    return a.within(-LARGEST_ANGLE, angle, LARGEST_ANGLE)
+def _circular(name: str) -> Callable[..., Value]:
+    """The rule for "sin" or "cos"."""
 
+    def rule(ops: Operations, kind: str, parameters: object, angle: Value) -> Value:
+        if ops.number(angle) is not None:
+            return ops.constant("f", getattr(math, name)(float(ops.constants[angle])))
+        a = _Arithmetic(ops, kind)
+        sine, cosine, quarter = _sine_and_cosine(ops, kind, angle)
+        even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
+        size = a.select(a.has_bit(quarter, 1), odd, even)
+        if name == "cos":  # cos(x) = sin(x + pi/2)
+            quarter = ops.emit("add", f"i{a.suffix}", quarter, a.constant(1, "i"))
+        usual = a.select(a.has_bit(quarter, 2), ops.emit("fneg", kind, size), size)
+        fits = a.within(-LARGEST_ANGLE, angle, LARGEST_ANGLE)
+        return _with_library(a, name, fits, usual, angle)
 
-def _sine(ops: Operations, kind: str, parameters: object, angle: Value) -> Value:
-    if ops.number(angle) is not None:
-        return ops.constant("f", math.sin(float(ops.constants[angle])))
-    a = _Arithmetic(ops, kind)
-    sine, cosine, quarter = _sine_and_cosine(ops, kind, angle)
-    size = a.select(a.has_bit(quarter, 1), cosine, sine)
-    usual = a.select(a.has_bit(quarter, 2), ops.emit("fneg", kind, size), size)
-    return _with_library(a, "sin", _angle_fits(a, angle), usual, angle)
-
-
-def _cosine(ops: Operations, kind: str, parameters: object, angle: Value) -> Value:
-    if ops.number(angle) is not None:
-        return ops.constant("f", math.cos(float(ops.constants[angle])))
-    a = _Arithmetic(ops, kind)
-    sine, cosine, quarter = _sine_and_cosine(ops, kind, angle)
-    size = a.select(a.has_bit(quarter, 1), sine, cosine)
-    following = ops.emit("add", f"i{a.suffix}", quarter, a.constant(1, "i"))
-    usual = a.select(a.has_bit(following, 2), ops.emit("fneg", kind, size), size)
-    return _with_library(a, "cos", _angle_fits(a, angle), usual, angle)
+    return rule
 
 
 def _logarithm_of(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
@@ -341,8 +335,8 @@ def power(ops: Operations, kind: str, base: Value, exponent: Value) -> Value:
 
 
 ELEMENTARY: dict[str, Callable[..., Value]] = {
-    "sin": _sine,
-    "cos": _cosine,
+    "sin": _circular("sin"),
+    "cos": _circular("cos"),
     "exp": _exponential,
     "expm1": _expm1,
     "tanh": _tanh,

@@ -24,21 +24,12 @@ from .operations import (
 
 _BASE = {"f": "double", "i": "i64", "w": "i32", "b": "i1"}
 _PLAIN = {
-    "fadd": "fadd",
-    "fsub": "fsub",
-    "fmul": "fmul",
-    "fdiv": "fdiv",
-    "add": "add",
-    "sub": "sub",
-    "mul": "mul",
+    **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "add", "sub", "mul")},
+    **{name: name for name in ("and", "or", "xor")},
     "divide_whole": "sdiv",
     "remainder_whole": "srem",
-    "and": "and",
-    "or": "or",
-    "xor": "xor",
     "shift_left": "shl",
     "shift_right": "ashr",
-    "shift_right_logical": "lshr",
 }
 """Operations on two arguments that are instructions of LLVM."""
 _COMPARISONS = {
@@ -69,34 +60,11 @@ _INTRINSICS = {
     "copysign": "copysign",
 }
 """Functions of floats for which processors have instructions, or short sequences of them."""
-LIBRARY = {
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asinh",
-    "acosh",
-    "atanh",
-    "exp",
-    "exp2",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "cbrt",
-    "fmod",
-    "nextafter",
-    "erf",
-    "erfc",
-    "tgamma",
-    "lgamma",
-}
+LIBRARY = frozenset(
+    "sin cos tan asin acos atan atan2 sinh cosh tanh "  # noqa: SIM905
+    "asinh acosh atanh exp exp2 expm1 log log1p pow cbrt "
+    "fmod nextafter erf erfc tgamma lgamma".split()
+)
 """Functions of the C library, which are called for each lane and tangent."""
 _Straight = Operation | LoadCell | StoreCell
 """Entries that contain no blocks."""

@@ -97,37 +97,18 @@ def _divided(a: float, b: float) -> float:
         return float(np.float64(a) / np.float64(b))
 
 
-_COMPARED = {
-    "lt": operator.lt,
-    "le": operator.le,
-    "gt": operator.gt,
-    "ge": operator.ge,
-    "eq": operator.eq,
-    "ne": operator.ne,
-}
+_COMPARISONS = ("lt", "le", "gt", "ge", "eq", "ne")
 _FOLDED: dict[str, Callable] = {
-    "fadd": operator.add,
-    "fsub": operator.sub,
-    "fmul": operator.mul,
-    "fdiv": _divided,
-    "fneg": operator.neg,
-    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
-    "abs": abs,
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
+    **{f"f{name}": getattr(operator, name) for name in ("add", "sub", "mul", "neg", *_COMPARISONS)},
+    **{f"i{name}": getattr(operator, name) for name in _COMPARISONS},
+    **{name: getattr(operator, name) for name in ("abs", "add", "sub", "mul", "xor")},
     "and": operator.and_,
     "or": operator.or_,
-    "xor": operator.xor,
-    "int_to_float": float,
-    "bool_to_int": int,
-    "int_to_bool": lambda x: x != 0,
-    "float_to_bool": lambda x: x != 0.0,
-    "bool_to_float": float,
-    "widen": int,
-    "narrow": int,
-    **{f"f{name}": compare for name, compare in _COMPARED.items()},
-    **{f"i{name}": compare for name, compare in _COMPARED.items()},
+    "fdiv": _divided,
+    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
+    **dict.fromkeys(("int_to_float", "bool_to_float"), float),
+    **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
+    **dict.fromkeys(("int_to_bool", "float_to_bool"), bool),
 }
 """Operations that are computed here if all arguments are known, rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
