@@ -370,6 +370,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
             near, anywhere = (
                 (any(which) for which in zip(*changes, strict=True)) if changes else NONE
             )
+            # The checks of a user-defined class may read the entries of its dictionaries and lists.
             if near or (anywhere and not is_of_package(tree)):
                 paths.append(path)
             return near, anywhere

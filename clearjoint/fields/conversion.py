@@ -76,6 +76,7 @@ def with_arrays(tree: PyTree) -> PyTree:
     of other packages without converters, which may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
+    # The usual case, before every run.
     if all(map(_is_float_array, leaves)):
         return tree
     numbers = _number_fields(structure)

@@ -61,6 +61,7 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
+        # Bisection where Newton's step leaves the bracket.
         inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
     return x
@@ -175,6 +176,7 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
     slope = left + bend * (middle.x - first.x)
+    # A parabola without a maximum gives no shift, since the division is by infinity.
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
     return jnp.clip(middle.x + shift, first.x, last.x)
 
@@ -190,6 +192,7 @@ def highest_after(
     function than the positions of the evaluations.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
+    # Without a maximum of the extrapolated parabola the search begins in the middle.
     bends = _bend(before, first, last) < 0.0
     guess = jnp.where(bends, vertex(before, first, last), 0.5 * (first.x + last.x))
     guess = jnp.clip(guess, first.x + margin, last.x - margin)
@@ -206,6 +209,8 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
     a Newton step from the maximum of their parabola."""
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
+    # Newton's form of the cubic: the parabola plus twist (x - first)(x - middle)(x - last), whose
+    # derivatives at x are below.
     twist = (bend - _bend(before, first, middle)) / _positive(last.x - before.x)
     a, b, c = x - first.x, x - middle.x, x - last.x
     slope = twist * (a * b + b * c + c * a)
@@ -230,6 +235,7 @@ def highest(
     parabola through a kink would exceed.
     """
     for count in reversed(range(REFINEMENTS)):
+        # No refinement follows the last one, which needs no distance from the others.
         margin = MARGIN * (last.x - first.x) if count else 0.0
         x = jnp.clip(vertex(first, middle, last), first.x + margin, last.x - margin)
         first, middle, last = _nearest_three(first, middle, last, Point(x, value_at(x)))

@@ -156,6 +156,7 @@ class LeastNorm(AbstractSolver):
         shift = self._shift(trace, len(matrix))
         shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
         factorisation = UnrolledFactorisation(shifted)
+        # The first sweep, from x = 0, needs no product.
         x = factorisation.solve(right)
         for _ in range(self.sweeps - 1):
             image = product(matrix, x)

@@ -55,6 +55,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
     """Return an angle of 0 to pi divided by its sine; one at zero, and finite at pi."""
+    # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
+    # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)
     sine = jnp.sqrt(jnp.where(near | (squared_sine <= TINY), 1.0, squared_sine))
     s = jnp.where(near, squared_sine, 0.0)

@@ -104,6 +104,7 @@ def kept_unit(p: EulerParameters) -> EulerParameters:
     """
     squared = squared_norm(p)
     drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
+    # 2/(1 + n^2) is 1/n to first order in the error of the norm n.
     scale = jnp.where(drifted, 2.0 / (1.0 + squared), 1.0)
     return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
 

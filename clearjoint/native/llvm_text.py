@@ -15,7 +15,6 @@ from .operations import (
     Entry,
     LoadCell,
     Loop,
-    Number,
     Operation,
     Operations,
     StoreCell,
@@ -226,10 +225,8 @@ class _Writer:
         if number is None:
             return f"%v{value}"
         kind = self._program.kinds[value]
-        return self._literal(kind, number)
-
-    def _literal(self, kind: str, number: Number) -> str:
         if kind == "f":
+            # LLVM reads decimals only if they are exact, and the bits of a float always.
             word = "0x" + struct.pack(">d", number).hex().upper()
         elif kind == "b":
             word = "true" if number else "false"
