@@ -370,6 +370,7 @@ class _Writer:
         product, other = (a, b) if a in self._products else (b, a)
         words = [self._word(value) for value in (*self._products[product], other)]
         if entry.name == "fsub":
+            # x y - z = fma(x, y, -z), and z - x y = fma(-x, y, z).
             k = 2 if product == a else 0
             negative = self._temporary()
             self._lines.append(f"{negative} = fneg {kind} {words[k]}")
