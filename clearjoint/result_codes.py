@@ -1,4 +1,4 @@
-"""How a run ended."""
+"""Result codes of runs."""
 
 import equinox as eqx
 import numpy as np
@@ -17,11 +17,12 @@ class RESULTS(eqx.Enumeration):
         "or continue from the state reached."
     )
     step_too_small = (
-        "The step size fell to the resolution of the time. The motion may be singular there, the "
-        "tolerances tighter than double precision allows, or the time so late that short steps are "
-        "lost in it: then continue from the state reached with a `start_time` of zero. With "
-        "derivatives it may be a force with a kink within a contact, as where the damping of "
-        "`KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a law without."
+        "The step size fell to the resolution of the time. The motion may be singular there, or "
+        "the tolerances tighter than double precision allows. If the time is large, short steps "
+        "are lost in rounding: continue from the state reached with a `start_time` of zero. In "
+        "runs with derivatives the cause may be a force with a kink within a contact, for example "
+        "where the damping of `KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a "
+        "law without a kink."
     )
     non_finite = (
         "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."
@@ -31,8 +32,7 @@ class RESULTS(eqx.Enumeration):
         "not converge."
     )
     bad_parameters = (
-        "A parameter has a value that no scene can have or no run can use; the sweep's warning "
-        "says which."
+        "A parameter has a value that a scene or a run cannot have; the sweep's warning says which."
     )
     not_assembled = (
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
@@ -46,16 +46,16 @@ class RESULTS(eqx.Enumeration):
         "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
     )
     not_followed = (
-        "A driver or an ideal joint is not followed. Either a driver's value has a step, which "
-        "nothing can follow, or a kink that its `breakpoints` don't declare, at the time reached: "
-        "take `PiecewiseLinear`, or declare the times of kinks. Or a joint or driver is off by "
-        "more than 1e-3 m or rad, or by a journal's clearance: tighten `rtol`, or take "
+        "The motion does not follow a driver or an ideal joint. Either a driver's value has a step "
+        "at the time reached, which no motion can follow, or a kink that its `breakpoints` do not "
+        "declare: take `PiecewiseLinear`, or declare the times of kinks. Or the error of a joint "
+        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, or take "
         "`JointCoordinates()` or `Projection()`."
     )
     force_jumped = (
-        "A force of a class of one's own jumped where the motion decides, and the derivatives from "
-        "there on would lack the jump's term. Let it change over a width, make it a contact law "
-        "that jumps at its onset only, or take differences of runs."
+        "A force of a user-defined class jumped at a time that depends on the motion, and the "
+        "derivatives would lack the term of the jump from there on. Let the force change over a "
+        "width, make it a contact law that jumps only at its onset, or take differences of runs."
     )
     domain = (
         "A number of the scene, of the state, of the times or of the settings is NaN, infinite or "
@@ -65,7 +65,7 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """The number of a result code, or of several.
+    """Return the number of a result code, or of an array of result codes.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0
@@ -74,7 +74,7 @@ def result_number(result: RESULTS) -> np.ndarray:
 
 
 def result_numbers() -> dict[str, int]:
-    """The number of each result code by name.
+    """Return the number of each result code by name.
 
     >>> extend.result_numbers()["max_steps_reached"]
     1

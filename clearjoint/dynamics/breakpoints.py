@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import traced_once
-from ..math.periodic import wrapped
+from ..math.functions import wrapped
 from ..math.vectors import Condition, Scalar
 from ..model.joints.base import AbstractElement
 from ..model.scene import Scene

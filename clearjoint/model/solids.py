@@ -8,8 +8,7 @@ from jaxtyping import PyTree
 from ..fields.checks import (
     as_number,
     as_shown,
-    caution_above,
-    caution_below,
+    caution_outside,
     checkable,
     require,
     require_positive,
@@ -104,8 +103,7 @@ def _mass(mass: Measure, density: Measure, volume: Measure) -> Measure:
         return _number("mass", mass, "give it in kg")
     density = _number("density", density, "give it in kg/m^3")
     remedy = "give it in kg/m^3; clearjoint.densities has some"
-    caution_below("density", density, "kg/m^3", LIGHTEST, remedy)
-    caution_above("density", density, "kg/m^3", HEAVIEST, remedy)
+    caution_outside("density", density, "kg/m^3", LIGHTEST, HEAVIEST, remedy)
     return density * volume
 
 

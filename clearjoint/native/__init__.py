@@ -1,12 +1,17 @@
 """Compile jaxprs to machine code with LLVM: scalar arithmetic and loops, without XLA.
 
-`Native` wraps a function as `jax.jit` does. At its first call JAX traces it; `.lowering` turns the
-jaxpr into operations on scalars, tangents and arrays in memory (`.operations`), by a rule
-for each primitive (`.elementwise`, `.elementary`, `.primitives`); `.llvm_text` writes these in
-LLVM's language, and `.machine_code` compiles them. `.lanes` runs eight lanes of a sweep side by
-side.
+`Native` wraps a function as `jax.jit` does. At its first call
 
-What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps and derivatives:
+1. JAX traces the function to a jaxpr (`.functions`);
+2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents and arrays in memory
+   (`.operations`), by a rule for each primitive: `.elementwise` and `.elementary`, `.structure`,
+   `.indexing`, `.reductions` and `.control`;
+3. `.llvm_text` writes these in LLVM's language;
+4. `.machine_code` compiles them. `.disk_cache` saves the program for other processes.
+
+`.lanes` is a loop that computes eight lanes of a sweep at once.
+
+These calls are compiled as follows on CPUs, for every scene of the catalogue:
 
 | call | compiled by |
 |---|---|
@@ -21,8 +26,8 @@ What is compiled here, on CPUs; every scene of the catalogue is, in runs, sweeps
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-Programs that XLA compiles are traced again in each process. On accelerators XLA compiles
-everything, and on CPUs, with a warning, what has a primitive of JAX without a rule here.
+XLA compiles everything on accelerators; on CPUs also programs with a primitive without a rule here,
+with a warning. Programs that XLA compiles are traced again in each process.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

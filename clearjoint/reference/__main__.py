@@ -33,7 +33,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Write the pages and say where they begin."""
+    """Write the pages and print the path of the first one."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
@@ -43,7 +43,7 @@ def main() -> None:
     pages = {}
     for suffix in MODULES:
         module = importlib.import_module("clearjoint" + suffix)
-        # pdoc leaves names out that are imported from elsewhere, unless they are in `__all__`.
+        # pdoc omits names that are imported from elsewhere, unless they are in `__all__`.
         vars(module)["__all__"] = [
             name
             for name, value in vars(module).items()
@@ -54,7 +54,7 @@ def main() -> None:
     changes = Path(clearjoint.__file__).with_name("CHANGELOG.md").read_text(encoding="utf-8")
     package.docstring = f"{package.docstring}\n\n{changes}"
     pdoc.render.configure(docformat="markdown", math=True, show_source=False)
-    with warnings.catch_warnings():  # of annotations that pdoc can't place
+    with warnings.catch_warnings():  # about annotations that pdoc cannot resolve
         warnings.simplefilter("ignore")
         for name, page in pages.items():
             html = pdoc.render.html_module(page, pages)

@@ -1,4 +1,4 @@
-"""What is computed once a run is computed by numpy, and compiled only where it needs JAX."""
+"""`HostFirst`: functions computed by NumPy, and compiled only if they need JAX."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ def kinked(x, y):
     return {"angle": polar_angle(sine(x), cosine(x)) / y, "part": where(x > 1.0, x, -x)}
 
 
-def test_nothing_is_compiled_for_what_numpy_can_compute():
+def test_functions_that_numpy_can_compute_are_not_compiled():
     function = HostFirst(kinked)
     found = function(jnp.asarray(0.25), y=2.0)
     assert function.programs() == 0
@@ -31,7 +31,7 @@ def test_nothing_is_compiled_for_what_numpy_can_compute():
     assert all(isinstance(leaf, np.ndarray | np.generic) for leaf in jax.tree.leaves(found))
 
 
-def test_numpy_says_nothing_of_what_is_not_finite(recwarn):
+def test_numpy_does_not_warn_of_numbers_that_are_not_finite(recwarn):
     found = HostFirst(kinked)(np.asarray(0.25), y=np.asarray(0.0))
     assert np.isinf(found["angle"]) and not recwarn
 
@@ -44,7 +44,7 @@ def test_numpy_says_nothing_of_what_is_not_finite(recwarn):
     ],
     ids=["a derivative", "a method of JAX's arrays"],
 )
-def test_what_needs_jax_is_compiled_once(function):
+def test_functions_that_need_jax_are_compiled_once(function):
     asked = []
 
     def counted(x):
@@ -57,7 +57,7 @@ def test_what_needs_jax_is_compiled_once(function):
     assert first.programs() == 1 and len(asked) == 2
 
 
-def test_where_under_vmap_takes_each_lane_its_own():
+def test_where_under_vmap_selects_in_each_lane():
     x = jnp.linspace(-1.0, 1.0, 5)
     np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))
 
@@ -70,7 +70,7 @@ def test_a_start_is_checked_without_compiling(mechanism):
     assert [check.programs() for check in CHECKS] == before
 
 
-def test_constraints_by_numpy_are_those_compiled():
+def test_constraints_by_numpy_equal_the_compiled_ones():
     scene, state = four_bar()
     coordinates = cj.AbsoluteCoordinates()
 

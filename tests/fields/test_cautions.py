@@ -1,4 +1,4 @@
-"""Warnings of numbers far from what machines have: which, where, and how to silence them."""
+"""Warnings about unusual numbers: their text, line of code and silencing."""
 
 import functools
 import warnings
@@ -31,7 +31,7 @@ MISTAKEN = {
     ),
     "E in mPa": (lambda: cj.laws.RavnStiffness(207e12, 0.3), "young_modulus", "2.07e+14 Pa"),
     "K in GN": (lambda: cj.laws.Hertz(66.0), "stiffness", "66 N/m^n", "at least 1e+06"),
-    "K of a law of one's own": (
+    "K of a user-defined law": (
         lambda: cj.laws.LankaraniNikravesh(0.9, cj.laws.GivenStiffness(66.0)),
         "stiffness",
         "66 N/m^n",
@@ -98,7 +98,7 @@ MISTAKEN = {
 
 
 @pytest.mark.parametrize("case", MISTAKEN)
-def test_a_mistaken_unit_is_warned_of_where_it_is_written(case):
+def test_a_wrong_unit_gives_a_warning_at_its_line(case):
     make, *words = MISTAKEN[case]
     with pytest.warns(cj.UnusualValueWarning) as caught:
         make()
@@ -111,15 +111,15 @@ def test_a_mistaken_unit_is_warned_of_where_it_is_written(case):
     assert warning.filename == __file__
 
 
-def test_the_advice_silences_it():
+def test_the_advice_silences_the_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", category=cj.UnusualValueWarning)
         cj.laws.RavnStiffness(207, 0.3)
 
 
-def test_machines_are_not_warned_of():
-    """The package's, thin plates, light frames, plastic on diamond, a large bearing."""
+def test_usual_numbers_give_no_warning():
+    """Mechanisms of the package, thin plates, light frames, plastic on diamond, a large bearing."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for make in (
@@ -135,8 +135,8 @@ def test_machines_are_not_warned_of():
         pin(bearing_radius=0.5, clearance=1e-3, journal_length=1.0)
 
 
-def test_numbers_that_are_looked_at_again_or_traced_are_not_warned_of():
-    """Neither the checks of a run, nor a sweep's lanes, nor what JAX traces."""
+def test_repeated_checks_and_traced_numbers_give_no_warning():
+    """Neither the checks of a run, nor lanes of a sweep, nor traced numbers."""
     with pytest.warns(cj.UnusualValueWarning):
         soft = cj.laws.RavnStiffness(207, 0.3)
     scene, state = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(soft))

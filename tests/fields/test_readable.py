@@ -1,4 +1,4 @@
-"""What a user prints reads like what was given."""
+"""Elements print their numbers as they were given."""
 
 import importlib
 import inspect
@@ -42,7 +42,7 @@ def test_elements_show_their_numbers(element, text):
     assert text in repr(element).replace("\n  ", " ")
 
 
-def test_long_arrays_and_traced_numbers_show_their_kind():
+def test_long_arrays_and_traced_numbers_print_dtype_and_shape():
     long = cj.results.Trajectory(np.zeros(1000), cj.State({"arm": cj.body_state((0, 0, 0))}))
     assert "times=f64[1000](numpy)" in repr(long)
     seen = []
@@ -50,7 +50,7 @@ def test_long_arrays_and_traced_numbers_show_their_kind():
     assert seen[0].startswith("Body(mass=") and "inertia=[1.0, 1.0, 1.0]" in seen[0]
 
 
-def test_every_result_says_something():
+def test_every_result_prints_text():
     for code in RESULTS._name_to_item.values():
         assert RESULTS[code] != ""
         assert RESULTS[code] in str(code)
@@ -71,8 +71,8 @@ def test_a_solution_prints_in_a_few_lines():
     assert repr(solution) == str(solution)
 
 
-def test_roundings_are_not_echoed():
-    """A logarithm's conversion and back, in an error, an element and a list."""
+def test_rounding_errors_are_not_printed():
+    """After a logarithm and its inverse, in an error, an element and a list."""
     rounded = float(np.exp(np.log(5e-6)))
     assert rounded != 5e-6
     with pytest.raises(ValueError, match=r"but is 5e-06: give it in m\."):
@@ -85,7 +85,7 @@ def test_roundings_are_not_echoed():
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_public_modules_list_no_modules_of_theirs_and_no_types_of_numpy_s(module):
+def test_public_modules_list_neither_modules_nor_types_of_numpy(module):
     namespace = importlib.import_module(module)
     listed = {name: getattr(namespace, name) for name in dir(namespace)}
     modules = {name for name, value in listed.items() if isinstance(value, types.ModuleType)}
@@ -94,7 +94,7 @@ def test_public_modules_list_no_modules_of_theirs_and_no_types_of_numpy_s(module
     assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
 
 
-def test_a_list_may_hold_a_number_that_jax_traces():
+def test_a_list_may_contain_a_traced_number():
     def torque(switch):
         return cj.PiecewiseConstant([0.0, switch], [1.0, 2.0 * switch])(0.3)
 

@@ -1,5 +1,5 @@
-"""Names that are wrong, numbers that are none, and containers of the wrong kind: each is told with
-the argument's name, before anything is compiled."""
+"""Errors for wrong names, values that are no numbers and wrong containers: each names the argument
+and is raised before compilation."""
 
 import math
 
@@ -112,7 +112,7 @@ WRONG = {
         lambda: sensitivities([CLEARANCE]),
         "`parameters` must be a dictionary",
     ),
-    "a place as parameter": (
+    "a function as parameter": (
         lambda: identify(parameters={"c": lambda scene: scene.gravity}),
         r"`parameters\['c'\]` must be a Parameter, but is 'function'",
     ),
@@ -202,13 +202,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_it_is_told(case):
+def test_the_error_names_the_argument(case):
     call, message = WRONG[case]
     with pytest.raises(ValueError, match=message):
         call()
 
 
-def test_mappings_serve_as_dictionaries():
+def test_mappings_are_accepted_as_dictionaries():
     bodies = {"a": BODY}
     scene = cj.Scene(bodies)
     bodies[""] = BODY

@@ -1,4 +1,4 @@
-"""Every scene of the catalogue in native code: runs beside XLA's, lanes, and derivatives."""
+"""Every scene of the catalogue in native code: runs against XLA's, lanes and derivatives."""
 
 import functools
 import warnings
@@ -29,7 +29,7 @@ STEP = 1e-4
 
 @pytest.fixture(autouse=True)
 def without_fallback():
-    """XLA takes part where a test switches to it, and nowhere else."""
+    """XLA compiles only where a test switches to it."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", NativeFallbackWarning)
         warnings.simplefilter("ignore", cj.LawRangeWarning)
@@ -56,7 +56,7 @@ def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> No
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_run_is_the_one_that_xla_compiles(name, settings, monkeypatch):
+def test_a_run_agrees_with_xla(name, settings, monkeypatch):
     """States to 1e-9 of the scene's largest length and speed, before chaos makes differences of
     roundings grow."""
     native = run(SCENES[name], settings)
@@ -81,7 +81,7 @@ def test_a_run_is_the_one_that_xla_compiles(name, settings, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-def test_lanes_and_derivatives_are_those_of_single_runs(name):
+def test_lanes_and_derivatives_agree_with_single_runs(name):
     """Along a factor of the mass and inertia of one body: the middle of three lanes ends where a
     run does, and their difference is what `sensitivities` gives."""
     scene, state = SCENES[name].make()

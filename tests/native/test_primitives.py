@@ -16,7 +16,7 @@ from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
 from clearjoint.native.cells import Cells
 from clearjoint.native.functions import NativeProgram
 from clearjoint.native.lanes import WIDTH, LaneLoop
-from clearjoint.native.lowering import LARGEST_TAKEN_APART
+from clearjoint.native.lowering import LARGEST_UNROLLED
 
 # No subnormal numbers, which XLA takes for zero.
 SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]
@@ -103,10 +103,10 @@ BINARY: dict[str, Callable] = {
     "sorted before": lambda a, b: lax.lt_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
-    "not sorted behind": lambda a, b: lax.le_to_p.bind(
+    "not sorted after": lambda a, b: lax.le_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
-    "sorted alike": lambda a, b: lax.eq_to_p.bind(
+    "sorted as equal": lambda a, b: lax.eq_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
     "compare bools": lambda a, b: (a > 0.0) < (b > 0.0),
@@ -148,7 +148,7 @@ WHOLE: dict[str, Callable] = {
 
 
 def numbers(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two arrays in which all pairs of special numbers stand, if there is room, and others."""
+    """Return two arrays with all pairs of special numbers, if there is room, and random ones."""
     a, b = np.meshgrid(SPECIAL, SPECIAL)
     pairs = np.concatenate([[a.ravel(), b.ravel()], 3.0 * RANDOM.normal(size=(2, 100))], axis=1)
     chosen = RANDOM.permutation(pairs.shape[1])[:size] if size < pairs.shape[1] else slice(None)
@@ -181,11 +181,11 @@ def assert_same(found, expected, ulp=4):
 @pytest.mark.filterwarnings("ignore:.*encountered in")
 @pytest.mark.parametrize("size", [7, 269])
 def test_floats(size):
-    """Arrays taken apart, and arrays in memory."""
+    """Small arrays, whose elements are separate values, and arrays in memory."""
     a, b = numbers(size)
     a, b = a[:size], b[:size]
     with jax.debug_nans(False):
-        assert (len(a) > LARGEST_TAKEN_APART) == (size > 7)
+        assert (len(a) > LARGEST_UNROLLED) == (size > 7)
         expected = jax.jit(every)(a, b)
     assert_same(NativeFunction(every)(a, b), with_numpy(expected, a, b))
 
@@ -251,7 +251,7 @@ def test_integers():
 
 
 def structural(x, y, table, k):
-    """Arrays from parts of others, by known and by computed places."""
+    """Rearranged, reduced and indexed arrays, at known and at computed indices."""
     return {
         "stack": jnp.stack([x, x + 1.0], axis=1),
         "concatenate": jnp.concatenate([x, y[:2]]),
@@ -272,7 +272,7 @@ def structural(x, y, table, k):
         "product": x.prod(),
         "smallest": jnp.outer(x, y).min(axis=1),
         "all": (x > -9.0).all(),
-        "smallest's place": jnp.argmin(jnp.outer(x, y), axis=0),
+        "index of the smallest": jnp.argmin(jnp.outer(x, y), axis=0),
         "padded within": lax.pad(x, 7.0, [(1, -1, 2)]),
         "cut": lax.pad(jnp.outer(x, y), 0.0, [(-1, 1, 0), (2, -2, 0)]),
         "split": jnp.split(jnp.outer(x, y), [1], axis=1)[1],
@@ -284,7 +284,7 @@ def structural(x, y, table, k):
         "repeated": jnp.expand_dims(x, (0, 2)) + jnp.zeros((2, 3, 2)),
         "small part": lax.dynamic_slice(x, (k + 1,), (2,)),
         "small part written": lax.dynamic_update_slice(x, y[:2], (k + 1,)),
-        "row from behind": lax.dynamic_index_in_dim(table, -1 - k, 0, keepdims=False),
+        "row from the end": lax.dynamic_index_in_dim(table, -1 - k, 0, keepdims=False),
         "at, clipped": x.at[jnp.array([7 + k, -9])].get(mode="clip"),
         "set": x.at[1].set(7.0),
         "added": x.at[jnp.array([0, 2])].add(y[:2]),
@@ -317,7 +317,7 @@ def test_structure():
 
 @pytest.mark.parametrize("mode", ["clip", "fill"])
 def test_scatters_outside(mode):
-    """Windows that lie outside in part are dropped as a whole, or moved inside."""
+    """A window that lies partly outside is dropped as a whole, or moved inside."""
     numbers = lax.ScatterDimensionNumbers((0,), (), (0,))
 
     def scattered(x, k):
@@ -334,8 +334,8 @@ def test_scatters_outside(mode):
         }
 
     for k in ([0, 2, 2], [4, 1, -1], [-1, 9, -9], [9, 0, 4]):
-        x, places = np.arange(5.0), np.array(k)
-        assert_same(NativeFunction(scattered)(x, places), jax.jit(scattered)(x, places))
+        x, indices = np.arange(5.0), np.array(k)
+        assert_same(NativeFunction(scattered)(x, indices), jax.jit(scattered)(x, indices))
 
 
 def control(x, n, rows):
@@ -383,7 +383,7 @@ def test_loops_and_branches(x):
         assert_same(NativeFunction(control)(x, 15, rows), expected, ulp=64)
 
 
-def test_sines_and_cosines_are_right_to_a_unit_in_the_last_place():
+def test_sines_and_cosines_are_correct_to_a_unit_in_the_last_place():
     x = np.concatenate(
         [
             RANDOM.uniform(-10.0, 10.0, 500),
@@ -414,7 +414,7 @@ EXACT: dict[str, tuple[Callable, Callable, np.ndarray]] = {
 
 
 def assert_exact(found, exact, argument):
-    """To a unit in the last place, or to the number that is nearest if there is none so large."""
+    """Check a number to a unit in the last place, or to infinity if the exact one is too large."""
     if not np.isfinite(found):
         assert found == float(exact), (argument, found, exact)
         return
@@ -423,7 +423,7 @@ def assert_exact(found, exact, argument):
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_elementary_functions_are_right_to_a_unit_in_the_last_place(name):
+def test_elementary_functions_are_correct_to_a_unit_in_the_last_place(name):
     ours, exact, x = EXACT[name]
     x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh"))]
     x = x[(x > 0.0) | (name != "log")]
@@ -438,7 +438,7 @@ def test_elementary_functions_are_right_to_a_unit_in_the_last_place(name):
     assert np.array_equal(np.signbit(found)[:4], np.signbit(expected)[:4])
 
 
-def test_powers_are_right_to_a_unit_in_the_last_place():
+def test_powers_are_correct_to_a_unit_in_the_last_place():
     x = np.concatenate([SIZES, abs(NEAR_ONE), 10.0 ** RANDOM.uniform(-8, 3, 500)])
     y = RANDOM.normal(size=x.size) * 10.0 ** RANDOM.uniform(-3, 3, x.size)
     y[::3] = RANDOM.choice([1.5, -0.2, 1.0 / 3.0, 2.5, 10.0 / 9.0], y[::3].size)

@@ -26,7 +26,7 @@ def mass_on(*forces: cj.extend.AbstractForce) -> cj.Scene:
 
 
 def both(monkeypatch, call):
-    """A call in native code, which must not fall back, and by XLA."""
+    """Return results in native code, without fallback, and by XLA."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", NativeFallbackWarning)
         native = call()
@@ -38,7 +38,7 @@ def assert_close(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
 
 
-def test_a_spring_moves_as_by_xla(monkeypatch):
+def test_a_spring_moves_as_with_xla(monkeypatch):
     save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
     native, xla = both(
         monkeypatch, lambda: cj.simulate(mass_on(SPRING), STATE, 1.0, save=save, progress=False)
@@ -50,7 +50,7 @@ def test_a_spring_moves_as_by_xla(monkeypatch):
 
 
 def runs(*settings: cj.Settings, save: cj.Saving | None = None):
-    """A call that runs the spring with each of some settings."""
+    """Return a call that simulates the spring with each of the settings."""
 
     def call():
         for own in settings:
@@ -120,12 +120,12 @@ CALLS = {
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", native.__doc__, re.MULTILINE))
 
 
-def test_the_table_of_what_is_compiled_here_is_complete():
+def test_the_table_of_native_calls_is_complete():
     assert list(TABLE) == list(CALLS)
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
+def test_the_table_is_correct(name, monkeypatch):
     by_xla = []
 
     def recorded(self, *arguments, called=Compiled.__call__, **options):
@@ -151,7 +151,7 @@ def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
     ],
     ids=["absolute", "Dopri8", "Heun", "ledger"],
 )
-def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
+def test_settings_give_the_same_motion_as_with_xla(settings, monkeypatch):
     scene, state = cj.mechanisms.double_pendulum()
     native, xla = both(
         monkeypatch, lambda: cj.simulate(scene, state, 0.02, settings, progress=False)
@@ -161,7 +161,7 @@ def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
 
 
 class Eigenforce(cj.extend.AbstractForce):
-    """A force by a decomposition that native code has no rule for."""
+    """A force with a matrix decomposition, for which native code has no rule."""
 
     body: str
 
@@ -175,8 +175,8 @@ class Eigenforce(cj.extend.AbstractForce):
         }
 
 
-def test_a_primitive_without_a_rule_is_named_once_and_left_to_xla():
-    """2 - t in the closed form."""
+def test_xla_compiles_a_primitive_without_a_rule_with_one_warning():
+    """The exact motion is 2 - t."""
     _reported.clear()
     with pytest.warns(NativeFallbackWarning, match=r"no native code for .*test_scenes.py") as seen:
         solution = cj.simulate(mass_on(Eigenforce("mass")), STATE, 0.5, progress=False)

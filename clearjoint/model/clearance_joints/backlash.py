@@ -9,7 +9,7 @@ import equinox as eqx
 from ...fields.checks import as_number, checkable, require, require_axis, require_positive
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
-from ...math.functions import within_a_period
+from ...math.functions import wrapped
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..contact.damping_factors import ExactRestitution
@@ -192,7 +192,7 @@ class Backlash(AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Contact geometry of both flanks."""
         row = self.relative_angle(motions)
-        angle = within_a_period(row.value - self.middle, TURN)
+        angle = wrapped(row.value - self.middle, TURN)
         speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
         axis = motions[self.first].direction(unit(self.axis_first))
         return {label: self._flank(SIDE_OF[label], angle, speed, axis, row) for label in FLANKS}
@@ -225,5 +225,5 @@ class HeldInPlay(AbstractConstraint):
         """The angle from the middle of the play, rad."""
         del t
         row = self.backlash.relative_angle(motions)
-        angle = within_a_period(row.value - self.backlash.middle, TURN)
+        angle = wrapped(row.value - self.backlash.middle, TURN)
         return {"angle": replace(row, value=angle)}

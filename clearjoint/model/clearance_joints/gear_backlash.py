@@ -17,7 +17,7 @@ from ...fields.checks import (
 )
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Single, Triple
-from ...math.functions import cosine, polar_angle, sine, where, within_a_period
+from ...math.functions import cosine, polar_angle, sine, where, wrapped
 from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
@@ -245,7 +245,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         of_first, of_second = self._base_radii()
         turned = of_first * (line.angle_in(first, self.axis_first) + self.phase)
         turned = turned + of_second * sense * line.angle_in(second, self.axis_second)
-        return within_a_period(-turned, self._base_pitch())
+        return wrapped(-turned, self._base_pitch())
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
         points = self.point_first, self.point_second

@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.smoothing import ramp
 from ...math.vectors import Scalar
 from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time

@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench

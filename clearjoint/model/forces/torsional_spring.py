@@ -6,7 +6,7 @@ import equinox as eqx
 
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.vectors import Scalar
 from ..drives.rotation import AbstractDriveTorque
 from ..joints.base import Motions

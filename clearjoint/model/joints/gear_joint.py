@@ -14,7 +14,7 @@ from ...fields.checks import (
 )
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Quadruple, Single, Triple
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import EulerParameters, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row

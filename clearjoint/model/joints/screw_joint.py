@@ -8,8 +8,7 @@ import equinox as eqx
 from ...fields.checks import checkable, require, require_axis, require_point, require_shape
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Single, Triple
-from ...math.functions import where
-from ...math.periodic import wrapped
+from ...math.functions import where, wrapped
 from ...math.rotations import unit
 from ...math.vectors import EulerParameters, Matrix, Scalar, Vector, add
 from ..pen import AbstractPen

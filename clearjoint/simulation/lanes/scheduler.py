@@ -19,8 +19,8 @@ from ...math.vectors import pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
+from ...native.disk_cache import load_or_make
 from ...native.functions import BoundFunction
-from ...native.kept import kept
 from ...native.lanes import LaneLoop
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
@@ -459,7 +459,7 @@ class _Loops:
         with self._lock:
             if key not in self._loops:
                 traced = begins_a_program(_turned)
-                self._loops[key] = kept(
+                self._loops[key] = load_or_make(
                     _turned, trees, lambda: LaneLoop(traced, _looked_at, *trees)
                 )
             return self._loops[key]

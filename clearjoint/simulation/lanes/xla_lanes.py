@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...compilation import Compiled
-from ...compilation.one_function import in_one_function
+from ...compilation.xla import in_one_function
 from ...native.cells import Cells
 from ...native.lanes import AbstractLaneLoop, Columns
 from ...native.lowering import Region

@@ -185,10 +185,10 @@ class Peak(AbstractWindowedReduction):
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
-        time = tally.now + peak.place * length
+        time = tally.now + peak.x * length
         rises = peak.value > tally.highest
         if not window.is_whole:
-            rises = rises & (last.place > first.place)
+            rises = rises & (last.x > first.x)
         return PeakTally(
             jnp.where(rises, peak.value, tally.highest),
             jnp.where(rises, time, tally.time),

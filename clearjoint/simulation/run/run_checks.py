@@ -38,7 +38,7 @@ from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
-from ...native.functions import Given
+from ...native.functions import FlatArguments
 
 BY_NUMPY = 8
 """Starts of one structure that numpy checks, in some milliseconds each, before native code is
@@ -156,7 +156,7 @@ class _Starts:
         """The names of the constraints that are redundant at a start beyond doubt; ``None`` for
         another one, and where no program tells, or none yet."""
         scene, state = with_arrays((scene, state))
-        given = Given.of((scene, state, np.asarray(t, float), coordinates))
+        given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
         self._seen[given.key] += 1
         if self._seen[given.key] <= BY_NUMPY or not is_native():
             return None

@@ -97,7 +97,7 @@ def peak_in_step(
         return contact_normal_force(law, gap, start.entry_speed)
 
     strongest = _largest(force)
-    return StepPeak(strongest.value, strongest.place, _largest(quintic.value).value)
+    return StepPeak(strongest.value, strongest.x, _largest(quintic.value).value)
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:

@@ -1,4 +1,4 @@
-"""Structural zeros and ones of a scene: which they are, and that they change no number."""
+"""Structural zeros and ones of a scene, and their effect on programs and results."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def test_exact_zeros_and_ones_of_vectors_are_structural():
     np.testing.assert_array_equal(pack(axis), tree["axis"])
 
 
-def test_matrices_keep_their_places():
+def test_components_of_matrices_keep_their_order():
     matrix = np.array([[2.0, 0.0, 3.0], [0.0, 1.0, 0.0], [4.0, 0.0, 5.0]])
     found = unpack(fold_constants(matrix))
     assert isinstance(found, Matrix)
@@ -58,7 +58,7 @@ def test_fields_declared_as_tables_stay_arrays(shape):
     assert [patterns[k] for k in (0, 1, 3, 4)] == [None] * 4
 
 
-def test_what_varies_or_is_traced_is_no_structure():
+def test_varied_and_traced_numbers_are_not_structural():
     assert fold_constants(np.zeros(3), varied=True).patterns == (None,)
     patterns = []
 
@@ -70,7 +70,7 @@ def test_what_varies_or_is_traced_is_no_structure():
     assert patterns == [None]
 
 
-def test_scenes_of_other_numbers_share_a_program_and_of_other_zeros_do_not():
+def test_scenes_share_a_program_for_other_numbers_but_not_for_other_zeros():
     def folded_scene(gravity):
         return jax.tree.structure(fold_constants({"gravity": np.array(gravity)}))
 
@@ -80,8 +80,8 @@ def test_scenes_of_other_numbers_share_a_program_and_of_other_zeros_do_not():
 
 
 @pytest.mark.parametrize("clearance", [None, 5e-4])
-def test_structure_changes_no_rate(clearance):
-    """Accelerations of a double pendulum in motion, with and without, to rounding."""
+def test_constant_folding_does_not_change_rates(clearance):
+    """Accelerations of a moving double pendulum agree to rounding."""
     scene, state = cj.mechanisms.double_pendulum(clearance)
     spins = {"arm 2": (0.3, -0.2, 0.5), "arm 3": (1.0, -0.2, 0.5)}
     bodies = {
