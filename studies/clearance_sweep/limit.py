@@ -1,7 +1,7 @@
-"""Towards no clearance: how the end arm's motion tends to that with an ideal joint.
+"""Limit of zero clearance: convergence of the end arm's motion to that with an ideal joint.
 
-A journal held along its axis tends to the ideal revolute joint. The paper's, which nothing holds,
-slides along its bearing, and tends to a cylindrical joint. Run it by `studies.clearance_sweep`.
+A journal fixed axially tends to the ideal revolute joint. The paper's journal slides along its
+bearing, and tends to a cylindrical joint.
 """
 
 from typing import Any
@@ -24,12 +24,14 @@ BELOW_SATURATION = 0.3e-3
 PROPORTIONAL = (5e-6, BELOW_SATURATION)
 """Clearances larger than the penetration, m."""
 COMPLIANT = (0.1e-6, 1e-6)
-"""Clearances smaller than it, m."""
+"""Clearances smaller than the penetration, m."""
 BLUE, VERMILLION = "#0072B2", "#D55E00"
 
 
 def limit(output: Output) -> list[str]:
-    """Deviation of the end arm from that with an ideal joint; returns the findings."""
+    """Compute and draw the deviation of the end arm from its motion with an ideal joint, and return
+    the findings.
+    """
     held = deviations(output, "limit_held", cj.FixedAxially())
     free = deviations(output, "limit_free", cj.FreeAxially())
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
@@ -52,7 +54,7 @@ def limit(output: Output) -> list[str]:
 
 
 def _over_play(held: xr.Dataset, axes: Axes) -> None:
-    """The deviation over the whole play, clearance and penetration."""
+    """Draw the deviation over the sum of clearance and penetration."""
     within = (0.0, _largest_play(held))
     plot.convergence(held, "deviation", "play", within=within, label="held axially", axes=axes)
     axes.set_xlabel("clearance + penetration, mm")
@@ -60,7 +62,9 @@ def _over_play(held: xr.Dataset, axes: Axes) -> None:
 
 
 def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
-    """A sweep over the clearance with the largest deviation of each run, and its play."""
+    """Return a sweep over the clearance with the largest deviation of each run, and the sum of
+    clearance and penetration.
+    """
     times = np.linspace(0.0, DURATION, 251)
     ideal = cj.simulate(
         *cj.mechanisms.double_pendulum(None),
@@ -90,7 +94,7 @@ def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
 
 
 def _mark_compliance(swept: xr.Dataset, axes: Axes) -> None:
-    """A line where the penetration equals the clearance."""
+    """Draw a line where the penetration equals the clearance."""
     equal = 1e3 * equal_penetration(swept)
     axes.axvline(equal, color="0.5", linewidth=1.0, linestyle="--")
     axes.annotate(
@@ -106,7 +110,7 @@ def _mark_compliance(swept: xr.Dataset, axes: Axes) -> None:
 
 
 def equal_penetration(swept: xr.Dataset) -> float:
-    """Clearance that equals the largest penetration of its run, m."""
+    """Return the clearance that equals the largest penetration of its run, m."""
     depth, clearances = swept["penetration"].values, swept["clearance"].values
     return float(np.exp(np.interp(0.0, np.log(clearances / depth), np.log(clearances))))
 
@@ -116,7 +120,7 @@ def _largest_play(swept: xr.Dataset) -> float:
 
 
 def findings(held: xr.Dataset, free: xr.Dataset) -> list[str]:
-    """What the limit shows, measured on the deviations."""
+    """Return the findings, measured on the deviations."""
     proportional, compliant = (
         plot.power_law_exponent(held, "deviation", within=within)
         for within in (PROPORTIONAL, COMPLIANT)

@@ -1,4 +1,4 @@
-"""Where studies put their stores and pictures."""
+"""Folders, stores and pictures of studies."""
 
 import argparse
 from dataclasses import dataclass
@@ -11,14 +11,15 @@ from PIL import Image
 import clearjoint as cj
 
 PALETTE = 128
-"""Colours of a picture."""
+"""Number of colours of a picture."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """A folder for stores and pictures; `quick` studies take few lanes and coarse pictures.
+    """Folder for the stores and pictures of a study.
 
-    `kept`: the study's own folder, if the pictures in it are renewed too.
+    `quick`: whether the study is small and its pictures are coarse. `kept`: the study's own folder,
+    if its pictures are replaced too.
     """
 
     folder: Path
@@ -27,7 +28,7 @@ class Output:
 
     @staticmethod
     def of(study: str, options: argparse.Namespace) -> "Output":
-        """The output for `study`, the file of its `__main__`, and the options of `add_options`."""
+        """Return the output for a study's `__main__` file and the options of `add_options`."""
         own = Path(study).resolve().parent
         folder = Path("results") / own.name
         if options.quick:
@@ -35,7 +36,7 @@ class Output:
         return Output(options.output or folder, options.quick, own if options.renew else None)
 
     def store(self, name: str) -> Path:
-        """Path of a sweep's store; says how much of it is there already."""
+        """Return the path of a sweep's store, and print how much of it exists."""
         path = self.file(f"{name}.zarr")
         if path.exists():
             done = cj.open_sweep(path)["result"].values != -1
@@ -43,12 +44,12 @@ class Output:
         return path
 
     def file(self, name: str) -> Path:
-        """Path of a file in the folder, which is there from now on."""
+        """Return the path of a file, after making the folder."""
         self.folder.mkdir(parents=True, exist_ok=True)
         return self.folder / name
 
     def save(self, figure: Figure, name: str) -> None:
-        """Write a picture, with a palette, which makes it a third as large."""
+        """Write a picture with a palette, which reduces its size to a third."""
         file = self.file(f"{name}.png")
         figure.savefig(file, dpi=80 if self.quick else 130)
         with Image.open(file) as picture:
@@ -59,7 +60,7 @@ class Output:
 
 
 def add_options(parser: argparse.ArgumentParser, quick: str) -> None:
-    """Add `--quick`, with a line that says what it leaves out, `--renew` and `--output`."""
+    """Add the options `--quick` (with a line of help), `--renew` and `--output`."""
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--quick", action="store_true", help=quick)
     how.add_argument("--renew", action="store_true", help="replace the pictures beside the study")

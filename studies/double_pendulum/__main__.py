@@ -1,10 +1,10 @@
-"""The paper's demonstration: a double pendulum with a clearance joint, against an ideal one.
+"""The paper's double pendulum with a clearance joint, compared with an ideal joint.
+
+    python -m studies.double_pendulum [--quick] [--output FOLDER]
 
 Draws figures 13 to 17 of P. Flores, J. Ambrosio, J. C. P. Claro and H. M. Lankarani, "Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems" (2006), section 6,
-animates the journal, and sets the paper's statements beside what came out:
-
-    python -m studies.double_pendulum [--quick] [--output FOLDER]
+animates the journal, and compares the paper's statements with the results.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from studies.double_pendulum.study import run
 
 
 def parse(arguments: list[str] | None) -> tuple[Settings, Output]:
-    """Settings and output from a command line."""
+    """Return settings and output of a command line."""
     default = Settings()
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "short run and coarse pictures")
@@ -44,7 +44,7 @@ def parse(arguments: list[str] | None) -> tuple[Settings, Output]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the study from a command line, and print its table."""
+    """Run the study, and print its table."""
     settings, output = parse(arguments)
     cj.configure()
     try:

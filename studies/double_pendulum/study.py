@@ -1,4 +1,4 @@
-"""Both pendulums simulated and drawn, and what was found."""
+"""Runs, figures and results of the study."""
 
 from clearjoint import plot
 from studies.common.output import Output

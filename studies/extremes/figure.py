@@ -1,4 +1,4 @@
-"""The map of how far each number can go."""
+"""Map of the tested ranges."""
 
 from collections.abc import Sequence
 
@@ -17,11 +17,11 @@ SHORT = {
     "max_steps_reached": "step limit",
     "step_too_small": "step too small",
 }
-"""Result codes as the map has room for."""
+"""Short names of result codes."""
 
 
 def drawn_map(rows: Sequence[Row], batches: Sequence[Batch]) -> Figure:
-    """Cases above, a cell for each value; random scenes below, by families."""
+    """Draw the cases above, a cell for each value, and the random scenes by family below."""
     heights = (len(rows), len(batches) + 1.0)
     figure = Figure(figsize=(11.0, 0.36 * sum(heights) + 1.4), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=heights)

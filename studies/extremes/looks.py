@@ -1,4 +1,4 @@
-"""What is found at one place of a case's range."""
+"""Result at one value of a case's range."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,11 @@ RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
 
 @dataclass(frozen=True)
 class Look:
-    """`place`: the value looked at; `verdict`; `error` relative, NaN where refused; and `reason`,
-    a result code or the argument that is refused."""
+    """Result at a value.
+
+    `verdict`: right, refused or wrong. `error`: relative, NaN if refused. `reason`: result code or
+    refused argument.
+    """
 
     place: float
     verdict: str
@@ -20,7 +23,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Row:
-    """All looks of a case: what is varied, in which unit, and what the check and its bound are."""
+    """Results of a case: the varied number, its unit, the check and the largest allowed error."""
 
     name: str
     unit: str
@@ -29,17 +32,17 @@ class Row:
     looks: tuple[Look, ...]
 
     def count(self, verdict: str) -> int:
-        """How many looks have a verdict."""
+        """Return the number of results with a verdict."""
         return sum(look.verdict == verdict for look in self.looks)
 
     @property
     def worst(self) -> float:
-        """Largest error of the looks that are not refused."""
+        """Largest error of the results that are not refused."""
         return max((look.error for look in self.looks if look.verdict != REFUSED), default=np.nan)
 
     @property
     def reasons(self) -> str:
-        """Why looks were refused, and from where to where."""
+        """Reasons of refusals with their ranges of values, as text."""
         found: dict[str, list[float]] = {}
         for look in self.looks:
             if look.verdict == REFUSED:
@@ -53,7 +56,7 @@ def _span(places: list[float]) -> str:
 
 
 def judged(place: float, result: str, error: float, bound: float) -> Look:
-    """The look at a run that ended with a result code."""
+    """Return the result of a run that ended with a result code."""
     if result != "successful":
         return Look(place, REFUSED, np.nan, result)
     return Look(place, RIGHT if error <= bound else WRONG, error)

@@ -1,4 +1,4 @@
-"""Numbers that no scene can have: each is refused at once, with its argument and a remedy."""
+"""Impossible numbers, each refused with the argument and a remedy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from studies.extremes.families import FAMILIES
 
 @dataclass(frozen=True)
 class Refusal:
-    """What was tried, and what was said, or "" if nothing was."""
+    """Description of an attempt, and its error message, or "" if there was none."""
 
     what: str
     said: str
 
 
 def refusals() -> list[Refusal]:
-    """All attempts."""
+    """Return the results of all attempts."""
     return [Refusal(what, _said(attempt)) for what, attempt in ATTEMPTS.items()]
 
 

@@ -9,7 +9,7 @@ from studies.extremes.refusals import Refusal
 
 
 def case_table(rows: Iterable[Row]) -> str:
-    """How far each number can go."""
+    """Return the table of cases."""
     lines = [
         "| case | from .. to | right | refused | wrong | checked by | largest error (allowed) |",
         "|---|---|---|---|---|---|---|",
@@ -27,7 +27,7 @@ def case_table(rows: Iterable[Row]) -> str:
 
 
 def family_table(batches: Sequence[Batch]) -> str:
-    """What became of the random scenes."""
+    """Return the table of random scenes."""
     lines = [
         "| random scenes | all | successful | refused | wrong | nearest to what is allowed (1) |",
         "|---|---|---|---|---|---|",
@@ -55,7 +55,7 @@ def _family_line(name: str, batches: Sequence[Batch]) -> str:
 
 
 def refusal_table(refused: Iterable[Refusal]) -> str:
-    """What was said to numbers that no scene can have."""
+    """Return the table of refusals."""
     lines = ["| tried | said |", "|---|---|"]
     lines += [f"| {one.what} | {one.said or 'nothing: WRONG'} |" for one in refused]
     return "\n".join(lines)

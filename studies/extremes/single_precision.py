@@ -13,7 +13,7 @@ DURATION = 0.02
 
 
 def look(rtol: float) -> dict[str, Any]:
-    """First impact, and what the ledger does not account for over the energy exchanged."""
+    """Return the first impact, and the energy error over the energy exchanged."""
     scene, state = cj.mechanisms.double_pendulum()
     solution = cj.simulate(
         scene,

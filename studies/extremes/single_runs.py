@@ -1,4 +1,4 @@
-"""Extremes that are runs of their own: constraints, derivatives, single precision, late times."""
+"""Cases with separate runs: constraints, derivatives, single precision and late times."""
 
 import json
 import os
@@ -23,14 +23,17 @@ GRAVITY = 9.81
 
 
 def single_rows() -> list[Row]:
-    """All of them."""
+    """Return the rows of all cases."""
     rows = (default_tolerances, late_start, singular_position, skew_hinge, centred_journal)
     return [*(row() for row in rows), single_precision()]
 
 
 def four_bar(angle: float, skew: float = 0.0) -> tuple[cj.Scene, cj.State]:
-    """A parallelogram of three rods of 1 m and 1 kg at rest, its cranks at an angle to the ground,
-    one hinge askew; both in rad. At angle zero all lies in one line, and cranks may part."""
+    """Return a parallelogram of three rods of 1 m and 1 kg at rest.
+
+    `angle`: of the cranks to the ground, rad; at zero all rods lie in one line, and the cranks may
+    move apart. `skew`: tilt of one hinge, rad.
+    """
     rod = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))
     axis, askew = (0.0, 0.0, 1.0), (np.sin(skew), 0.0, np.cos(skew))
     near, far = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0)
@@ -58,7 +61,7 @@ def four_bar(angle: float, skew: float = 0.0) -> tuple[cj.Scene, cj.State]:
 
 
 def crank_angle(start: float, duration: float) -> float:
-    """The parallelogram's angle: 5/3 angle'' = -2 g cos(angle), by SciPy's DOP853."""
+    """Return the parallelogram's angle by SciPy's DOP853: 5/3 angle'' = -2 g cos(angle)."""
 
     def rates(t: float, y: np.ndarray) -> list[float]:
         del t
@@ -89,21 +92,21 @@ def _name(solution: cj.results.Solution) -> str:
 
 
 def singular_position() -> Row:
-    """The parallelogram falls through the position in which all lies in one line."""
+    """Return the row of a parallelogram that falls through its singular position."""
     angles = (0.7, 0.1, 1e-3, 1e-5, 1e-7, 1e-9, 0.0)
     looks = tuple(_four_bar_look(a, a, 0.0, 1.5, 1e-6) for a in angles)
     return Row("four-bar, start angle", "rad", "parallel motion", 1e-6, looks)
 
 
 def skew_hinge() -> Row:
-    """One of its hinges askew: redundant constraints that cease to be so."""
+    """Return the row of a skew hinge, which makes redundant constraints inconsistent."""
     skews = (0.0, 1e-12, 1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-3)
     looks = tuple(_four_bar_look(s, 0.7, s, 1.0, 1e-6) for s in skews)
     return Row("four-bar, skew hinge", "rad", "parallel motion", 1e-6, looks)
 
 
 def default_tolerances() -> Row:
-    """The thrown journal with the tolerances of `simulate`, from crawling to fast."""
+    """Return the row of the thrown journal with default tolerances, from slow to fast."""
     looks = []
     for speed in decades(1e-9, 1e2, 12):
         draw = BASE | {"speed": speed}
@@ -115,7 +118,9 @@ def default_tolerances() -> Row:
 
 
 def late_start() -> Row:
-    """The thrown journal, later and later: a double's times grow coarse."""
+    """Return the row of the thrown journal at late times, where the resolution of the time is
+    coarse.
+    """
     looks = []
     for place in (0.0, 1.0, 1e3, 1e5, 1e7, 1e9, 1e11):
         (lane,) = run("thrown journal", [thrown(BASE)], 100_000, start_time=place)
@@ -125,7 +130,7 @@ def late_start() -> Row:
 
 
 def centred_journal() -> Row:
-    """Derivatives of a flight from the exact centre: of x to x, 1, and to the speed, t."""
+    """Return the row of derivatives of a flight from the exact centre: 1 and t."""
     trial = thrown(BASE)
     looks = []
 
@@ -151,11 +156,11 @@ def centred_journal() -> Row:
 
 
 FIRST_IMPACT = {"onset": 10.0964e-3, "entry_speed": 0.0990454, "peak_force": 1466.376}
-"""Of the paper's pendulum, by the event-exact reference solver."""
+"""First impact of the paper's pendulum by the event-exact reference solver."""
 
 
 def single_precision() -> Row:
-    """The paper's first impact in 32-bit floats, in a process of its own."""
+    """Return the row of the first impact in 32-bit floats, in a separate process."""
     environment = os.environ | {"PYTHONWARNINGS": "error::RuntimeWarning"}
     command = [sys.executable, "-m", "studies.extremes.single_precision"]
     found = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""What every baseline returns."""
+"""Result of a baseline."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class BaselineRun:
-    """The end of a run and what it cost.
+    """Final state and cost of a run.
 
-    `r2`, `r3`: centres of mass of the arms at the end, (3,) m; `steps`: accepted steps;
-    `right_hand_sides`: evaluations of the equations of motion, for an implicit method of their
-    residual; `seconds`: wall time of the integration alone, without setting up.
+    - `r2`, `r3`: final centres of mass of the arms, (3,) m.
+    - `steps`: accepted steps.
+    - `right_hand_sides`: evaluations of the equations of motion, or of their residual by an
+      implicit method.
+    - `seconds`: wall time of the integration without preparation.
     """
 
     r2: np.ndarray
