@@ -19,7 +19,7 @@ from studies.backlash.shafts import (
     timed,
 )
 
-AXIS, HERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+AXIS, CLEARJOINT = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 RADIUS = 0.05
 """Radius of the flanks, m; without effect, as frequency and damping are given."""
 PARAMETERS = {"play": cj.Parameter(lambda scene: scene.joints["play"].play)}
@@ -35,9 +35,15 @@ def shafts() -> tuple[cj.Scene, cj.State]:
         "motor": cj.Body(1.0, (5e-3, 5e-3, MOTOR)),
         "link": cj.Body(1.0, (5e-3, 5e-3, LINK)),
     }
-    hinges = {name: cj.RevoluteJoint("ground", name, HERE, HERE, AXIS, AXIS) for name in bodies}
+    hinges = {
+        name: cj.RevoluteJoint("ground", name, CLEARJOINT, CLEARJOINT, AXIS, AXIS)
+        for name in bodies
+    }
     play = cj.Backlash("link", "motor", play=PLAY, radius=RADIUS, law=law)
-    states = {"motor": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "link": cj.body_state(HERE)}
+    states = {
+        "motor": cj.body_state(CLEARJOINT, spin=(0.0, 0.0, SPEED)),
+        "link": cj.body_state(CLEARJOINT),
+    }
     return cj.Scene(bodies, {**hinges, "play": play}), cj.State(states)
 
 

@@ -14,7 +14,7 @@ QUICK = slice(0, 1)
 INTEGRATORS = ("implicitfast", "RK4")
 CHANGES = (1e-2, 1e-4)
 """Relative changes of the backlash for differences."""
-HERE = "clearjoint"
+CLEARJOINT = "clearjoint"
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ def motions(quick: bool) -> list[Trial]:
     """Return errors of the final angles, rad, and relative errors of the energy."""
     truth = exact(np.array([END]))[0]
     few = QUICK if quick else slice(None)
-    found = [(HERE, f"rtol {rtol:g}", ours.run(rtol)) for rtol in TOLERANCES[few]]
+    found = [(CLEARJOINT, f"rtol {rtol:g}", ours.run(rtol)) for rtol in TOLERANCES[few]]
     for name in INTEGRATORS:
         for step in STEPS[few]:
             found.append((f"MuJoCo, {name}", f"step {step:g} s", recipe.run(step, name)))
@@ -50,7 +50,7 @@ def derivatives(quick: bool) -> list[Trial]:
     """Return relative errors of the derivative of the link's angle by the backlash."""
     truth = exact_derivative(END)
     few = QUICK if quick else slice(None)
-    found = [(HERE, f"rtol {rtol:g}", ours.derivative(rtol)) for rtol in TOLERANCES[few]]
+    found = [(CLEARJOINT, f"rtol {rtol:g}", ours.derivative(rtol)) for rtol in TOLERANCES[few]]
     for change in CHANGES:
         for step in STEPS[few]:
             who = f"MuJoCo, RK4, play ±{100.0 * change:g} %"

@@ -102,7 +102,7 @@ def model(joints: int) -> str:
     )
 
 
-class Here:
+class ClearjointChain:
     """The chain in clearjoint."""
 
     def __init__(self, joints: int):
@@ -125,7 +125,7 @@ class Here:
         return np.array([2.0 * math.atan2(p[3], p[0]) for p in turned]), sample
 
 
-class There:
+class MujocoChain:
     """The chain in MuJoCo."""
 
     def __init__(self, joints: int):
@@ -163,9 +163,11 @@ def rows(plan: Plan) -> list[Row]:
         print("MuJoCo is not installed (pip install mujoco): rows of backlash have no ratio.")
     found = []
     for joints in QUICK_JOINTS if plan.quick else JOINTS:
-        runs: dict[str, tuple[Run, float, float]] = {"here": (Here(joints).run, RTOL, FINE_RTOL)}
+        runs: dict[str, tuple[Run, float, float]] = {
+            "here": (ClearjointChain(joints).run, RTOL, FINE_RTOL)
+        }
         if beside:
-            runs["there"] = There(joints).run, STEP, FINE_STEP
+            runs["there"] = MujocoChain(joints).run, STEP, FINE_STEP
         calls = {
             name: lambda k, run=run, setting=setting: run(setting)[1]
             for name, (run, setting, _) in runs.items()
@@ -176,9 +178,9 @@ def rows(plan: Plan) -> list[Row]:
             }
             errors = [f"{_error(*case):.0e}" for case in runs.values()]
         plural = "s" if joints > 1 else ""
-        what = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
+        label = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
         name = f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"
-        found.append(row(what, times["here"], times.get("there"), name if beside else ""))
+        found.append(row(label, times["here"], times.get("there"), name if beside else ""))
     return found
 
 

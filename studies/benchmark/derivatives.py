@@ -73,15 +73,15 @@ def rows(plan: Plan) -> list[Row]:
         with on_cores(1):
             samples = interleaved(calls, plan.rounds)
         call, call_with = samples["call"], samples["call with derivatives"]
-        what = f"{count} parameter" + ("s" if count > 1 else "")
+        label = f"{count} parameter" + ("s" if count > 1 else "")
         few = count <= FEW
         steps = (step_times(samples["10"], call_with), step_times(samples["run"], call))
         aim = STEP_AIM if few else None
-        found.append(row(f"an attempted step, {what}", *steps, "without derivatives", aim))
+        found.append(row(f"an attempted step, {label}", *steps, "without derivatives", aim))
         for tolerance, aim in AIMS.items():
             found.append(
                 row(
-                    f"derivatives, {what}, tolerance {tolerance:g}",
+                    f"derivatives, {label}, tolerance {tolerance:g}",
                     seconds(samples[f"{tolerance:g}"]) - _least(call_with),
                     seconds(samples["run"]) - _least(call),
                     "the run",
@@ -89,7 +89,7 @@ def rows(plan: Plan) -> list[Row]:
                 )
             )
         if count == 3 or plan.quick:
-            found.append(row(f"call of `sensitivities` over 1 µs, {what}", seconds(call_with)))
+            found.append(row(f"call of `sensitivities` over 1 µs, {label}", seconds(call_with)))
     return found
 
 

@@ -106,15 +106,15 @@ def rows(plan: Plan) -> list[Row]:
     found = []
     with on_cores(1):
         for first in QUICK if plan.quick else CALLS:
-            what = f"first `{first.call}`, {first.mechanism}"
+            label = f"first `{first.call}`, {first.mechanism}"
             with tempfile.TemporaryDirectory() as folder:
                 again = plan.rounds if first.kept is not None else 0
                 runs = [_measured(folder, first) for _ in range(1 + again)]
             imports += [imported for imported, _ in runs]
             times = np.array([call for _, call in runs])
-            found.append(row(f"{what}, nothing kept", times[:1], aim=first.nothing_kept))
+            found.append(row(f"{label}, nothing kept", times[:1], aim=first.nothing_kept))
             if again:
-                found.append(row(f"{what}, kept", times[1:], aim=first.kept))
+                found.append(row(f"{label}, kept", times[1:], aim=first.kept))
         if not plan.quick:
             found.append(row("the paper's study, nothing kept", _study(), aim=STUDY_AIM))
     return [row("import", np.array(imports), aim=IMPORT_AIM), *found]

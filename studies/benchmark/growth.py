@@ -118,7 +118,7 @@ def _parameters(number: int) -> dict[str, cj.Parameter]:
         "gravity": cj.Parameter(lambda s: s.gravity[1]),
         "radius": cj.Parameter(lambda s: s.joints["shoulder"].bearing_radius, cj.Log()),
         "length": cj.Parameter(lambda s: s.joints["shoulder"].journal_length, cj.Log()),
-        "place": cj.Parameter(lambda s: s.joints["shoulder"].journal_point[0]),
+        "journal point": cj.Parameter(lambda s: s.joints["shoulder"].journal_point[0]),
     }
     return dict(list(chosen.items())[:number])
 

@@ -85,9 +85,9 @@ def others(plan: Plan) -> list[Row]:
         with on_cores(1):
             samples = interleaved(calls, min(plan.rounds, FEW))
             off = np.linalg.norm(program.run(checked, CLEARANCE).r2 - reference)
-        what = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
+        label = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
         here, there = (seconds(times) for times in samples.values())
-        found.append(row(what, here, there, program.name))
+        found.append(row(label, here, there, program.name))
     return found
 
 

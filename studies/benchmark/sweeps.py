@@ -59,8 +59,8 @@ def rows(plan: Plan) -> list[Row]:
         }
         steps = interleaved(calls, plan.rounds)
     here, there = (step_times(steps[str(lanes)]) for lanes, _ in (many, few))
-    what = f"an attempted step of a lane, {many[0]} lanes"
-    return [*found, row(what, here, there, f"{few[0]} lanes", 1.1)]
+    label = f"an attempted step of a lane, {many[0]} lanes"
+    return [*found, row(label, here, there, f"{few[0]} lanes", 1.1)]
 
 
 def _on_threads(plan: Plan, name: str, lanes: int, span: float, peak: bool) -> list[Row]:

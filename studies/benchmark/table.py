@@ -30,7 +30,7 @@ class Row:
     largest acceptable ratio, or without a yardstick the largest acceptable time, s.
     """
 
-    what: str
+    label: str
     seconds: float
     yardstick: str = ""
     other: float | None = None
@@ -47,7 +47,7 @@ class Row:
             ratio = "{:.3g} ({:.3g} … {:.3g})".format(self.ratio, *self.spread)
         if self.aim is not None:
             aim = shown(self.aim) if self.ratio is None else f"{self.aim:g}"
-        return self.what, here, other, ratio, aim
+        return self.label, here, other, ratio, aim
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def step_times(samples: Sequence[Sample], less: Sequence[Sample] | None = None) 
 
 
 def row(
-    what: str,
+    label: str,
     here: np.ndarray,
     other: np.ndarray | None = None,
     yardstick: str = "",
@@ -110,10 +110,10 @@ def row(
 ) -> Row:
     """Return the row of times (rounds,), compared with others of the same rounds."""
     if other is None:
-        return Row(what, float(np.median(here)), yardstick, aim=None if yardstick else aim)
+        return Row(label, float(np.median(here)), yardstick, aim=None if yardstick else aim)
     ratios = (here / other).tolist()
     times = float(np.median(here)), yardstick, float(np.median(other))
-    return Row(what, *times, median(ratios), (min(ratios), max(ratios)), aim)
+    return Row(label, *times, median(ratios), (min(ratios), max(ratios)), aim)
 
 
 def processor_time(call: Callable[[], int], times: int = 1) -> Sample:

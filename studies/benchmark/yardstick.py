@@ -82,22 +82,22 @@ class Yardstick:
 
     def agreement(self, kind: str) -> Agreement:
         """Return the difference from clearjoint at the tolerance and span of the comparison."""
-        there = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
-        here = cj.simulate(
+        found = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
+        expected = cj.simulate(
             *cj.mechanisms.double_pendulum(CLEARANCE, RESTITUTION),
             CHECKED_SPAN,
             cj.Settings(rtol=CHECKED_RTOL),
             save=cj.Saving(impacts=True),
             progress=False,
         )
-        impacts = here.impacts
+        impacts = expected.impacts
         assert impacts is not None
         first = int(np.argmin(impacts.onset))
-        position = np.asarray(here.final.bodies["arm 2"].position)
+        position = np.asarray(expected.final.bodies["arm 2"].position)
         return Agreement(
-            float(abs(there.onsets[0] / impacts.onset[first] - 1.0)),
-            float(abs(there.speeds[0] / impacts.entry_speed[first] - 1.0)),
-            float(np.linalg.norm(there.positions[0] - position)),
+            float(abs(found.onsets[0] / impacts.onset[first] - 1.0)),
+            float(abs(found.speeds[0] / impacts.entry_speed[first] - 1.0)),
+            float(np.linalg.norm(found.positions[0] - position)),
         )
 
 
@@ -105,7 +105,7 @@ def build(folder: Path) -> Yardstick | None:
     """Compile the program in a folder; print the reason and return ``None`` if that fails."""
     compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
     if compiler is None:
-        print("No C++ compiler (g++ or c++) was found: rows beside C++ have no ratio.")
+        print("No C++ compiler (g++ or c++) was found: rows with C++ have no ratio.")
         return None
     folder.mkdir(parents=True, exist_ok=True)
     program = folder / "yardstick"
@@ -113,9 +113,9 @@ def build(folder: Path) -> Yardstick | None:
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
-        print(f"{compiler} can't be run ({error}): rows beside C++ have no ratio.")
+        print(f"{compiler} can't be run ({error}): rows with C++ have no ratio.")
         return None
     if done.returncode:
-        print(f"{' '.join(command)} failed: rows beside C++ have no ratio.\n{done.stderr[:2000]}")
+        print(f"{' '.join(command)} failed: rows with C++ have no ratio.\n{done.stderr[:2000]}")
         return None
     return Yardstick(program.resolve())

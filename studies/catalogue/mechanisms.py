@@ -56,7 +56,7 @@ def path(scene: cj.Scene, state: cj.State, times: np.ndarray) -> dict[str, cj.Bo
     return cj.simulate(scene, state, times[-1], TIGHT, save, progress=False).states.bodies
 
 
-def place(body: cj.BodyState, local: tuple[float, float, float]) -> np.ndarray:
+def position(body: cj.BodyState, local: tuple[float, float, float]) -> np.ndarray:
     """Return the positions of a point given in body axes, (3, T) m."""
     turns = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
     return (np.asarray(body.position) + turns.apply(local)).T
@@ -95,7 +95,7 @@ def double_four_bar() -> Compared:
     angle is Jacobi's amplitude.
     """
     times = np.linspace(0.0, 10.0, 401)
-    tip = place(path(*cj.mechanisms.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
+    tip = position(path(*cj.mechanisms.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
     square = 3.5 * 9.81 / 3.0
     below = np.sqrt(1.0 + 4.0 * square)
     modulus = 4.0 * square / below**2
@@ -113,7 +113,7 @@ def _double_four_bar() -> Check:
 def bricard() -> Compared:
     """Return a corner of Bricard's mechanism, m, over time, s."""
     times = np.linspace(0.0, 2.0, 101)
-    corner = place(path(*cj.mechanisms.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
+    corner = position(path(*cj.mechanisms.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
     return Compared(times, corner, np.array(list(CORNERS)), np.transpose(list(CORNERS.values())))
 
 

@@ -29,18 +29,18 @@ class Output:
     @staticmethod
     def of(study: str, options: argparse.Namespace) -> "Output":
         """Return the output for a study's `__main__` file and the options of `add_options`."""
-        own = Path(study).resolve().parent
-        folder = Path("results") / own.name
+        source = Path(study).resolve().parent
+        folder = Path("results") / source.name
         if options.quick:
             folder = folder / "quick"
-        return Output(options.output or folder, options.quick, own if options.renew else None)
+        return Output(options.output or folder, options.quick, source if options.renew else None)
 
     def store(self, name: str) -> Path:
         """Return the path of a sweep's store, and print how much of it exists."""
         path = self.file(f"{name}.zarr")
         if path.exists():
             done = cj.open_sweep(path)["result"].values != -1
-            print(f"{path} has {done.sum()} of {done.size} lanes; what is missing is computed.")
+            print(f"{path} has {done.sum()} of {done.size} lanes; the others are computed.")
         return path
 
     def file(self, name: str) -> Path:
@@ -63,7 +63,7 @@ def add_options(parser: argparse.ArgumentParser, quick: str) -> None:
     """Add the options `--quick` (with a line of help), `--renew` and `--output`."""
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--quick", action="store_true", help=quick)
-    how.add_argument("--renew", action="store_true", help="replace the pictures beside the study")
-    parser.add_argument(
-        "--output", type=Path, help="folder for what it writes; results/NAME unless given"
+    how.add_argument(
+        "--renew", action="store_true", help="replace the pictures in the study's folder"
     )
+    parser.add_argument("--output", type=Path, help="output folder; default: results/NAME")

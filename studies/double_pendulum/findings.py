@@ -66,18 +66,22 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     )
 
 
-def _peak_reaction(seen: cj.results.Observation, impacts: cj.results.Impacts, index: int) -> float:
-    during = (seen.times >= impacts.onset[index]) & (seen.times <= impacts.separation[index])
-    return float(np.linalg.norm(seen.reactions[ELBOW][END_ARM].force[during], axis=1).max())
+def _peak_reaction(
+    observation: cj.results.Observation, impacts: cj.results.Impacts, index: int
+) -> float:
+    during = (observation.times >= impacts.onset[index]) & (
+        observation.times <= impacts.separation[index]
+    )
+    return float(np.linalg.norm(observation.reactions[ELBOW][END_ARM].force[during], axis=1).max())
 
 
 def _rebounds(
-    settings: Settings, seen: cj.results.Observation, impacts: cj.results.Impacts
+    settings: Settings, observation: cj.results.Observation, impacts: cj.results.Impacts
 ) -> np.ndarray:
     """Return the distance of base V from the wall after each of the first impacts, m."""
-    eccentricity = np.asarray(seen.contacts[SHOULDER]["V"].eccentricity)
+    eccentricity = np.asarray(observation.contacts[SHOULDER]["V"].eccentricity)
     flights = zip(impacts.separation[:3], impacts.onset[1:4], strict=False)
-    between = [(seen.times >= begin) & (seen.times <= end) for begin, end in flights]
+    between = [(observation.times >= begin) & (observation.times <= end) for begin, end in flights]
     return np.array([settings.clearance - eccentricity[flight].min() for flight in between])
 
 
@@ -101,15 +105,15 @@ def _lone_strike(run: Run) -> float | None:
     return min(strikes, default=None)
 
 
-def _largest_acceleration(seen: cj.results.Observation) -> float:
-    return float(np.abs(seen.accelerations[END_ARM].linear[:, 1]).max())
+def _largest_acceleration(observation: cj.results.Observation) -> float:
+    return float(np.abs(observation.accelerations[END_ARM].linear[:, 1]).max())
 
 
-def _slide(seen: cj.results.Observation, instant: float) -> float:
+def _slide(observation: cj.results.Observation, instant: float) -> float:
     """Return the axial displacement of the journal's centre, m: the mean of its bases."""
-    bases = seen.contacts[SHOULDER].values()
+    bases = observation.contacts[SHOULDER].values()
     axial = np.mean([base.point_on_journal[:, 2] for base in bases], axis=0)
-    return float(np.interp(instant, seen.times, axial))
+    return float(np.interp(instant, observation.times, axial))
 
 
 def report(findings: Findings) -> str:

@@ -196,8 +196,8 @@ def _static_depth() -> Any:
 def _chattering_error(value: float, outcome: Any) -> float:
     """Return the distance from rest at the static depth, in fall heights (one clearance)."""
     del value
-    place = -outcome["poses"]["journal"].position[1] - LONG(BASE["clearance"])
-    return float(abs(place - _static_depth()) / LONG(BASE["clearance"]))
+    height = -outcome["poses"]["journal"].position[1] - LONG(BASE["clearance"])
+    return float(abs(height - _static_depth()) / LONG(BASE["clearance"]))
 
 
 SLIDING_SPEED, SLIDING_TIME, REGULARISATION = 0.1, 0.02, 1e-3
@@ -208,8 +208,8 @@ def _sliding(value: float) -> Trial:
     tip.
     """
     trial = FAMILIES["journal"].trial(BASE | {"friction": value})
-    place = (0.0, -float(BASE["clearance"] + _static_depth()), 0.0)
-    state = cj.State({"journal": cj.body_state(place, velocity=(0, 0, SLIDING_SPEED))})
+    position = (0.0, -float(BASE["clearance"] + _static_depth()), 0.0)
+    state = cj.State({"journal": cj.body_state(position, velocity=(0, 0, SLIDING_SPEED))})
     bodies = {"journal": cj.Body(BASE["mass"], [1e6] * 3)}
     scene = cj.Scene(bodies, trial.scene.joints, gravity=trial.scene.gravity)
     return Trial(scene, state, SLIDING_TIME)

@@ -147,8 +147,8 @@ def _start(draw: Draw) -> cj.BodyState:
     heading = _heading(draw)
     across = np.array([-heading[1], heading[0], 0.0])
     velocity = draw["speed"] * (heading + 0.3 * (draw["tilt"] - 0.5) * across)
-    place = draw["eccentricity"] * draw["clearance"] * heading
-    return cj.body_state(place, _orientation(draw), velocity, _spin(draw))
+    position = draw["eccentricity"] * draw["clearance"] * heading
+    return cj.body_state(position, _orientation(draw), velocity, _spin(draw))
 
 
 def contact_time(draw: Draw, mass: float) -> float:
@@ -215,12 +215,12 @@ def _pendulum(draw: Draw) -> tuple[cj.Scene, cj.State]:
     joint = eqx.tree_at(lambda j: j.journal_point, joint, np.array([-0.5 * ARM, 0.0, 0.0]))
     inertia = mass * ARM**2 / 12 * np.array([1e-2, 1.0, 1.0])
     scene = cj.Scene({"journal": cj.Body(mass, inertia)}, {"pin": joint}, gravity=GRAVITY)
-    place = 0.5 * ARM * np.array([1.0, 0, 0]) + min(1.0, draw["eccentricity"]) * draw[
+    position = 0.5 * ARM * np.array([1.0, 0, 0]) + min(1.0, draw["eccentricity"]) * draw[
         "clearance"
     ] * _heading(draw)
     spin = np.array([0.0, 0.0, 1.0]) * draw["speed"] / ARM
     velocity = np.array([0.0, 0.5 * draw["speed"], 0.0])
-    return scene, cj.State({"journal": cj.body_state(place, velocity=velocity, spin=spin)})
+    return scene, cj.State({"journal": cj.body_state(position, velocity=velocity, spin=spin)})
 
 
 def _fall(draw: Draw, mass: float) -> float:

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from studies.extremes.entries import WRONG, Row
 from studies.extremes.families import FAMILIES
-from studies.extremes.looks import WRONG, Row
 from studies.extremes.random_scenes import Batch, batch
 from studies.extremes.refusals import Refusal, refusals
 from studies.extremes.report import case_table, family_table, refusal_table
@@ -25,9 +25,9 @@ class Findings:
 
     def wrong(self) -> int:
         """Number of wrong results, and of impossible numbers that were accepted."""
-        looks = sum(row.count(WRONG) for row in self.rows)
+        entries = sum(row.count(WRONG) for row in self.rows)
         scenes = sum(len(one.wrong()) for one in self.batches)
-        return looks + scenes + sum(not one.said for one in self.refused)
+        return entries + scenes + sum(not one.message for one in self.refused)
 
 
 def find(quick: bool, scenes: int, seed: int) -> Findings:

@@ -4,8 +4,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 from studies.extremes.cases import CASES, Case
+from studies.extremes.entries import Row, judged
 from studies.extremes.families import FAMILIES, Draw, draws
-from studies.extremes.looks import Row, judged
 from studies.extremes.runs import Lane, run
 
 
@@ -35,21 +35,21 @@ class Batch:
 def batch(name: str, count: int, seed: int, max_steps: int) -> Batch:
     """Run the cases of a family and `count` random scenes together."""
     cases = [case for case in CASES if case.family == name]
-    places = [(case, value) for case in cases for value in case.values]
+    pairs = [(case, value) for case in cases for value in case.values]
     drawn = draws(count, seed)
-    trials = [case.trial(value) for case, value in places]
+    trials = [case.trial(value) for case, value in pairs]
     trials += [FAMILIES[name].trial(draw) for draw in drawn]
     lanes = run(name, trials, max_steps)
     ended = iter(lanes)
     rows = tuple(_row(case, [next(ended) for _ in case.values]) for case in cases)
-    return Batch(name, tuple(drawn), tuple(lanes[len(places) :]), rows)
+    return Batch(name, tuple(drawn), tuple(lanes[len(pairs) :]), rows)
 
 
 def _row(case: Case, lanes: list[Lane]) -> Row:
-    looks = []
+    entries = []
     for value, lane in zip(case.values, lanes, strict=True):
         error = case.error(value, lane.outcome)
         worst = max(lane.violations.values())
         # An invariant that is violated is worse than any error allowed.
-        looks.append(judged(value, lane.result, error if worst <= 1.0 else 1.0, case.bound))
-    return Row(case.name, case.unit, case.check, case.bound, tuple(looks))
+        entries.append(judged(value, lane.result, error if worst <= 1.0 else 1.0, case.bound))
+    return Row(case.name, case.unit, case.check, case.bound, tuple(entries))

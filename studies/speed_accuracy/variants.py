@@ -197,17 +197,17 @@ def precisions(spans: Spans) -> dict[str, list[Rounded]]:
         lengths = (str(spans.short), str(spans.long))
         _, rows = in_process(IN_PRECISION, *lengths, **variables)
         found[name] = [
-            Rounded(rtol, _error(np.array(places), goal.centres), *others)
-            for rtol, places, *others in rows
+            Rounded(rtol, _error(np.array(positions), goal.centres), *others)
+            for rtol, positions, *others in rows
         ]
     return found
 
 
-def _error(places: np.ndarray, expected: np.ndarray) -> float:
+def _error(positions: np.ndarray, expected: np.ndarray) -> float:
     """Return the largest error of a position, m; NaN for a run that ended early."""
-    if places.shape != expected.shape:
+    if positions.shape != expected.shape:
         return float("nan")
-    return float(np.abs(places - expected).max())
+    return float(np.abs(positions - expected).max())
 
 
 def in_this_precision(short: float, long: float) -> None:

@@ -63,11 +63,11 @@ def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> 
     left, middle, right = figure.subplots(1, 3)
     run = design.run(clearance, design.instants())
     angles = 2.0 * np.pi * (run.times - run.times[0]) / design.period
-    turned = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
+    offset = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
     label = f"{1e6 * clearance:.1f} µm"
     errors = {label: (angles, 1e6 * run.values["error"]), "ideal joint": (angles, 0.0 * angles)}
     plot.over_angle(errors, "slider from its ideal position, µm", axes=left)
-    ideal = ideal_pin_force(design, angles + turned)
+    ideal = ideal_pin_force(design, angles + offset)
     forces = {label: run.values[FORCE], "ideal joint": ideal}
     forces = {name: (angles, 1e-3 * values) for name, values in forces.items()}
     plot.over_angle(forces, "pin force, kN", axes=middle)
@@ -76,7 +76,7 @@ def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> 
         (middle, 1e-3 * design.limits[FORCE]),
     ):
         axes.axhline(limit, color=style.GREY, linewidth=1.2, linestyle=":", label="limit")
-        start = np.degrees(turned)
+        start = np.degrees(offset)
         axes.xaxis.set_major_formatter(lambda x, _, start=start: f"{(x + start) % 360.0:.0f}")
     left.axhline(-1e6 * design.limits[POSITION], color=style.GREY, linewidth=1.2, linestyle=":")
     handles = middle.get_legend_handles_labels()

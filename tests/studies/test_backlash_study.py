@@ -46,13 +46,13 @@ def test_its_derivative_is_that_of_differences():
 @needs_mujoco
 def test_the_study_runs_quickly_and_finds_what_its_readme_says(tmp_path):
     from studies.backlash.__main__ import main
-    from studies.backlash.trials import HERE, derivatives, motions
+    from studies.backlash.trials import CLEARJOINT, derivatives, motions
 
     main(["--quick", "--output", str(tmp_path)])
     assert {path.name for path in tmp_path.iterdir()} == {"backlash.png"}
     for trials, most in ((motions(True), 1e-5), (derivatives(True), 1e-4)):
-        ours = [trial.errors[0] for trial in trials if trial.who == HERE]
-        theirs = [trial.errors[0] for trial in trials if trial.who != HERE]
+        ours = [trial.errors[0] for trial in trials if trial.who == CLEARJOINT]
+        theirs = [trial.errors[0] for trial in trials if trial.who != CLEARJOINT]
         assert max(ours) < most and max(ours) < 0.1 * min(theirs)
 
 

@@ -8,14 +8,14 @@ RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
 
 
 @dataclass(frozen=True)
-class Look:
+class Entry:
     """Result at a value.
 
     `verdict`: right, refused or wrong. `error`: relative, NaN if refused. `reason`: result code or
     refused argument.
     """
 
-    place: float
+    value: float
     verdict: str
     error: float
     reason: str = ""
@@ -29,34 +29,36 @@ class Row:
     unit: str
     check: str
     bound: float
-    looks: tuple[Look, ...]
+    entries: tuple[Entry, ...]
 
     def count(self, verdict: str) -> int:
         """Return the number of results with a verdict."""
-        return sum(look.verdict == verdict for look in self.looks)
+        return sum(entry.verdict == verdict for entry in self.entries)
 
     @property
     def worst(self) -> float:
         """Largest error of the results that are not refused."""
-        return max((look.error for look in self.looks if look.verdict != REFUSED), default=np.nan)
+        return max(
+            (entry.error for entry in self.entries if entry.verdict != REFUSED), default=np.nan
+        )
 
     @property
     def reasons(self) -> str:
         """Reasons of refusals with their ranges of values, as text."""
         found: dict[str, list[float]] = {}
-        for look in self.looks:
-            if look.verdict == REFUSED:
-                found.setdefault(look.reason, []).append(look.place)
-        return "; ".join(f"{reason}: {_span(places)}" for reason, places in found.items())
+        for entry in self.entries:
+            if entry.verdict == REFUSED:
+                found.setdefault(entry.reason, []).append(entry.value)
+        return "; ".join(f"{reason}: {_span(values)}" for reason, values in found.items())
 
 
-def _span(places: list[float]) -> str:
-    ends = sorted({min(places), max(places)})
-    return " to ".join(f"{place:g}" for place in ends)
+def _span(values: list[float]) -> str:
+    ends = sorted({min(values), max(values)})
+    return " to ".join(f"{value:g}" for value in ends)
 
 
-def judged(place: float, result: str, error: float, bound: float) -> Look:
+def judged(value: float, result: str, error: float, bound: float) -> Entry:
     """Return the result of a run that ended with a result code."""
     if result != "successful":
-        return Look(place, REFUSED, np.nan, result)
-    return Look(place, RIGHT if error <= bound else WRONG, error)
+        return Entry(value, REFUSED, np.nan, result)
+    return Entry(value, RIGHT if error <= bound else WRONG, error)
