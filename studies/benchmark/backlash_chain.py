@@ -158,15 +158,15 @@ class MujocoChain:
 
 def rows(plan: Plan) -> list[Row]:
     """Measure each chain in clearjoint and in MuJoCo, with the errors of both."""
-    beside = find_spec("mujoco") is not None
-    if not beside:
+    has_mujoco = find_spec("mujoco") is not None
+    if not has_mujoco:
         print("MuJoCo is not installed (pip install mujoco): rows of backlash have no ratio.")
     found = []
     for joints in QUICK_JOINTS if plan.quick else JOINTS:
         runs: dict[str, tuple[Run, float, float]] = {
             "here": (ClearjointChain(joints).run, RTOL, FINE_RTOL)
         }
-        if beside:
+        if has_mujoco:
             runs["there"] = MujocoChain(joints).run, STEP, FINE_STEP
         calls = {
             name: lambda k, run=run, setting=setting: run(setting)[1]
@@ -180,7 +180,7 @@ def rows(plan: Plan) -> list[Row]:
         plural = "s" if joints > 1 else ""
         label = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
         name = f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"
-        found.append(row(label, times["here"], times.get("there"), name if beside else ""))
+        found.append(row(label, times["here"], times.get("there"), name if has_mujoco else ""))
     return found
 
 

@@ -22,7 +22,7 @@ from studies.benchmark.table import (
 )
 from studies.benchmark.yardstick import CHECKED_SPAN, CLEARANCE, RESTITUTION, SCALAR
 from studies.common.baselines import scipy_pendulum
-from studies.common.baselines.result import BaselineRun
+from studies.common.baselines.scipy_pendulum import BaselineRun
 
 SPAN, QUICK_SPAN = 4.0, 0.2
 """Simulated times, s."""

@@ -137,7 +137,7 @@ def findings(fixed: xr.Dataset, free: xr.Dataset) -> list[str]:
         f"below {equal_penetration(fixed) * 1e6:.1f} µm the penetration is larger than the "
         f"clearance, and it goes with c^{compliant:.2f}: stiffness grows as c^-0.5, penetration at "
         "constant load falls as c^0.33 only",
-        f"with the sum of clearance and largest penetration it scales at a rate of {rate:.2f}: it is "
+        f"with the sum of clearance and penetration it scales at a rate of {rate:.2f}: it is "
         f"{ratio.min():.0f} to {ratio.max():.0f} times that sum (tilt of the 20 mm journal: 112)",
         f"at 1 mm it is {float(fixed['deviation'][-1]) * 1e3:.0f} mm and has levelled off: the run "
         "ends before the journal has tilted all the way",

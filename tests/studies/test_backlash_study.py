@@ -1,4 +1,4 @@
-"""The study of backlash runs, and what it calls exact is."""
+"""The study of backlash, and its closed form."""
 
 import importlib.util
 
@@ -44,7 +44,7 @@ def test_its_derivative_is_that_of_differences():
 
 @pytest.mark.slow
 @needs_mujoco
-def test_the_study_runs_quickly_and_finds_what_its_readme_says(tmp_path):
+def test_quick_study_finds_the_differences_of_its_readme(tmp_path):
     from studies.backlash.__main__ import main
     from studies.backlash.trials import CLEARJOINT, derivatives, motions
 

@@ -12,7 +12,7 @@ from tests.support.replaced_code import FEATURES, without
 CASES = features.cases()
 NAMES = list(CASES)
 FAST = 3
-"""Number of the last case whose program is traced in no time."""
+"""Index of the last case in the fast tests."""
 
 
 def cases(numbers):
@@ -23,7 +23,7 @@ def cases(numbers):
 
 
 def program_text(number):
-    """The jaxprs of a right-hand side and of an attempted step, without addresses in memory."""
+    """Return the jaxprs of a right-hand side and of an attempted step, without addresses."""
     case = CASES[NAMES[number]]
     run = RunProgram.of(case.scene, case.state, case.settings)
     jaxprs = [

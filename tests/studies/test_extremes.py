@@ -82,13 +82,13 @@ def test_draws_cover_the_ranges():
 
 
 def test_restitution_identity_agrees_with_its_series():
-    """e = 1 - 2 chi/3 for weak damping; 0.9132 for a request of 0.9 by quadrature."""
+    """e = 1 - 2 chi/3 for weak damping; 0.9132 for a requested 0.9 by quadrature."""
     assert float(delivered(1e-6)) == pytest.approx(1.0 - 2e-6 / 3.0, abs=1e-9)
     assert float(delivered(damping_factor(0.9))) == pytest.approx(0.9132, abs=5e-5)
 
 
 def test_energies_of_a_known_state():
-    """Both bases 1e-4 m in the wall, and 0.1 m/s."""
+    """Both bases have a penetration of 1e-4 m and a speed of 0.1 m/s."""
     draw = BASE | {"eccentricity": 1.0 + 1e-4 / BASE["clearance"]}
     trial = FAMILIES["thrown journal"].trial(draw)
     at = poses(trial.state)

@@ -10,7 +10,7 @@ from studies.common.output import Output, add_options
 
 @pytest.fixture
 def drawn(tmp_path, monkeypatch):
-    """Draws with a study's options, as its `__main__` does; the study keeps one picture."""
+    """Return a function that draws with a study's options; one picture is in the study's folder."""
     study = tmp_path / "studies" / "example"
     study.mkdir(parents=True)
     (study / "motion.png").write_bytes(b"kept")

@@ -26,7 +26,7 @@ def restitution(speed):
 
 
 def throw(launch, count, terminal, scatter, generator):
-    """Intervals of a ball that follows the law, in closed form."""
+    """Return the intervals of a ball that follows the law, in closed form."""
     intervals = []
     for _ in range(count):
         intervals.append(flight_time(launch, terminal))
@@ -40,7 +40,7 @@ def written(name, rows):
 
 
 def drops(number, terminal, generator):
-    """Heights and rebounds by integrating the fall and the rise in small steps, in cm."""
+    """Return heights and rebounds in cm, by integration of fall and rise in small steps."""
     heights, rebounds = np.linspace(0.2, 1.1, 5), []
     for height in heights:
         e = restitution(fallen(height, terminal)) + 2e-3 * generator.standard_normal(8)
@@ -51,7 +51,7 @@ def drops(number, terminal, generator):
 
 
 def fallen(height, terminal, steps=4000):
-    """Speed after a fall: d(v^2/2) = g (1 - v^2/terminal^2) dh, by Euler."""
+    """Return the speed after a fall: d(v^2/2) = g (1 - v^2/terminal^2) dh, by Euler."""
     square = 0.0
     for _ in range(steps):
         square += 2 * 9.81 * (1 - square / terminal**2) * height / steps
@@ -59,7 +59,7 @@ def fallen(height, terminal, steps=4000):
 
 
 def risen(speed, terminal, step=5e-5):
-    """Height by dh = v dt, dv = -g (1 + v^2/terminal^2) dt."""
+    """Return the height by dh = v dt, dv = -g (1 + v^2/terminal^2) dt."""
     height = 0.0
     while speed > 0.0:
         height += (speed - 0.5 * 9.81 * step) * step
@@ -126,7 +126,7 @@ def test_impossible_readings_are_left_out_and_named():
 
 
 def test_simulated_ball_keeps_to_the_closed_form():
-    """Contacts take the remaining difference."""
+    """The duration of contacts is the remaining difference."""
     terminal = BALLS[TENNIS_TABLE].terminal
     expected = throw(2.5, 6, terminal, 0.0, np.random.default_rng())
     law = RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))

@@ -22,7 +22,7 @@ NOISE = 2e-4
 
 
 def swing(truth, times):
-    """Angles by SciPy, from the equation of motion of a mathematical pendulum."""
+    """Return angles by SciPy from the equation of motion of a mathematical pendulum."""
     rate = 9.81 / truth.length
 
     def field(t, y):
@@ -37,7 +37,7 @@ def swing(truth, times):
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Times and noisy angles of ten seconds."""
+    """Return times and noisy angles of ten seconds."""
     times = np.arange(0.0, 10.0, 0.004)
     noise = NOISE * np.random.default_rng(3).standard_normal(len(times))
     return times, swing(TRUTH, times) + noise

@@ -1,4 +1,4 @@
-"""The slider-crank's study runs in its quick setting."""
+"""The study of the slider-crank in its quick setting."""
 
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ from studies.speed_accuracy.runs import QUICK, measured
 from studies.speed_accuracy.steppers import RungeKutta4, SemiImplicitEuler
 
 FREQUENCY, STEP, COUNT = 3.0, 0.05, 40
-"""rad/s, s and steps of an oscillator."""
+"""Frequency, rad/s, step, s, and number of steps of an oscillator."""
 ROTATION = FREQUENCY * STEP * np.array([[0.0, 1.0], [-1.0, 0.0]])
 PER_STEP = {
     # The exponential's series up to the fourth term.
@@ -29,7 +29,7 @@ PER_STEP = {
 
 @pytest.mark.parametrize("solver", PER_STEP, ids=lambda solver: type(solver).__name__)
 def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
-    """Of position and speed over frequency."""
+    """The vector has the position and the speed over the frequency."""
     body = cj.Body(2.0, (0.1, 0.1, 0.1))
     spring = cj.SpringDamper("ground", "body", (0, 0, 0), (0, 0, 0), 2.0 * FREQUENCY**2)
     scene = cj.Scene({"body": body}, {}, {"spring": spring})

@@ -30,7 +30,6 @@ from typing import Any
 
 import numpy as np
 
-from studies.common.baselines.result import BaselineRun
 from studies.common.baselines.scipy_pendulum import (
     BEARING_RADIUS,
     BROAD,
@@ -39,6 +38,7 @@ from studies.common.baselines.scipy_pendulum import (
     MASS,
     SLENDER,
     YOUNG_MODULUS,
+    BaselineRun,
     ravn_contact,
 )
 

@@ -26,7 +26,24 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import root_scalar
 
-from studies.common.baselines.result import BaselineRun
+
+@dataclass(frozen=True)
+class BaselineRun:
+    """Final state and cost of a run.
+
+    - `r2`, `r3`: final centres of mass of the arms, (3,) m.
+    - `steps`: accepted steps.
+    - `right_hand_sides`: evaluations of the equations of motion, or of their residual by an
+      implicit method.
+    - `seconds`: wall time of the integration without preparation.
+    """
+
+    r2: np.ndarray
+    r3: np.ndarray
+    steps: int
+    right_hand_sides: int
+    seconds: float
+
 
 MASS = 7.02
 """Mass of each arm, kg (Table 1)."""
