@@ -14,6 +14,6 @@ class Check(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """Difference relative to the published value, or to one if that is larger and dimensionless."""
+        """Difference relative to the published value, or if dimensionless at least to one."""
         scale = abs(self.published) if self.unit else max(abs(self.published), 1.0)
         return abs(self.ours - self.published) / scale

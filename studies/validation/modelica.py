@@ -29,9 +29,9 @@ class Example(NamedTuple):
 def backlash() -> Example:
     """Run `Rotational.Examples.Backlash`: a wheel released from a compressed flank.
 
-    Inertia 5 kg m^2; stiffness 20e3 N m/rad, damping 50 N m s/rad, backlash pi/4 rad. It starts at rest
-    pi/2 rad from the middle. The damping torque is at most the elastic one, so that a flank never
-    pulls: it stops pushing before the gap opens.
+    Inertia 5 kg m^2; stiffness 20e3 N m/rad, damping 50 N m s/rad, backlash pi/4 rad. It starts at
+    rest pi/2 rad from the middle. The damping torque is at most the elastic one, so that a flank
+    never pulls: it stops pushing before the gap opens.
     """
     name, inertia, play = "Rotational.Examples.Backlash", 5.0, math.pi / 4.0
     stiffness, damping = 20e3, 50.0
