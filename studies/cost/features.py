@@ -89,7 +89,7 @@ def measure(quick: bool) -> list[Cost]:
 
 def table(costs: Sequence[Cost]) -> list[tuple[str, ...]]:
     """Return the table as text."""
-    rows = [(cost.name, f"{1e9 * cost.seconds:.3g}") for cost in costs]
+    rows = [(cost.name, f"{1e9 * cost.seconds:.0f}") for cost in costs]
     return [("scene", "attempted step, ns"), *rows]
 
 
@@ -98,7 +98,7 @@ def figure(costs: Sequence[Cost]) -> Figure:
     drawn = Figure(figsize=(7.0, 3.2), layout="constrained")
     axes = drawn.subplots()
     bars = axes.barh([c.name for c in costs], [1e9 * c.seconds for c in costs], color=style.BLUE)
-    axes.bar_label(bars, fmt="{:.3g}", padding=3, fontsize=8)
+    axes.bar_label(bars, fmt="{:.0f}", padding=3, fontsize=8)
     axes.invert_yaxis()
     axes.margins(x=0.1)
     style.dress(axes, "time of an attempted step, ns", "")
