@@ -1,4 +1,4 @@
-"""Normal laws: what they deliver, beside published tables and beside an integration by SciPy."""
+"""Normal laws: delivered restitution against published tables and an integration by SciPy."""
 
 import warnings
 from collections.abc import Callable
@@ -37,7 +37,7 @@ TABLES: dict[type[cj.extend.AbstractDampedLaw], tuple[str, str, tuple[float, ...
     ),
     cj.laws.PantWijeyewickrema: (
         "Pant, Wijeyewickrema 2012",
-        "a script apart",
+        "an independent script",
         (np.nan, 0.066, 0.217, 0.477, 0.809),
     ),
 }
@@ -96,7 +96,7 @@ HERTZ = (1.09336, 1.14326, 3.2181)
 
 
 def by_scipy(law: cj.extend.AbstractContactLaw) -> float:
-    """Delivered restitution of a free impact, by SciPy's DOP853 on the law's force alone."""
+    """Return the delivered restitution of a free impact, by SciPy's DOP853 on the law's force."""
     entry = SPEED if law.uses_entry_speed else None
 
     def rates(t: float, y: np.ndarray) -> list[float]:
@@ -113,14 +113,14 @@ def by_scipy(law: cj.extend.AbstractContactLaw) -> float:
 
 
 def checks(quick: bool) -> list[Check]:
-    """Restitution that each law delivers; of Hertz's law depth, force and duration."""
+    """Check the delivered restitution of each law, and impacts with Hertz's law."""
     rows = [_of_hertz()]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cj.LawRangeWarning)
         for law, (source, against, expected) in TABLES.items():
             factors = [float(law(c, STIFFNESS).damping_factor()) for c in REQUESTED]
             off = np.abs(np.asarray(cj.laws.delivered_restitution(np.array(factors))) - expected)
-            against = f"restitution delivered: {against}"
+            against = f"delivered restitution: {against}"
             rows.append(Check(law.__name__, source, against, float(np.nanmax(off)), 6e-4, FIGURE))
     for name, (source, make) in BY_INTEGRATION.items():
         if name in BY_RELATION:
@@ -129,7 +129,7 @@ def checks(quick: bool) -> list[Check]:
             continue
         law = make(0.5)
         off = abs(cj.free_impact(law, MASS, SPEED).restitution - by_scipy(law))
-        against = "restitution delivered for 0.5: SciPy's DOP853"
+        against = "delivered restitution for 0.5: SciPy's DOP853"
         rows.append(Check(name, source, against, off, 1e-6, FIGURE))
     return rows
 
@@ -137,18 +137,18 @@ def checks(quick: bool) -> list[Check]:
 def _by_relation(
     name: str, source: str, make: Callable[[float], cj.extend.AbstractContactLaw]
 ) -> Check:
-    """Delivered restitution by chi (1 + e) = ln[(1 + chi)/(1 - chi e)], beside a table of it."""
+    """Check the solution of chi (1 + e) = ln[(1 + chi)/(1 - chi e)] against a table."""
     laws = [make(requested) for requested in REQUESTED]
     factors = [
         float(law.damping_factor()) for law in laws if isinstance(law, cj.extend.AbstractDampedLaw)
     ]
     off = np.abs(np.asarray(cj.laws.delivered_restitution(np.array(factors))) - BY_RELATION[name])
-    against = "restitution delivered for 0.1 to 0.9: an independent table, four digits"
+    against = "delivered restitution for 0.1 to 0.9: an independent table, four digits"
     return Check(name, source, against, float(off.max()), 6e-5, FIGURE)
 
 
 def _of_hertz() -> Check:
-    """Penetration, force and time of an elastic impact, whose scales are known."""
+    """Check penetration, force and duration of an elastic impact, whose scales are known."""
     impact = cj.free_impact(cj.laws.Hertz(STIFFNESS), MASS, SPEED)
     scale = (MASS * SPEED**2 / STIFFNESS) ** 0.4
     found = (

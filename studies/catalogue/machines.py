@@ -1,4 +1,4 @@
-"""One of each ideal joint and drive, beside each other in one scene."""
+"""One of each ideal joint and drive in one scene."""
 
 import math
 from typing import Any
@@ -14,8 +14,9 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def hooke(angle: Any, tilt: float) -> tuple[Any, Any]:
-    """Angle and speed ratio of the second shaft of a universal joint, for an angle of the first
-    from where its arm lies in the shafts' plane."""
+    """Return angle and speed ratio of the second shaft of a universal joint, for an angle of the
+    first from the plane of the shafts.
+    """
     turned = np.arctan2(np.sin(angle) / np.cos(tilt), np.cos(angle))
     return turned, np.cos(tilt) / (1.0 - (np.sin(tilt) * np.cos(angle)) ** 2)
 
@@ -36,7 +37,7 @@ AIM = cj.Polynomial([TARGET])
 
 
 def machines(target: cj.extend.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
-    """One of each, beside each other in the same gravity along -Y; the motor follows a target."""
+    """Return one of each, in the same gravity along -Y; the motor follows a target."""
     scene = cj.Scene(_bodies(), _joints(), _forces(target), (0.0, -GRAVITY, 0.0))
     return scene, cj.State(_states())
 
@@ -124,5 +125,5 @@ def _states() -> dict[str, cj.BodyState]:
 
 
 def quaternion(angle: float) -> np.ndarray:
-    """Euler parameters of a turn about Z."""
+    """Return the Euler parameters of a rotation about Z."""
     return np.array([math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])

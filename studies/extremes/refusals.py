@@ -1,4 +1,4 @@
-"""Numbers that no scene can have: each is refused at once, with its argument and a remedy."""
+"""Impossible numbers, each refused with the argument and a remedy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from studies.extremes.families import FAMILIES
 
 @dataclass(frozen=True)
 class Refusal:
-    """What was tried, and what was said, or "" if nothing was."""
+    """Description of an attempt, and its error message, or "" if there was none."""
 
-    what: str
-    said: str
+    attempt: str
+    message: str
 
 
 def refusals() -> list[Refusal]:
-    """All attempts."""
-    return [Refusal(what, _said(attempt)) for what, attempt in ATTEMPTS.items()]
+    """Return the results of all attempts."""
+    return [Refusal(name, _message(attempt)) for name, attempt in ATTEMPTS.items()]
 
 
-def _said(attempt: Callable[[], object]) -> str:
+def _message(attempt: Callable[[], object]) -> str:
     try:
         attempt()
     except ValueError as error:
@@ -51,7 +51,7 @@ def _run(end_time: float) -> object:
     return cj.simulate(trial.scene, trial.state, end_time)
 
 
-def _run_with_memory() -> object:
+def _run_with_entry_speed() -> object:
     trial = FAMILIES["thrown journal"].trial(BASE)
     entry_speeds = {"pin": {"V": np.nan, "W": 0.0}}
     return cj.simulate(trial.scene, cj.State(trial.state.bodies, entry_speeds), 1e-3)
@@ -99,7 +99,7 @@ ATTEMPTS: dict[str, Callable[[], object]] = {
     "position NaN": lambda: _run_from(position=NAN),
     "speed infinite": lambda: _run_from(velocity=np.array([np.inf, 0, 0])),
     "Euler parameters 0, unchecked state": lambda: _run_from(orientation=np.zeros(4)),
-    "memory NaN": _run_with_memory,
+    "entry speed NaN": _run_with_entry_speed,
     "end before the start": lambda: _run(end_time=-1.0),
     "end time NaN": lambda: _run(end_time=np.nan),
     "tolerance NaN": lambda: cj.Settings(rtol=np.nan),

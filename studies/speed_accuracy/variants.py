@@ -1,5 +1,4 @@
-"""What else trades speed for accuracy: stabilisation, memory, smoothing, precision. Each beside the
-default of `simulate`, whose solver and tolerance all of them have."""
+"""Variants of the default: stabilisation, entry speed, smoothing and precision."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -38,16 +37,16 @@ STABILISATIONS: Mapping[str, cj.extend.AbstractStabilisation] = MappingProxyType
     }
 )
 WIDTHS = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-"""Of the smoothing, m."""
+"""Widths of the smoothing, m."""
 SINGLE_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 SINGLE_LANDING = 1e-9
-"""m; single precision resolves eccentricities to some 3e-11."""
+"""Landing tolerance in single precision, m, which resolves eccentricities to about 3e-11."""
 SPEED = 0.1
-"""Of the impacts for which the memoryless law is set, m/s: that of the first one."""
+"""Entry speed for which the fixed damping is set, m/s: that of the first impact."""
 
 
 class MemorylessDamping(cj.extend.AbstractContactLaw):
-    """The damping of Lankarani and Nikravesh for one entry speed, m/s, at whatever speed."""
+    """Lankarani and Nikravesh's damping, fixed for one entry speed, m/s."""
 
     stiffness: AbstractStiffness
     restitution: Any
@@ -56,24 +55,27 @@ class MemorylessDamping(cj.extend.AbstractContactLaw):
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:
-        """Normal force, N."""
+        """Return the normal force, N."""
         del entry_speed
         factor = 1.0 + 0.75 * (1.0 - self.restitution**2) * gap.rate / self.entry_speed
         return self.elastic_force(gap) * jnp.maximum(factor, 0.0)
 
     def elastic_force(self, gap: Gap) -> Any:
-        """K delta^1.5, N."""
+        """Return the elastic force K delta^1.5, N."""
         return cj.laws.Hertz(stiffness=self.stiffness).elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Any:
-        """2/5 K delta^2.5, J."""
+        """Return the elastic energy 2/5 K delta^2.5, J."""
         return cj.laws.Hertz(stiffness=self.stiffness).stored_energy(gap)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A variant measured: fields as those of a `runs.Point`, and the largest `peak` force, N,
-    of the short run; energy `dissipated`, J, and `drift` of the hinge, m, in the long one."""
+    """Measurements of a variant.
+
+    Fields are those of `runs.Point`, the largest `peak` force in the short run, N, and in the long
+    run the energy `dissipated`, J, and the `drift` of the hinge, m.
+    """
 
     name: str
     error: float
@@ -86,13 +88,13 @@ class Row:
 
 
 Make = Callable[[float], tuple[cj.Scene, cj.State]]
-"""The double pendulum of a clearance, m."""
+"""Function that returns the double pendulum for a clearance, m."""
 
 
 def measured(
     name: str, make: Make, settings: cj.Settings, spans: Spans, restitution: float = 0.9
 ) -> Row:
-    """A variant against the reference of a restitution."""
+    """Measure a variant against the reference with a restitution."""
     goal = truth(spans.short, restitution)
     short = run(*make(CLEARANCE), goal.times, settings, impacts=True)
     assert short.impacts is not None
@@ -112,12 +114,14 @@ def measured(
 
 
 def with_law(law: cj.extend.AbstractContactLaw) -> Make:
-    """The double pendulum with a law."""
+    """Return a function that makes the double pendulum with a law."""
     return partial(cj.mechanisms.double_pendulum, law=law)
 
 
 def stabilisations(spans: Spans) -> list[Row]:
-    """In absolute coordinates, where the hinge is a constraint; and joint coordinates beside."""
+    """Measure stabilisations in absolute coordinates, where the hinge is a constraint, and joint
+    coordinates.
+    """
     cases = {
         name: cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=way)
         for name, way in STABILISATIONS.items()
@@ -129,7 +133,7 @@ def stabilisations(spans: Spans) -> list[Row]:
 
 
 def memories(spans: Spans) -> list[Row]:
-    """Laws with memory and without."""
+    """Measure laws with and without dependence on the entry speed."""
     laws = {
         "Lankarani-Nikravesh, 1": (
             cj.laws.LankaraniNikravesh(restitution=1.0, stiffness=cj.mechanisms.STEEL),
@@ -152,7 +156,7 @@ def memories(spans: Spans) -> list[Row]:
 
 
 def smoothings(spans: Spans) -> dict[bool, list[Row]]:
-    """Against the exact law, by width; with landing and without."""
+    """Measure smoothing widths against the exact law, with and without landing."""
     found: dict[bool, list[Row]] = {}
     for lands in (True, False):
         usual = cj.presets.default
@@ -175,7 +179,7 @@ IN_PRECISION = (
 
 @dataclass(frozen=True)
 class Rounded:
-    """A run in one of the precisions: how it ended, and fields as those of a `runs.Point`."""
+    """Result of a run in one of the precisions, with fields as those of `runs.Point`."""
 
     rtol: float
     error: float
@@ -186,28 +190,28 @@ class Rounded:
 
 
 def precisions(spans: Spans) -> dict[str, list[Rounded]]:
-    """By tolerance in 32 and in 64 bits, each in a process of its own."""
+    """Measure tolerances in 32 and in 64 bits, each in a separate process."""
     goal, found = truth(spans.short), {}
     for name, switch in (("float64", "1"), ("float32", "0")):
         variables = {"JAX_ENABLE_X64": switch, "XLA_FLAGS": cj.XLA_FLAGS}
         lengths = (str(spans.short), str(spans.long))
         _, rows = in_process(IN_PRECISION, *lengths, **variables)
         found[name] = [
-            Rounded(rtol, _error(np.array(places), goal.centres), *others)
-            for rtol, places, *others in rows
+            Rounded(rtol, _error(np.array(positions), goal.centres), *others)
+            for rtol, positions, *others in rows
         ]
     return found
 
 
-def _error(places: np.ndarray, expected: np.ndarray) -> float:
-    """NaN for a run that did not get to the end."""
-    if places.shape != expected.shape:
+def _error(positions: np.ndarray, expected: np.ndarray) -> float:
+    """Return the largest error of a position, m; NaN for a run that ended early."""
+    if positions.shape != expected.shape:
         return float("nan")
-    return float(np.abs(places - expected).max())
+    return float(np.abs(positions - expected).max())
 
 
 def in_this_precision(short: float, long: float) -> None:
-    """Print centres and costs by tolerance in the precision that JAX is set to."""
+    """Print centres and costs by tolerance in JAX's present precision."""
     scene, state = cj.mechanisms.double_pendulum()
     rows = []
     for rtol in SINGLE_TOLERANCES:
@@ -222,6 +226,6 @@ def in_this_precision(short: float, long: float) -> None:
 
 
 def name_of(solution: cj.results.Solution) -> str:
-    """The name of its result code."""
+    """Return the name of the result code."""
     number = int(result_number(solution.result))
     return next(name for name, code in result_numbers().items() if code == number)

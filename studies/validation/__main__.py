@@ -1,4 +1,4 @@
-"""clearjoint beside results that other programs have published.
+"""Comparison with published results of other programs.
 
 python -m studies.validation [--quick] [--output results/validation]
 """
@@ -18,7 +18,7 @@ from studies.validation.modelica import Example, backlash, elasto_gap
 
 
 def table(checks: list[Check]) -> list[list[str]]:
-    """One row for each published value."""
+    """Return the table of published values as text."""
     rows = [
         [
             check.source,
@@ -33,13 +33,13 @@ def table(checks: list[Check]) -> list[list[str]]:
 
 
 def figure(examples: list[Example]) -> Figure:
-    """The motions, with the published instants."""
+    """Draw the motions, with the published times."""
     drawn, panels = plt.subplots(1, len(examples), figsize=(9.0, 3.4), layout="tight")
     for example, panel, label in zip(examples, panels, ("angle, rad", "position, m"), strict=True):
         motion = example.motion["position"]
         panel.plot(motion["time"], motion, color="0.2")
         times = [check.published for check in example.checks if check.unit == "s"]
-        panel.plot(times, motion.interp(time=times), "o", label="published instants")
+        panel.plot(times, motion.interp(time=times), "o", label="published times")
         panel.set(title=example.name, xlabel="time, s", ylabel=label)
         panel.grid(alpha=0.3)
         panel.legend()
@@ -47,13 +47,13 @@ def figure(examples: list[Example]) -> Figure:
 
 
 def main(arguments: list[str] | None = None) -> list[Check]:
-    """Run the examples, print the table, and draw."""
+    """Run the examples, print the table, draw, and return the checks."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "the same: it takes seconds")
     options = parser.parse_args(arguments)
     cj.configure()
     with warnings.catch_warnings():
-        # A play of 45 degrees and a spring of 10 N/m are unusual for joints of machines.
+        # A backlash of 45 degrees and a spring of 10 N/m are unusual for joints of machines.
         warnings.simplefilter("ignore", cj.UnusualValueWarning)
         examples = [backlash(), elasto_gap()]
         checks = [*examples[0].checks, *examples[1].checks, *collision()]

@@ -1,10 +1,10 @@
-"""A published value and ours."""
+"""A published value, and that of clearjoint."""
 
 from typing import NamedTuple
 
 
 class Check(NamedTuple):
-    """A value of a source and ours, in the unit named; none has no dimension."""
+    """A published value of a source, and that of clearjoint; no unit means dimensionless."""
 
     source: str
     name: str
@@ -14,6 +14,6 @@ class Check(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """The difference relative to the published value, or to one where that is smaller."""
+        """Difference relative to the published value, or if dimensionless at least to one."""
         scale = abs(self.published) if self.unit else max(abs(self.published), 1.0)
         return abs(self.ours - self.published) / scale

@@ -1,4 +1,4 @@
-"""Two equal balls that collide elastically: derivatives of where the second one ends.
+"""Derivatives of the final position after an elastic collision of two equal balls.
 
 The scene is that of https://github.com/keenon/nimblephysics/issues/97, where a simulator with hard
 contacts gives 0.75, 0.25, 0.91 and 0.08 for derivatives that are 1, 0, 1 and 0.
@@ -10,18 +10,17 @@ import clearjoint as cj
 from studies.validation.check import Check
 
 RADIUS, START, SPEED, END = 0.1, 0.52, 1.0, 1.0
-"""m, m, m/s, s."""
+"""Radius and initial position, m, speed, m/s, and end time, s."""
 STIFFNESS = 1e8
-"""N/m: a linear spring, so that a contact lasts as long at any speed."""
+"""Stiffness, N/m, of a linear spring, whose contacts last equally long at any speed."""
 CONTACT = math.pi * math.sqrt(0.5 / STIFFNESS)
 """Duration of the contact, s, of a reduced mass of 0.5 kg."""
 EXACT = {"x1": 1.0, "x2": 0.0, "v1": END - 0.5 * CONTACT, "v2": 0.5 * CONTACT}
-"""Of x1 + 2 r + v1 T - (v1 - v2) t/2, with the contact's duration t."""
+"""Derivatives of x1 + 2 r + v1 T - (v1 - v2) t/2, with the duration t of the contact."""
 
 
 def collision() -> list[Check]:
-    """Derivatives of the second ball's position at the end by positions and velocities at the
-    start."""
+    """Check the derivatives of the second ball's final position by the initial state."""
     gap = cj.PinInSlot(
         "first",
         "second",

@@ -19,7 +19,7 @@ ORIGIN, Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Example(NamedTuple):
-    """An example with its checks, and its motion: `position` and `velocity` along `time`."""
+    """An example with its checks, and its motion: `position` and `velocity` over `time`."""
 
     name: str
     checks: list[Check]
@@ -27,11 +27,11 @@ class Example(NamedTuple):
 
 
 def backlash() -> Example:
-    """`Rotational.Examples.Backlash`: a wheel that is released from a pressed flank.
+    """Run `Rotational.Examples.Backlash`: a wheel released from a compressed flank.
 
-    Inertia 5 kg m^2; stiffness 20e3 N m/rad, damping 50 N m s/rad, play pi/4 rad. It starts at rest
-    pi/2 rad from the middle. The damping torque is at most the elastic one, so that a flank never
-    pulls: it stops pushing before the gap opens.
+    Inertia 5 kg m^2; stiffness 20e3 N m/rad, damping 50 N m s/rad, backlash pi/4 rad. It starts at
+    rest pi/2 rad from the middle. The damping torque is at most the elastic one, so that a flank
+    never pulls: it stops pushing before the gap opens.
     """
     name, inertia, play = "Rotational.Examples.Backlash", 5.0, math.pi / 4.0
     stiffness, damping = 20e3, 50.0
@@ -46,7 +46,7 @@ def backlash() -> Example:
     speed = cj.quantities.JointAngularVelocity("hinge")
 
     def stops_pushing(flank: str) -> cj.Section:
-        """Where the damping takes all of the elastic torque."""
+        """Return the section at which the damping torque equals the elastic one."""
         depth = cj.quantities.Penetration("flanks", flank)
         rate = cj.quantities.PenetrationRate("flanks", flank)
         channels = {"speed": (speed, "rad/s")}
@@ -72,7 +72,7 @@ def backlash() -> Example:
 
 
 def elasto_gap() -> Example:
-    """`Translational.Examples.ElastoGap`: a mass between two spring-dampers with gaps.
+    """Run `Translational.Examples.ElastoGap`: a mass between two spring-dampers with gaps.
 
     1 kg; each spring 10 N/m with a damper of 1.5 N s/m, whose force is at most the spring's. The
     mass moves freely for |s| < 0.5 m and starts at rest at 2 m.
@@ -84,7 +84,7 @@ def elasto_gap() -> Example:
         slot_axis=(0.0, 1.0, 0.0),
         slot_normal=(1.0, 0.0, 0.0),
         play=2.0 * free,
-        pin_radius=5.0,  # m; a pin may be pressed in by its radius
+        pin_radius=5.0,  # m; the penetration of a pin may be up to its radius
         law=cj.laws.ElastoGap(10.0, damping=1.5),
     )
     scene = cj.Scene({"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"walls": walls})
@@ -107,7 +107,7 @@ def _run(
     position: cj.extend.Quantity,
     sections: dict[str, cj.Section],
 ) -> tuple[cj.results.Solution, xr.Dataset]:
-    """A run, and `position` with its rate along 1001 times."""
+    """Return a solution, and `position` with its rate at 1001 times."""
     times = np.linspace(0.0, end, 1001)
     save = cj.Saving(times, impacts=True, sections=sections)
     solution = cj.simulate(scene, cj.State(bodies), end, SETTINGS, save)

@@ -179,7 +179,7 @@ def test_errors(found):
 @pytest.mark.slow
 def test_horizons_of_the_double_pendulum():
     """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
-    worst guess likewise (`studies/horizon`). Rounding alone tells runs apart from 0.15 s on (the
+    worst guess likewise (`studies/fits`). Rounding alone tells runs apart from 0.15 s on (the
     reference's README)."""
     from studies.identifiability.instruments import ACROSS, BASES, PARAMETERS
 

@@ -1,4 +1,4 @@
-"""Values that other programs have published, to the tolerance that these ran with."""
+"""The study of validation: published values, to the tolerance of their programs."""
 
 import math
 
@@ -12,7 +12,7 @@ def checks(tmp_path_factory):
     return main(["--quick", "--output", str(tmp_path_factory.mktemp("validation"))])
 
 
-def test_modelica_s_examples_agree_to_the_tolerance_of_their_solver(checks):
+def test_modelica_examples_agree_to_the_tolerance_of_their_solver(checks):
     examples = [check for check in checks if "Examples" in check.source]
     assert len(examples) == 12
     assert [check for check in examples if not check.difference < 2e-4] == []
@@ -25,7 +25,7 @@ def test_the_wheel_is_free_between_the_flanks(checks):
     assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
 
 
-def test_derivatives_across_an_elastic_collision_are_those_of_the_closed_form(checks):
+def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form(checks):
     slopes = [check for check in checks if check.source.startswith("nimble")]
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
     assert [check for check in slopes if not check.difference < 1e-7] == []

@@ -28,7 +28,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
             (contact_forces, "contact_normal_force"),
-            (Landing, "due"),
+            (Landing, "time_to_next_event"),
             (Landing, "retry"),
             (stepping, "updated_entry_speeds"),
             (System, "second_rates"),
@@ -40,7 +40,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     }
 )
 """Of each feature of a scene or run the functions that no scene without it calls, as owner and
-name; in the order of the rungs of `studies.features`."""
+name; in the order of the scenes of `studies.cost`."""
 
 
 @contextmanager
