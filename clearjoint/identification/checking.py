@@ -134,7 +134,7 @@ def check(
 
     lanes = SideBySide(runs, data)
     searches: list[Search] = []
-    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
+    strides = np.array([parameter.scale.max_step for parameter in parameters.values()])
 
     def chi_squared(points: np.ndarray) -> np.ndarray:
         return lanes.chi_squared(points, lanes.count)[:, -1]
@@ -175,7 +175,7 @@ def longest(best: RunMisfit, parameters: Mapping[str, Parameter]) -> Float[np.nd
     """How far points may lie from the estimates, (p,): two strides of the scale; where these are
     infinite, as far as the estimate is from zero, or `FARTHEST` standard deviations that it has if
     all others are known, whichever is more."""
-    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
+    strides = np.array([parameter.scale.max_step for parameter in parameters.values()])
     lengths = np.linalg.norm(best.jacobian, axis=0)
     alone = np.where(lengths > 0.0, FARTHEST / np.where(lengths > 0.0, lengths, 1.0), 0.0)
     far = np.maximum(np.abs(best.coordinates), alone)

@@ -407,7 +407,7 @@ class Fit(AbstractTabular):
         deviation changes a coordinate by more than its scale's stride."""
         warnings = []
         sizes = [
-            p.scale.stride if math.isfinite(p.scale.stride) else abs(u)
+            p.scale.max_step if math.isfinite(p.scale.max_step) else abs(u)
             for p, u in zip(self.parameters.values(), self.coordinates, strict=True)
         ]
         for change, deviation in statistics.directions(self.best.best.jacobian):

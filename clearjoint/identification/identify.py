@@ -321,7 +321,7 @@ class _Windows:
 
 
 def _strides(parameters: Mapping[str, Parameter]) -> np.ndarray:
-    return np.array([parameter.scale.stride for parameter in parameters.values()])
+    return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 
 def _with_prior(

@@ -117,7 +117,7 @@ class Identifiability:
     @property
     def labels(self) -> list[str]:
         """Labels of the parameters' coordinates, such as "log K"."""
-        return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
+        return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
     def values(self) -> Float[np.ndarray, " p"]:
@@ -139,9 +139,9 @@ class Identifiability:
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
         """(p,) standard deviations of the coordinates beyond which a parameter is not identifiable:
-        an estimate then says nothing about it; see `AbstractScale.vague`."""
+        an estimate then says nothing about it; see `AbstractScale.uninformative_std`."""
         pairs = zip(self.scales, self.coordinates, strict=True)
-        return np.array([scale.vague(float(u)) for scale, u in pairs])
+        return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
 
     @property
     def identifiable(self) -> dict[str, bool]:

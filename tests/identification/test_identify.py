@@ -96,7 +96,7 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
         values = [p.scale.value(u) for p, u in zip(PARAMETERS.values(), coordinates, strict=True)]
         scene = SCENE
         for parameter, value in zip(PARAMETERS.values(), values, strict=True):
-            scene = cj.set_value(scene, parameter.variation.place, float(value))
+            scene = cj.set_value(scene, parameter.variation.path, float(value))
         saved = cj.simulate(scene, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
         return ((journal(saved.states) - base) / NOISE).ravel()
 
@@ -215,7 +215,7 @@ def test_windows_hold_to_where_they_began(problem):
 
 def test_minimum_of_an_objective(clean):
     """The median-like sum of magnitudes, which no least squares gives, falls towards the truth."""
-    scene = cj.set_value(SCENE, PARAMETERS["clearance"].variation.place, 0.505e-3)
+    scene = cj.set_value(SCENE, PARAMETERS["clearance"].variation.path, 0.505e-3)
     data = {name: clean[name].values for name in PROBES}
 
     def objective(found):

@@ -115,7 +115,9 @@ def test_damaged_metadata_are_named(path, content):
     file = path / "by_lane" / "zarr.json"
     file.write_bytes(content)
     for read in (open_sweep, lambda path: opened(path, layout())):
-        with pytest.raises(ValueError, match=f"{path} is none, or {file} is missing or damaged"):
+        with pytest.raises(
+            ValueError, match=f"{path} is not a store, or {file} is missing or damaged"
+        ):
             read(path)
 
 

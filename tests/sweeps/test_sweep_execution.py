@@ -25,9 +25,9 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.native import is_native
 from clearjoint.runtime import threads_of_sweeps
 from clearjoint.sweeps import computing, executors
+from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
-from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 
@@ -179,7 +179,7 @@ def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert 'behind `if __name__ == "__main__":`' in done.stdout
+    assert 'below `if __name__ == "__main__":`' in done.stdout
 
 
 KILLED = """

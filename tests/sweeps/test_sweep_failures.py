@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.sweeps.axes import lanes_of
-from clearjoint.sweeps.starts import checked_starts
+from clearjoint.sweeps.planning import checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
@@ -194,8 +194,8 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Axis(lambda s: s.gravity[1], 3.0), "`values`.*row"),
         (lambda: cj.Axis(lambda s: s.gravity[1], [np.nan]), "`values`.*finite"),
         (lambda: cj.Axis(lambda s: s.gravity[1], ["fast"]), "number"),
-        (lambda: cj.Axis("gravity", GOOD), "`place`.*lambda scene"),
-        (lambda: cj.Axis.initial("spin", GOOD), "`place`.*lambda state"),
+        (lambda: cj.Axis("gravity", GOOD), "`path`.*lambda scene"),
+        (lambda: cj.Axis.initial("spin", GOOD), "`path`.*lambda state"),
         (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),
         (lambda: cj.Saved([1.0], {}), "`channels`.*by name"),
         (lambda: cj.Saved([1.0], {"x": angle}), "`channels`.*pair"),

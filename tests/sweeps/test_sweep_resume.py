@@ -20,7 +20,7 @@ import clearjoint as cj
 from clearjoint.model.bodies import Wrench
 from clearjoint.sweeps import computing
 from clearjoint.sweeps import sweep as sweeping
-from clearjoint.sweeps.progress import lane_progress
+from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.store.store import SweepStore
 from clearjoint.sweeps.work import Work
 from tests.support.fake_sweep import layout
@@ -171,7 +171,7 @@ def geared(path):
 def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
     np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
     monkeypatch.setitem(globals(), "GAIN", 2.0)
-    with pytest.raises(ValueError, match="what a step computes: its code, as JAX traces it"):
+    with pytest.raises(ValueError, match="program of a step: the code that JAX traces"):
         geared(tmp_path / "one.zarr")
     np.testing.assert_allclose(*geared(tmp_path / "two.zarr"), atol=1e-6)
     monkeypatch.setitem(globals(), "GAIN", 1.0)
@@ -323,7 +323,7 @@ def other_scene(options):
         (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
         (
             partial(swept, STIFFNESS[:5]),
-            "axis stiffness: 15 of 20 stored values are none of the 5 now",
+            "axis stiffness: 15 of 20 stored values are not among the 5 present",
         ),
         (
             lambda **options: other_scene({"zipped": True, "progress": False, **options}),

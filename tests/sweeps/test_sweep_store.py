@@ -168,7 +168,10 @@ def test_writing_a_chunk_touches_no_file_of_another(partial, path):
 
 
 OTHER = np.where(np.arange(4) == 2, 7.5e-4, layout().axes[0].values)
-LOST = "lanes: 3 of 12 stored lanes, by all the numbers that they start from, are none of the"
+LOST = (
+    "lanes: 3 of 12 stored lanes are not among the {} present lanes, because the numbers at their "
+    "start differ, first lane 6"
+)
 DIFFERENT = {
     "setting": ({"settings": {"rtol": 1e-8}}, ["setting rtol: stored 1e-06, now 1e-08"]),
     "type": (
@@ -179,15 +182,15 @@ DIFFERENT = {
     "values": (
         {"axes": (Coordinate("clearance", OTHER, "m"), layout().axes[1])},
         [
-            "axis clearance: 1 of 4 stored values are none of the 4 now, first 0.0007",
-            f"{LOST} 12 now, first number 6",
+            "axis clearance: 1 of 4 stored values are not among the 4 present values, first 0.0007",
+            LOST.format(12),
         ],
     ),
     "count": (
         {"axes": (Coordinate("clearance", OTHER[[0, 1, 3]], "m"), layout().axes[1])},
         [
-            "axis clearance: 1 of 4 stored values are none of the 3 now, first 0.0007",
-            f"{LOST} 9 now, first number 6",
+            "axis clearance: 1 of 4 stored values are not among the 3 present values, first 0.0007",
+            LOST.format(9),
         ],
     ),
     "unit": (
@@ -225,7 +228,7 @@ def test_store_of_another_sweep_is_refused(path, changes, said):
 
 def test_store_of_another_program_is_refused(partial, path):
     for programs, said in [
-        ({RUN: "rises"}, "what a step computes: its code"),
+        ({RUN: "rises"}, "program of a step: the code"),
         ({RUN: "falls", "touched": "new"}, None),
     ]:
         if said:
@@ -234,7 +237,7 @@ def test_store_of_another_program_is_refused(partial, path):
         else:
             assert opened(path, layout(), programs).missing() == MIDDLE
     opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "one"})
-    with pytest.raises(ValueError, match="variable touched: its code"):
+    with pytest.raises(ValueError, match="variable touched: the code"):
         opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "other"})
 
 
