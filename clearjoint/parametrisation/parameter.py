@@ -136,6 +136,11 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
         require(fine, f"parameters[{name!r}]", kind, "a Parameter", PASS_PARAMETERS)
 
 
+def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Return the largest change (p,) of each coordinate in one step of a fit."""
+    return np.array([parameter.scale.max_step for parameter in parameters.values()])
+
+
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
     """Return the coordinates (p,) of the parameters' values; see `Parameter.coordinate_in`."""
     return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

@@ -175,7 +175,7 @@ def test_fit_in_labels_and_units(fit, draws):
         sum(np.sum(row**2) for row in fit.residuals.values()), rel=1e-9
     )
     (warning,) = fit.warnings
-    assert warning.startswith("The data hardly see the combination +1 young +0.00")
+    assert warning.startswith("The data hardly determine the combination +1 young +0.00")
     assert 0.001 < fit.p_value < 0.999
     assert cj.parameters(fit.scene)["joints['shoulder'].clearance"][0] == pytest.approx(
         fit.estimates["clearance"]
@@ -224,7 +224,7 @@ def test_minimum_of_an_objective(clean):
     found = cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=12)
     assert found.result == cj.RESULTS.successful and found.history.shape == (12,)
     assert found.objective == found.history.min() < 0.5 * found.history[0]
-    with pytest.raises(ValueError, match="`parameters` must be such that the first run works"):
+    with pytest.raises(ValueError, match="`parameters` must be parameters for which the first run"):
         few = replace(cj.presets.derivatives, max_steps=3)
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, settings=few)
     with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
@@ -284,7 +284,9 @@ def test_arguments_that_no_fit_can_use(clean):
     with pytest.raises(ValueError, match="`measurements` must be not empty, but is 0"):
         cj.identify_many(SCENE, STATE, [], PARAMETERS)
     other = cj.Measurements({"x": clean["x"]})
-    with pytest.raises(ValueError, match=r"`measurements\[1\]` must be of the channels and times"):
+    with pytest.raises(
+        ValueError, match=r"`measurements\[1\]` must be measurements of the same channels and times"
+    ):
         cj.identify_many(SCENE, STATE, [clean, other], PARAMETERS)
     elbow = cj.Series(cj.quantities.JournalOffset("elbow", "x"), TIMES, TIMES, NOISE)
     with pytest.raises(ValueError, match="Series 'probe': .*elbow"):

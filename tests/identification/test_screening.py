@@ -80,12 +80,12 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
     assert found.points.shape == (10, 1) and len(found.times) < 15
     assert found.runs >= 4 * 40 + (len(found.times) - 1) * (40 + 10)
     np.testing.assert_array_equal([s.start for s in screened.searches], found.starts)
-    assert "from screening by" in str(screened)
+    assert "starts from screening by" in str(screened)
 
 
 def test_a_screening_that_does_not_come_to_the_end_says_so(data):
     few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
-    (warning,) = [text for text in few.warnings if text.startswith("Screening came to")]
+    (warning,) = [text for text in few.warnings if text.startswith("Screening reached only")]
     assert warning.endswith("s only: allow more rounds.")
     (found,) = few.screened
     assert not found.complete and len(found.times) == 2
@@ -119,9 +119,9 @@ def test_settings_that_no_screening_can_use(settings, message):
 
 
 def test_arguments_that_no_screening_can_use(data):
-    with pytest.raises(ValueError, match=r"`spread` must be of parameters .*\['mass'\]"):
+    with pytest.raises(ValueError, match=r"`spread` must be values of estimated .*\['mass'\]"):
         fitted(data, starts=cj.Screening(spread={"mass": 1.0}))
-    with pytest.raises(ValueError, match="`guess` must be one guess, round which to screen, but"):
+    with pytest.raises(ValueError, match="`guess` must be one guess, for a screening, but"):
         cj.identify(
             SCENE, STATE, data, PARAMETERS, guess=[FAR, FAR], starts=cj.Screening(), progress=False
         )
@@ -142,7 +142,7 @@ def rough():
 def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
     """By chi squared in closed form on a fine grid: two minima, the lower one 8 standard errors
     from where a search from the truth ends."""
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors do not hold"):
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
         fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
     plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
     grid = np.geomspace(STIFFNESS / np.e**2, STIFFNESS * np.e**2, 40001)

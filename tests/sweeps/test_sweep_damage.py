@@ -166,5 +166,5 @@ def test_stores_of_other_formats_are_refused(path):
     root["attributes"]["sweep_format"] = 2
     shutil.rmtree(path / "by_lane")
     (path / "zarr.json").write_text(json.dumps(root))
-    with pytest.raises(ValueError, match="format 3, and not 2 .*xarray.open_zarr"):
+    with pytest.raises(ValueError, match="format 3, not 2 .*xarray.open_zarr"):
         open_sweep(path)

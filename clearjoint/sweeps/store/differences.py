@@ -21,16 +21,20 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     Additional lanes, axes and variables are not differences, because a store can be extended.
     Differences between notes are listed only if there are other differences: they may explain them.
     """
+    parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
         *_compared(_settings(stored.layout), _settings(wanted.layout)),
-        *_compared(*_common(_parts(stored.layout), _parts(wanted.layout))),
+        # A part that only the wanted sweep has is no difference: the store is extended by it.
+        *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
         *_lost(stored.layout, wanted.layout, kept),
     ]
     # Settings are part of the program of the run: if a setting differs, the program differs too,
     # and a second line about it would mislead.
     lines += _programs(stored, wanted, only_outputs=bool(lines))
     lines += _save_times(stored, wanted, kept)
-    return lines and [*lines, *_compared(*_common(stored.layout.notes, wanted.layout.notes))]
+    notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
+    old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
+    return lines and [*lines, *_compared(old, new)]
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
@@ -41,7 +45,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the parts that must agree if both layouts have them, by name."""
+    """Return the parts of a stored layout that another layout must have, by name."""
     units = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     labels: dict[str, Part] = {f"coordinate {c.name}": c.values for c in layout.coordinates}
     labels |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -49,14 +53,7 @@ def _parts(layout: Layout) -> dict[str, Part]:
     return {**units, **labels, **variables}
 
 
-def _common(
-    stored: Mapping[str, Part], wanted: Mapping[str, Part]
-) -> tuple[dict[str, Part], dict[str, Part]]:
-    names = [name for name in stored if name in wanted]
-    return {n: stored[n] for n in names}, {n: wanted[n] for n in names}
-
-
-def _compared(stored: dict[str, Part], wanted: dict[str, Part]) -> Iterator[str]:
+def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
     for name in {**stored, **wanted}:
         one, other = stored.get(name), wanted.get(name)
         if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):

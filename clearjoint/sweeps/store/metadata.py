@@ -86,9 +86,13 @@ def extend(path: Path, contents: Contents) -> None:
         # The file `ROOT` lists the arrays and is replaced last: until then the store reads as
         # before, also if this process is killed.
         for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
-            (path / file).parent.mkdir(parents=True, exist_ok=True)
-            (store / file).replace(path / file)
+            _move(store / file, path / file)
     remove_grid(path)
+
+
+def _move(file: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    file.replace(to)
 
 
 def remove_abandoned(path: Path) -> None:
