@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ..export.frames import to_frame
+from ..export.tabular import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows

@@ -91,7 +91,10 @@ def test_scales_carry_errors_to_values():
 
 @pytest.mark.parametrize(
     ("stated", "message"),
-    [(0.5 * NOISE, "2 times the stated noise: the noise is under"), (2 * NOISE, "it is overst")],
+    [
+        (0.5 * NOISE, "2 times the stated noise: the noise is under"),
+        (2 * NOISE, "the noise is overst"),
+    ],
 )
 def test_mis_stated_noise(stated, message):
     fit = line(noise=stated)

@@ -256,19 +256,22 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"guess": {"mass": 1.0}}, r"`guess` must be of parameters .* but is \['mass'\]: name .*y"),
+        (
+            {"guess": {"mass": 1.0}},
+            r"`guess` must be values of estimated parameters, but is \['mass'\]: name .*y",
+        ),
         ({"guess": []}, r"`guess` must be at least one start, but is \[\]: leave it out"),
         ({"guess": {"restitution": 1.2}}, "Parameter 'restitution': Argument `value` .* 0 and 1"),
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
         ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
-        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the last"),
+        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the time"),
         (
             {"max_iterations": 0},
             "`max_iterations` must be a whole number, positive, but is 0: allow one run",
         ),
         ({"check_runs": 10}, "`check_runs` must be 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
-        ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be of parameters .*\['mass'\]"),
+        ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be values of .*\['mass'\]"),
     ],
 )
 def test_options_that_no_fit_can_use(options, message, clean):

@@ -86,7 +86,7 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
 def test_a_screening_that_does_not_come_to_the_end_says_so(data):
     few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
     (warning,) = [text for text in few.warnings if text.startswith("Screening reached only")]
-    assert warning.endswith("s only: allow more rounds.")
+    assert warning.endswith("s only: increase its rounds.")
     (found,) = few.screened
     assert not found.complete and len(found.times) == 2
 
@@ -106,7 +106,7 @@ def test_what_noise_does_not_explain_is_screened_anew(data):
     [
         ({"number": 0}, "`number` must be a whole number, positive, but is 0"),
         ({"smoothing": 0}, "`smoothing` must be a whole number, positive, but is 0"),
-        ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass how far"),
+        ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass the"),
         ({"spread": {"a": np.inf}}, "`spread` must be finite and positive, but is {'a': inf}"),
         ({"finish": 40}, "`keep` must be above 4, at least finish = 40, .*, but is 32"),
         ({"keep": 4}, "`keep` must be above 4"),

@@ -133,7 +133,7 @@ def test_successive_windows_share_no_sample():
         for field in ("times", "values", "noise"):
             joined = np.concatenate([getattr(part, field) for part in parts])
             np.testing.assert_array_equal(joined, getattr(series, field))
-    with pytest.raises(ValueError, match=r"a window with samples in it.* 0\.0 and 0\.3 s"):
+    with pytest.raises(ValueError, match=r"a window that contains samples.* 0\.0 and 0\.3 s"):
         whole.between(0.3001, 1.0)
 
 
@@ -168,7 +168,7 @@ def test_dataset_shares_the_time_where_the_series_do():
     assert dataset["a"].dims == dataset["b_noise"].dims == ("time",)
     with pytest.raises(ValueError, match='rename those called "time"'):
         cj.Measurements({"time": probe()}).to_dataset()
-    with pytest.raises(ValueError, match="names that don't meet"):
+    with pytest.raises(ValueError, match="whose names differ from"):
         cj.Measurements({"a": probe(), "a_noise": probe()}).to_dataset()
 
 
@@ -193,7 +193,7 @@ def test_series_that_cannot_be_are_refused(changes, message):
 
 
 def test_a_function_needs_a_unit_and_a_channel_must_be_one():
-    with pytest.raises(ValueError, match="`unit` must be given for a channel that names none"):
+    with pytest.raises(ValueError, match="`unit` must be given for a channel without a unit"):
         cj.Series(lambda now: now.time, [0.0], [1.0], 1.0)
     with pytest.raises(ValueError, match="`channel` must be a scalar function .*'probe'"):
         cj.Series("probe", [0.0], [1.0], 1.0)  # pyright: ignore
