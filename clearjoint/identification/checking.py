@@ -43,7 +43,7 @@ class LikelihoodCheck:
     chi squared around the estimates.
 
     - `test`: the rise of chi squared at points up to four standard errors away, predicted and
-      found, and the time up to which they agree.
+      actual, and the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
     - `runs`: number of runs, with and without derivatives; `seconds`: time of all runs, s.

@@ -286,10 +286,10 @@ class Fit(AbstractTabular):
                 "rises as predicted."
             )
         bad = test.differing
-        worst = int(np.argmax(np.where(bad, np.abs(test.found - test.predicted), 0.0)))
+        worst = int(np.argmax(np.where(bad, np.abs(test.actual - test.predicted), 0.0)))
         result = (
             f"at {bad.sum()} of {len(bad)} points up to 4 standard errors away, chi squared does "
-            f"not rise as the covariance predicts (in the worst case by {test.found[worst]:.3g} "
+            f"not rise as the covariance predicts (in the worst case by {test.actual[worst]:.3g} "
             f"instead of {test.predicted[worst]:.3g})"
         )
         number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"

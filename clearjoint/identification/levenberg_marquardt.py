@@ -68,7 +68,7 @@ class Ending(Enum):
     """
 
     CONVERGED = "converged"
-    STALLED = "no step improves the fit: the data may be rough there; fit growing windows first"
+    STALLED = "no step improves the fit: the misfit may be rough; fit growing windows first"
     EXHAUSTED = "the limit of iterations was reached"
     INTERRUPTED = "it was interrupted"
     FAILED = "the best run does not reach the last sample"
@@ -158,7 +158,7 @@ def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
 
 
 _Model = tuple[jax.Array, jax.Array, jax.Array]
-"""Coordinates (p,), residuals (M,) and Jacobian (M, p) there."""
+"""Coordinates (p,), and residuals (M,) and Jacobian (M, p) at them."""
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:

@@ -85,19 +85,19 @@ class QuadraticTest:
 
     - `predicted`: (n,) rise over the minimum by the model, which is the square of the distance in
       standard errors.
-    - `found`: (n,) rise in runs.
+    - `actual`: (n,) rise in runs.
     - `horizon`: s, time of the first sample from which on the rise disagrees at a tenth of the
       points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
-    found: Float[np.ndarray, " n"]
+    actual: Float[np.ndarray, " n"]
     horizon: float
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
         """Whether the rise disagrees with the model: too small by 1.5 or too large by 2, (n,)."""
-        return _differing(self.predicted, self.found)
+        return _differing(self.predicted, self.actual)
 
     @property
     def passed(self) -> bool:
@@ -105,9 +105,9 @@ class QuadraticTest:
         return not self.differing.any()
 
 
-def _differing(predicted: np.ndarray, found: np.ndarray) -> np.ndarray:
+def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
     low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
-    return ~((found >= low) & (found <= high))
+    return ~((actual >= low) & (actual <= high))
 
 
 def tested(
@@ -129,15 +129,15 @@ def tested(
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
-    found = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
+    actual = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
     # The minimum of the whole record is no minimum of a part of it: chi squared of the samples up
     # to an earlier time has a slope there, which is subtracted.
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
-    differing = _differing(predicted, found - slope)[near]
+    differing = _differing(predicted, actual - slope)[near]
     late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
     return QuadraticTest(
         predicted[:, -1],
-        found[:, -1],
+        actual[:, -1],
         float(times[late[0]]) if late.size else math.inf,
     )
 

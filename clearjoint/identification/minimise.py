@@ -36,10 +36,10 @@ class Minimum:
 
     >>> def lowest(outputs):
     ...     return outputs["x"][-1]
-    >>> found = cj.minimise(
+    >>> minimum = cj.minimise(
     ...     scene, state, lowest, {"stiffness": stiffness}, {"x": x}, times, iterations=3
     ... )
-    >>> found.history.shape
+    >>> minimum.history.shape
     (3,)
     """
 
@@ -80,10 +80,10 @@ def minimise(
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)
-    >>> found = cj.minimise(
+    >>> minimum = cj.minimise(
     ...     scene, state, squares, {"stiffness": stiffness}, {"x": x}, times, iterations=60
     ... )
-    >>> print(f"{found.estimates['stiffness']:.0f} N/m")  # 12^2
+    >>> print(f"{minimum.estimates['stiffness']:.0f} N/m")  # 12^2
     144 N/m
     """
     import optax

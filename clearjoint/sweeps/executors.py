@@ -146,7 +146,7 @@ def run_chunks(
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
     failed: dict[int, BaseException] = {}
-    done, begun = 0, time.monotonic()
+    done, started = 0, time.monotonic()
     try:
         while running or (waiting and not failed):
             room = 0 if failed else pool.room() - len(running)
@@ -155,7 +155,7 @@ def run_chunks(
                 running[pool.submit(chunk)] = chunk
             ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
             if not done and not ended:
-                on_start(time.monotonic() - begun)
+                on_start(time.monotonic() - started)
             for future in ended:
                 chunk = running.pop(future)
                 error = _error(future)

@@ -58,7 +58,7 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """The value that stands for what has not been computed."""
+        """Value of entries that have not been computed."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
@@ -186,14 +186,14 @@ class Layout:
 
         **Raises:** `ValueError` unless they have the names, shapes and types of the variables.
         """
-        expected = set(self.variables)
-        require(set(arrays) == expected, "arrays", sorted(arrays), str(sorted(expected)), "rename")
+        names = sorted(self.variables)
+        require(sorted(arrays) == names, "arrays", sorted(arrays), str(names), "rename")
         results = {name: np.asarray(arrays[name]) for name in self.variables}
         for name, variable in self.variables.items():
             shape, array = (lanes, *variable.shape), results[name]
             same = array.shape == shape and array.dtype == np.dtype(variable.dtype)
-            actual, announced = f"{array.dtype}{array.shape}", f"{variable.dtype}{shape}"
-            require(same, f"arrays: {name}", actual, announced, "return what the layout announces")
+            actual, expected = f"{array.dtype}{array.shape}", f"{variable.dtype}{shape}"
+            require(same, f"arrays: {name}", actual, expected, "return this type and shape")
         codes = results[RESULT]
         require(bool((codes >= 0).all()), "arrays: result", codes, "codes >= 0", "-1 is pending")
         return results

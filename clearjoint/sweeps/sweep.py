@@ -102,8 +102,8 @@ def sweep(
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> found = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)
-    >>> np.round(found["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
+    >>> results = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)
+    >>> np.round(results["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
     array([1., 2.])
     """
     settings = settings_or(settings, presets.default)

@@ -22,11 +22,11 @@ COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)
 
 
-def place(scene):
+def path(scene):
     return scene.gravity[0]
 
 
-PLAIN = {"offset": cj.Parameter(place, unit="m"), "slope": cj.Parameter(place, unit="m/s")}
+PLAIN = {"offset": cj.Parameter(path, unit="m"), "slope": cj.Parameter(path, unit="m/s")}
 
 
 DELAY = {"delay": cj.Parameter.delay("laser")}
@@ -76,8 +76,8 @@ def test_errors_of_a_straight_line():
 
 def test_scales_carry_errors_to_values():
     scaled = {
-        "offset": cj.Parameter(place, cj.Log(), unit="m"),
-        "slope": cj.Parameter(place, cj.Bounded(0.0, 1.0), unit="m/s"),
+        "offset": cj.Parameter(path, cj.Log(), unit="m"),
+        "slope": cj.Parameter(path, cj.Bounded(0.0, 1.0), unit="m/s"),
     }
     fit, plain = line(parameters=scaled, at=(1.0, 4.0)), line(at=(1.0, 4.0))
     value = 1.0 / (1.0 + math.exp(-4.0))
@@ -105,7 +105,7 @@ def test_mis_stated_noise(stated, message):
 
 
 def test_warnings_of_bounds_blindness_and_no_convergence():
-    bounded = {**PLAIN, "slope": cj.Parameter(place, cj.Bounded(0.0, 0.5), unit="m/s")}
+    bounded = {**PLAIN, "slope": cj.Parameter(path, cj.Bounded(0.0, 0.5), unit="m/s")}
     assert "slope is at its bound 0.5." in line(parameters=bounded, at=(1.0, 9.0)).warnings
     twins = np.column_stack([np.ones(COUNT), -0.5 * np.ones(COUNT) + 1e-6 * TIMES])
     (warning,) = line(jacobian=twins).warnings
@@ -131,7 +131,7 @@ def with_minima(*moves):
     return dataclasses.replace(fit, searches=(fit.best, *found)), fit
 
 
-def test_minima_that_the_data_allow_widen_intervals_and_are_told():
+def test_minima_that_the_data_allow_widen_intervals_and_are_reported():
     """Closed form: where chi squared of either is at most 1.959964^2 above the best."""
     both, fit = with_minima(([0.0, 0.1], 1.5), ([0.0, 0.11], 1.6), ([0.2, 0.0], 9.0))
     deviation = fit.standard_errors["slope"]
@@ -174,7 +174,7 @@ def test_covariance_is_the_inverse_of_the_information():
 
 
 def test_whiteness_and_normality_have_the_probabilities_they_claim():
-    """Of white normal noise a twentieth is refused at 5 %; what is neither, always."""
+    """The tests reject 5 % of white normal noise, and always other noise."""
     generator = np.random.default_rng(1)
     draws = generator.standard_normal((800, 200))
     for test in (statistics.whiteness, statistics.normality):
@@ -244,7 +244,7 @@ def test_a_fine_fit_needs_no_advice():
     assert line().advice == [] and "Remedies" not in str(line())
 
 
-def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
+def test_advice_to_grow_windows_where_the_run_deviates():
     fit = with_data(lambda data: data + np.where(TIMES > 1.0, 5.0 * np.sin(9.0 * TIMES), 0.0))
     window = next(sentence for sentence in fit.advice if "grow=" in sentence)
     until = float(window.split("up to ")[1].split(" s")[0])
@@ -257,7 +257,7 @@ def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
     assert f"1. {fit.advice[0]}" in str(fit)
 
 
-def test_a_run_that_is_off_from_the_start_is_told_to_doubt_the_scene():
+def test_advice_to_check_the_scene_where_the_first_samples_deviate():
     fit = with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
     assert any("from the first samples on" in sentence for sentence in fit.advice)
 

@@ -187,9 +187,9 @@ def test_fit_in_labels_and_units(fit, draws):
 
 
 def test_starts_and_windows(fit, draws):
-    told = []
+    reported = []
     starts = cj.Starts(2, {"clearance": 0.02, "young": 0.2}, seed=1)
-    options = {"grow": (0.02,), "starts": starts, "progress": told.append}
+    options = {"grow": (0.02,), "starts": starts, "progress": reported.append}
     found = fitted(draws[0], guess=[CLOSE, TRUTH], **options)
     assert len(found.searches) == 3
     rows = np.array([search.start for search in found.searches])
@@ -197,20 +197,20 @@ def test_starts_and_windows(fit, draws):
     np.testing.assert_array_less(np.abs(rows[2] - rows[0]), [0.2, 1e-12, 0.02])
     assert rows[2, 0] != rows[0, 0]
     assert [window.end_time for window in found.best.windows] == [0.02, END]
-    assert len(told) == sum(search.evaluations for search in found.searches)
+    assert len(reported) == sum(search.evaluations for search in found.searches)
     assert found.chi_squared == min(search.best.chi_squared for search in found.searches)
     assert found.chi_squared == pytest.approx(fit.chi_squared, abs=1e-3)
 
 
-def test_windows_hold_to_where_they_began(problem):
-    """As one more measurement of each coordinate, with the stride for noise."""
+def test_windows_have_a_prior_at_their_start(problem):
+    """The prior is one more measurement of each coordinate, with `max_step` as noise."""
     runs, data, at = problem
-    centre, strides = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
+    centre, deviations = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
     plain = run_misfit(runs, data, END, at)
-    held = _with_prior(partial(run_misfit, runs, data, END), centre, strides, at)
-    np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
-    np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
-    np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)
+    with_prior = _with_prior(partial(run_misfit, runs, data, END), centre, deviations, at)
+    np.testing.assert_allclose(with_prior.residuals[-3:], [-0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(with_prior.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
+    np.testing.assert_array_equal(with_prior.residuals[:-3], plain.residuals)
 
 
 def test_minimum_of_an_objective(clean):

@@ -30,7 +30,7 @@ def searched(function, tolerance=1e-3, lanes=10, between=(1.0, 10.0)):
 
     parameter = cj.Parameter(lambda scene: scene.gravity[0])
     search = _Search(SimpleNamespace(margins=run), lanes, tolerance, parameter)
-    return search.found(*between, "m"), rows
+    return search.run(*between, "m"), rows
 
 
 @pytest.mark.parametrize(
@@ -88,12 +88,12 @@ def test_a_range_without_a_limit_and_one_beyond_it():
         searched(lambda x: -1.0)
 
 
-def test_runs_that_fail_do_not_hold():
+def test_failed_runs_are_violations():
     found, _ = searched(lambda x: 1.0 if x < 4.2 else -np.inf)
     assert found.value == pytest.approx(4.2, rel=1e-3)
 
 
-def test_quantiles_are_peaks_that_occurred_with_intervals_that_hold_what_they_say():
+def test_quantiles_are_order_statistics_with_intervals_of_the_stated_confidence():
     """Of 2000 sets of draws of a uniform peak, the interval has the quantile in 95 % and more."""
     drawn = np.random.default_rng(0).uniform(size=(2000, 40))
     margin, low, high = limit_margins(drawn, 1.0, 0.8)

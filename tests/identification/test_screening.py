@@ -83,10 +83,10 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
     assert "starts from screening by" in str(screened)
 
 
-def test_a_screening_that_does_not_come_to_the_end_says_so(data):
+def test_an_incomplete_screening_is_reported(data):
     few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
     (warning,) = [text for text in few.warnings if text.startswith("Screening reached only")]
-    assert warning.endswith("s only: increase its rounds.")
+    assert warning.endswith(" s: increase its rounds.")
     (found,) = few.screened
     assert not found.complete and len(found.times) == 2
 
@@ -113,12 +113,12 @@ def test_what_noise_does_not_explain_is_screened_anew(data):
         ({"keep": 1000}, "at most 4 times number, but is 1000: keep about a fifth of number"),
     ],
 )
-def test_settings_that_no_screening_can_use(settings, message):
+def test_invalid_settings_of_a_screening_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         cj.Screening(**settings)
 
 
-def test_arguments_that_no_screening_can_use(data):
+def test_invalid_arguments_of_a_screening_are_refused(data):
     with pytest.raises(ValueError, match=r"`spread` must be values of estimated .*\['mass'\]"):
         fitted(data, starts=cj.Screening(spread={"mass": 1.0}))
     with pytest.raises(ValueError, match="`guess` must be one guess, for a screening, but"):
@@ -150,19 +150,19 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
     assert fit.chi_squared == pytest.approx(curve.min(), abs=0.01)
     assert fit.estimates["stiffness"] == pytest.approx(grid[curve.argmin()], rel=1e-3)
     assert fit.chi_squared < plain.chi_squared and plain.check is None
-    held = grid[curve <= curve.min() + 3.84]
-    assert fit.intervals["stiffness"] == pytest.approx((held[0], held[-1]), rel=0.01)
+    allowed = grid[curve <= curve.min() + 3.84]
+    assert fit.intervals["stiffness"] == pytest.approx((allowed[0], allowed[-1]), rel=0.01)
     assert fit.check.minima == 2 and len(fit.rivals) == 1
     first, second = str(fit).split("\n\n")[:2]
     assert first.startswith("Fit of 200 samples") and second == fit.warnings[0]
     assert f"with 2 minima ({fit.check.runs} runs around the estimates" in second
 
 
-def test_a_covariance_that_holds_is_confirmed_by_few_runs(data):
+def test_a_valid_covariance_is_confirmed_by_few_runs(data):
     fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
     assert fit.check.passed and fit.check.exploration is None and fit.doubts == []
-    assert fit.check.runs == len(fit.check.test.found) == 14
-    np.testing.assert_allclose(fit.check.test.found, fit.check.test.predicted, rtol=0.3, atol=0.3)
+    assert fit.check.runs == len(fit.check.test.actual) == 14
+    np.testing.assert_allclose(fit.check.test.actual, fit.check.test.predicted, rtol=0.3, atol=0.3)
     assert "up to 4 standard errors away (14 runs around" in str(fit)
 
 

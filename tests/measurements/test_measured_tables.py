@@ -1,4 +1,4 @@
-"""Measurements from files: what is read, and what an error says of a file that is not right."""
+"""Measurements from files, and errors for invalid files."""
 
 import gzip
 import math
@@ -109,12 +109,12 @@ BARE = "t,p\n0,1\n1,2\n"
         ("", PROBE, "^File '.*rig.csv' must have a header and rows, but is empty"),
         (GOOD, PROBE.quantity, r"`channels\['p'\]` must be a Channel, but is 'JournalOffset'"),
         (GOOD.replace("1,2", "1,0,2,5"), PROBE, r"^File '.*rig.csv' must have as many fields"),
-        ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass `sep`, `decimal`"),
+        ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass the `sep`, `decimal`"),
         (GOOD, cj.Channel(PROBE.quantity, [1.0, 2.0]), r"`noise` must be of shape \(3,\), but"),
         ("t,p [mm]\n", PROBE, "In column 'p' of .*`times of 'p'` must be a row of times"),
     ],
 )  # fmt: skip
-def test_files_that_are_not_right_are_refused(written, text, channel, message):
+def test_invalid_files_are_refused(written, text, channel, message):
     with pytest.raises(ValueError, match=message):
         cj.read_csv(written(text), {"p": channel})
 
@@ -195,7 +195,7 @@ def gap():
         ),
     ],
 )
-def test_datasets_that_are_not_right_are_refused(make, name, message):
+def test_invalid_datasets_are_refused(make, name, message):
     with pytest.raises(ValueError, match=message):
         cj.from_xarray(make(), {name: PROBE})
 

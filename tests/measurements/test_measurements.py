@@ -39,7 +39,7 @@ def test_units_become_si(unit, si, factor):
     assert (found, name) == (pytest.approx(factor, rel=1e-14), si)
 
 
-def test_units_of_functions_of_ones_own_become_what_si_has():
+def test_units_of_user_defined_functions_become_si_units():
     assert to_si("N", None) == (1.0, "N")
     assert to_si("mN", None) == (pytest.approx(1e-3), "kg*m/s**2")
     assert to_si("%", None) == (pytest.approx(0.01), "1")
@@ -187,7 +187,7 @@ def test_dataset_shares_the_time_where_the_series_do():
         ({"values": [0.0, math.nan, 1.0], "name": "gap"}, r"`values of 'gap'\[1\]` must be finite"),
     ],
 )
-def test_series_that_cannot_be_are_refused(changes, message):
+def test_invalid_series_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         probe(**changes)
 

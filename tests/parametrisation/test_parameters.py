@@ -93,7 +93,7 @@ def test_values_and_components_that_do_not_fit_are_refused(scene):
 
 
 class LawWithClassVariables(cj.laws.Hertz):
-    """A law of one's own, with annotations that are no fields."""
+    """A user-defined law with annotations that are not fields."""
 
     uses_entry_speed: ClassVar[bool] = False
     exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)

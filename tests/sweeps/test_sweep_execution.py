@@ -1,4 +1,4 @@
-"""Chunks over executors: processes of one's own, Dask's workers, and what dies in between."""
+"""Chunks on executors: local processes and Dask's workers, some of which die."""
 
 import multiprocessing
 import os
@@ -148,7 +148,7 @@ def killing_itself(folder: Path):
     return task
 
 
-def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes):
+def test_broken_pool_is_reported_and_another_one_resumes(store, tmp_path, processes):
     with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
         with pytest.raises(ChunkError, match="worker process died") as raised:
             swept(killing_itself(tmp_path), executor, store)
@@ -174,7 +174,7 @@ with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as 
 """
 
 
-def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     """A worker imports the script, and would begin workers of its own."""
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED)

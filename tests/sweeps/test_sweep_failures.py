@@ -1,4 +1,4 @@
-"""Lanes that fail say so and leave the others as they are; impossible sweeps are refused."""
+"""Failed lanes have result codes and don't change the others; invalid sweeps are refused."""
 
 import warnings
 
@@ -59,7 +59,7 @@ def test_law_that_turns_nan(good):
     assert np.isfinite(lane.final_spin).all()
 
 
-def test_value_that_no_scene_can_have(good):
+def test_value_that_a_scene_refuses(good):
     lane = beside_the_good(good, -3.0)
     assert codes(lane) == ["bad_parameters"]
     assert float(lane.time_reached[0]) == 0.0
@@ -131,14 +131,14 @@ def test_sweep_of_a_structure_that_cannot_move_is_refused():
         cj.sweep(fixed, STILL, END, AXES)
 
 
-def test_refused_values_of_the_pendulum_are_told():
+def test_invalid_values_of_the_pendulum_are_reported():
     """A restitution above 1, and a clearance above the radius of the bearing: nothing runs."""
     axes = {
         "restitution": cj.Axis(lambda s: s.joints["shoulder"].law.restitution, [1.5, 0.9]),
         "clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, [5e-4, 2e-2]),
     }
-    told = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
-    with pytest.warns(UserWarning, match=told):
+    message = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
+    with pytest.warns(UserWarning, match=message):
         found = cj.sweep(*cj.mechanisms.double_pendulum(), 0.1, axes, zipped=True)
     assert codes(found) == ["bad_parameters"] * 2
 

@@ -101,7 +101,7 @@ def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, w
 
 
 def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
-    """Also where the place is named by another function."""
+    """Also if another function gives the path."""
     computed = []
 
     def run(work, lanes, *args, run=Work.run, **options):
@@ -257,10 +257,10 @@ import tests.conftest
 from tests.sweeps.test_sweep_resume import long_lanes
 from clearjoint.sweeps import computing
 add = computing._Writer.add
-def told(writer, lanes, results):
+def report(writer, lanes, results):
     print(*lanes, sep="\\n", flush=True)
     add(writer, lanes, results)
-computing._Writer.add = told
+computing._Writer.add = report
 long_lanes(sys.argv[1])
 """
 
@@ -339,7 +339,7 @@ def other_scene(options):
         ),
     ],
 )
-def test_store_of_other_settings_is_refused_and_told_apart(path, other, names):
+def test_store_of_other_settings_is_refused(path, other, names):
     interrupted(path, 1)
     with pytest.raises(ValueError, match=names):
         other(chunk=CHUNK, path=path)

@@ -213,8 +213,8 @@ DIFFERENT = {
 }
 
 
-@pytest.mark.parametrize("changes, said", DIFFERENT.values(), ids=DIFFERENT)
-def test_store_of_another_sweep_is_refused(path, changes, said):
+@pytest.mark.parametrize("changes, message", DIFFERENT.values(), ids=DIFFERENT)
+def test_store_of_another_sweep_is_refused(path, changes, message):
     compute(opened(path, layout(notes={"law": "linear"})), (0, 2))
     if "settings" in changes:
         changes = {**changes, "settings": {**layout().settings, **changes["settings"]}}
@@ -222,17 +222,17 @@ def test_store_of_another_sweep_is_refused(path, changes, said):
         opened(path, layout(**{"notes": {"law": "linear"}, **changes}))
     first, *lines, last = str(refused.value).split("\n")
     assert str(path) in first
-    assert [line.strip() for line in lines] == said
+    assert [line.strip() for line in lines] == message
     assert "another path" in last and "delete" in last
 
 
 def test_store_of_another_program_is_refused(partial, path):
-    for programs, said in [
+    for programs, message in [
         ({RUN: "rises"}, "program of a step: the code"),
         ({RUN: "falls", "touched": "new"}, None),
     ]:
-        if said:
-            with pytest.raises(ValueError, match=said):
+        if message:
+            with pytest.raises(ValueError, match=message):
                 opened(path, layout(), programs)
         else:
             assert opened(path, layout(), programs).missing() == MIDDLE
@@ -286,7 +286,7 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
 
 
 @pytest.mark.parametrize(
-    "name, values, said",
+    "name, values, message",
     [
         ("steps", np.zeros(5), "arrays: steps.*int64"),
         ("position", np.zeros((5, 3, 5)), "arrays: position"),
@@ -294,8 +294,8 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
         ("more", np.zeros(5), "arrays"),
     ],
 )
-def test_results_that_were_not_announced_are_refused(partial, name, values, said):
-    with pytest.raises(ValueError, match=said):
+def test_results_that_were_not_announced_are_refused(partial, name, values, message):
+    with pytest.raises(ValueError, match=message):
         partial.write(1, MIDDLE[1], {**results(partial.layout, MIDDLE[1]), name: values})
     assert partial.missing() == MIDDLE
 
@@ -325,7 +325,7 @@ def python(code: str, *arguments: Path) -> subprocess.Popen:
 
 
 def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
-    """Chunks that read as done, each of them found to hold exactly its results."""
+    """Chunks that are done; each is checked to have exactly its results."""
     if not path.exists():
         return set()
     missing = opened(path, large).missing()

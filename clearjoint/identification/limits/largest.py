@@ -50,10 +50,10 @@ class LargestFeasible:
       -inf if the run failed.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
-    >>> found = cj.largest_feasible(
+    >>> largest = cj.largest_feasible(
     ...     scene, state, 0.5, stiffness, speed, 2.0, between=between, lanes=8, progress=False
     ... )
-    >>> found.met, round(found.value)
+    >>> largest.met, round(largest.value)
     (True, 400)
     """
 
@@ -123,7 +123,7 @@ def largest_feasible(
     import clearjoint as cj
 
     scene, state = cj.mechanisms.slider_crank(0.1e-3)
-    found = cj.largest_feasible(
+    largest = cj.largest_feasible(
         scene,
         state,
         2e-3,
@@ -133,7 +133,7 @@ def largest_feasible(
         between=(1e-6, 1e-4),
         lanes=8,
     )
-    print(found)
+    print(largest)
     ```
 
     **Arguments:**
@@ -180,7 +180,7 @@ def largest_feasible(
         progress,
     )
     search = _Search(problem, lanes, tolerance, parameter)
-    return search.found(low, high, parameter.variation.unit_in(scene, state))
+    return search.run(low, high, parameter.variation.unit_in(scene, state))
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class _Search:
     tolerance: float
     parameter: Parameter
 
-    def found(self, low: float, high: float, unit: str) -> LargestFeasible:
+    def run(self, low: float, high: float, unit: str) -> LargestFeasible:
         """Search between two coordinates."""
         lanes = self.problem.margins(np.linspace(low, high, self.lanes))
         smallest, expected = self._value(low), "a value that satisfies the limits"

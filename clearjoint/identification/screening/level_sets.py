@@ -22,21 +22,21 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
-    whole, low, high = int(beyond[0]) - 1, 0.0, 1.0
+    last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _gap(level(curves, whole + middle), keep) > excess:
+        if _gap(level(curves, last_full + middle), keep) > excess:
             high = middle
         else:
             low = middle
-    return whole + low
+    return last_full + low
 
 
 def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared (n,) at a fractional number of times, by linear interpolation."""
-    whole = min(int(count), curves.shape[1] - 2)
-    part = count - whole
-    return (1.0 - part) * curves[:, whole] + part * curves[:, whole + 1]
+    last_full = min(int(count), curves.shape[1] - 2)
+    part = count - last_full
+    return (1.0 - part) * curves[:, last_full] + part * curves[:, last_full + 1]
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:

@@ -45,8 +45,8 @@ class SideBySide:
 
     def time(self, count: float) -> float:
         """Return the last of a fractional number of times, rounded up, s; for 0 the start."""
-        whole = int(np.ceil(count))
-        return float(self.times[whole - 1]) if whole else float(self.runs.start_time)
+        times = int(np.ceil(count))
+        return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1

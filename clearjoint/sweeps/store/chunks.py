@@ -96,7 +96,7 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
     """Open an array of a group."""
     import zarr
 
-    # Zarr omits chunks of fill values by default: a lost file could not be told from such a chunk.
+    # Zarr omits chunks of fill values by default: a lost file would look like one of these chunks.
     with zarr.config.set({"array.write_empty_chunks": True}):
         array = group[name]
     assert isinstance(array, zarr.Array)

@@ -161,10 +161,10 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 def digest(*parts: str | bytes) -> str:
     """Compute the digest of a sequence of parts, as a text of `DIGITS` characters."""
-    whole = hashlib.blake2b(digest_size=DIGITS // 2)
+    state = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part
         # With its length in front, ("ab", "c") differs from ("a", "bc").
-        whole.update(b"%d:" % len(content))
-        whole.update(content)
-    return whole.hexdigest()
+        state.update(b"%d:" % len(content))
+        state.update(content)
+    return state.hexdigest()

@@ -110,28 +110,29 @@ def contents_of(path: Path) -> Contents:
     """
     group, attrs = _opened(path)
     path = path / BY_LANE
-    own = {name: attrs.pop(name) for name in _OWN}
-    order = _values(path, group, own["sweep_order"])
+    stored = {name: attrs.pop(name) for name in _OWN}
+    order = _values(path, group, stored["sweep_order"])
     row_of = np.argsort(order)
-    names, further, digests = own["sweep_axes"], own["sweep_coordinates"], own["sweep_digests"]
+    names, digests = stored["sweep_axes"], stored["sweep_digests"]
+    further = stored["sweep_coordinates"]
     axes = [_labels(path, group, name) for name in names]
     axes = [axis._replace(values=axis.values[row_of]) for axis in axes]
-    if not own["sweep_zipped"]:
-        axes = [_along(axis, own["sweep_shape"], dim) for dim, axis in enumerate(axes)]
-    labels = {*names, *further, *digests.values(), own["sweep_order"]}
-    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
+    if not stored["sweep_zipped"]:
+        axes = [_along(axis, stored["sweep_shape"], dim) for dim, axis in enumerate(axes)]
+    labels = {*names, *further, *digests.values(), stored["sweep_order"]}
+    notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
     layout = Layout(
         tuple(axes),
-        own["sweep_chunk"],
+        stored["sweep_chunk"],
         {name: _variable(array) for name, array in group.arrays() if name not in labels},
         tuple(_labels(path, group, name) for name in further),
         attrs,
-        own["sweep_zipped"],
+        stored["sweep_zipped"],
         notes,
     )
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
-    identity = Identity(own["sweep_programs"], lanes)
-    return Contents(layout, identity, order, frozenset(own[ADDED]))
+    identity = Identity(stored["sweep_programs"], lanes)
+    return Contents(layout, identity, order, frozenset(stored[ADDED]))
 
 
 def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
@@ -195,7 +196,7 @@ def _write(path: Path, contents: Contents) -> None:
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
-        *(Coordinate(digests[name], own[order]) for name, own in identity.lanes.items()),
+        *(Coordinate(digests[name], values[order]) for name, values in identity.lanes.items()),
         Coordinate(_order_name(order), order),
     ]
     for coordinate in along_lanes:

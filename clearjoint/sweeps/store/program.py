@@ -131,12 +131,12 @@ class _Traced:
         now, programs = self._instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
-            whole = (
+            computed = (
                 reduction.start(now),
                 reduction.update(tally, now),
                 reduction.results(tally, now),
             )
-            programs |= {variable_name(name, key): whole for key in reduction.units()}
+            programs |= {variable_name(name, key): computed for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
             crossing = () if section is None else (section.quantity(now), section.after)

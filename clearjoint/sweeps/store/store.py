@@ -90,7 +90,7 @@ class SweepStore:
         remove_abandoned(path)
         if not path.exists():
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
-        contents_of(path)  # Raises an error if there is no store, whose folder could be locked.
+        contents_of(path)  # Raises an error if there is no store to lock.
         with locked(path / BY_LANE):
             stored = contents_of(path)
             wanted = _joined(path, stored, Contents(layout, identity, stored.order))
