@@ -68,6 +68,7 @@ def blocked(
       blocked.
     - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
     """
+    # A run with a wrong guess may fail early: longer records remain blocked.
     n = min(len(row) for row in values.values())
     residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
     along = np.stack([slopes[name][:n] for name in truth])

@@ -42,6 +42,7 @@ class _Push:
         for name, radius in self.radii:
             twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
             bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
+        # Encoding the velocities in joint coordinates drops the part that the joints forbid.
         system = System(unpack(fold_constants(scene)), Formulation(JointCoordinates()))
         compatible = system.decode(system.encode(unpack(bodies)))
         return scene, eqx.tree_at(lambda s: s.bodies, state, pack(compatible))
@@ -80,6 +81,7 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
 
     `derivatives` has the derivatives (T, p) of the points' coordinates, by the keys of `names`.
     """
+    # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 

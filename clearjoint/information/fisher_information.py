@@ -20,6 +20,7 @@ weight, unless more than the second share of their variance comes from the combi
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """Return the root (p, p) of the information of rows (N, p)."""
+    # With p rows of zeros the root has p rows even if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
@@ -43,8 +44,11 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
 
     **Arguments:** `accuracy`: relative error of the derivatives.
     """
+    # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     blind = _blind(values, accuracy)[..., None]
+    # A parameter is undetermined only if its part in an undetermined direction exceeds the error
+    # of that direction; the others keep a finite bound from the determined directions.
     parts = directions / np.where(blind, 1.0, values[..., None])
     parts = np.where(blind, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts)
     return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
@@ -125,6 +129,8 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 
     They are the eigenvectors of the information.
     """
+    # Here the columns are not scaled, because combinations are in the parameters' coordinates. Only
+    # if scaled columns are rank-deficient too is a small singular value due to missing information.
     _, values, directions = np.linalg.svd(root)
     deficient = rank(root, accuracy) < len(values)
     blind = _blind(values, accuracy if deficient else np.finfo(float).eps)

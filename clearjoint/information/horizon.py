@@ -267,6 +267,8 @@ def _errors(
     """
     weights = runs.weights(run.times)
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
+    # Errors of derivatives are compared with the derivatives of the whole record so far, because a
+    # fit uses their sum over all samples.
     p = len(runs.parameters)
     differences, size = np.zeros((2, len(run.times), p))
     for name, weight in weights.items():
@@ -289,6 +291,7 @@ def _wrong_guess(
     weights, times = runs.weights(true_run.times), true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
     blocked = np.zeros(len(times), bool)
+    # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = runs.run(truth + fraction * offsets, settings, throw=False)
         n = len(run.times)
