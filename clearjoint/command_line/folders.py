@@ -107,7 +107,7 @@ class Folder:
 
     def write_table(self, name: str, table: "xr.Dataset", csv: bool = True) -> None:
         """Write a dataset as netCDF, and as CSV."""
-        from ..export.frames import to_frame
+        from ..export.tabular import to_frame
 
         write_netcdf(table, self / f"{name}.nc")
         if csv:

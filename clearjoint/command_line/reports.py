@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from ..export.frames import to_frame
+from ..export.tabular import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows

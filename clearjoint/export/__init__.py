@@ -1,1 +1,1 @@
-"""Results as labelled arrays with units, data frames, CSV and netCDF files."""
+"""Export of results as labelled arrays with units, data frames, CSV and netCDF files."""

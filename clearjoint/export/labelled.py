@@ -1,5 +1,4 @@
-"""Datasets by the CF conventions: units and descriptions on variables, versions and settings on the
-whole."""
+"""Datasets that follow the CF conventions, with units, descriptions, versions and settings."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,8 +16,7 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """An array with the names of its dimensions, its unit, ``None`` where there is none or it is
-    unknown, and what it is."""
+    """An array with names of its dimensions, unit (``None`` if unknown) and description."""
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -33,9 +31,9 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """A dataset of labelled arrays.
+    """Return a dataset of labelled arrays.
 
-    **Arguments:** `title`: what it is; `notes`: settings and numbers for a reader.
+    **Arguments:** `notes`: settings and numbers for a reader.
     """
     import xarray as xr
 
@@ -50,11 +48,11 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Labels as an array of texts, also where there are none."""
+    """Return labels as an array of texts, which may be empty."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
 def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
-    told = {"units": one.unit, "long_name": one.description or None, **one.attributes}
-    attributes = {name: value for name, value in told.items() if value is not None}
+    given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
+    attributes = {name: value for name, value in given.items() if value is not None}
     return one.dims, np.asarray(one.values), attributes

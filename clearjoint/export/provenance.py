@@ -1,4 +1,4 @@
-"""Where numbers come from, as texts for a reader."""
+"""Provenance of numbers: descriptions of settings and versions as texts for a reader."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -11,15 +11,16 @@ import numpy as np
 LONGEST = 200
 _VERSIONED = ("clearjoint", "jax", "diffrax")
 Notes = tuple[tuple[str, str | int | float], ...]
-"""Texts and numbers by name, which a netCDF file can hold."""
+"""Texts and numbers by name, as attributes of a netCDF file."""
 
 
 def describe(value: object) -> str:
-    """A text with the names of classes and functions and the numbers that they hold."""
+    """Return a text with the names of classes and functions and their numbers."""
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
     if isinstance(value, np.ndarray | jax.Array | np.generic):
-        return _shortened(repr(np.asarray(value).tolist()))
+        text = repr(np.asarray(value).tolist())
+        return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
     if is_dataclass(value) and not isinstance(value, type):
         parts = [f"{f.name}={describe(getattr(value, f.name))}" for f in fields(value)]
         return f"{type(value).__name__}({', '.join(parts)})"
@@ -33,15 +34,14 @@ def describe(value: object) -> str:
 
 
 def described(values: Mapping[str, object]) -> dict[str, str]:
-    """The text of each value, by name."""
+    """Return the description of each value, by name."""
     return {name: describe(value) for name, value in values.items()}
 
 
 def setting_notes(values: object) -> Notes:
-    """What a dataclass of settings holds, each as "setting_<name>": numbers as such, texts of all
-    else."""
-    found = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
-    return tuple((f"setting_{name}", _note(value)) for name, value in found.items())
+    """Return the fields of a dataclass as "setting_<name>": numbers, and texts of other values."""
+    by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
+    return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
 
 
 def _note(value: object) -> str | int | float:
@@ -51,9 +51,5 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of what computes."""
+    """Return the versions of clearjoint, JAX and diffrax."""
     return {f"version of {name}": version(name) for name in _VERSIONED}
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

@@ -26,19 +26,18 @@ Coordinates = jax.Array | np.ndarray
 class AbstractFamily(eqx.Module):
     """A scene and its initial state as functions of p parameters.
 
-    `values`: (p,) coordinates of the parameters at which the functions and their derivatives are
-    taken.
+    `values`: (p,) coordinates at which the functions and their derivatives are evaluated.
     """
 
     values: eqx.AbstractVar[Coordinates]
 
     @abc.abstractmethod
     def scene(self, values: Coordinates) -> Scene:
-        """The scene at coordinates (p,), in scalar form."""
+        """Return the scene at coordinates (p,), in scalar form."""
 
     @abc.abstractmethod
     def start(self, values: Coordinates) -> State:
-        """The initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), in scalar form."""
 
     def pushed(
         self,
@@ -46,14 +45,14 @@ class AbstractFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """The value of a function and its derivatives along the parameters.
+        """Compute a function and its derivatives with respect to the parameters (forward mode).
 
         **Arguments:**
 
-        - `function`: of the scene and of `primals`. It returns a pair: the value that is
-          differentiated, and an auxiliary result that is not.
-        - `primals`: the function's arguments behind the scene, which may depend on the parameters.
-        - `tangents`: their derivatives along the parameters, (p, ...) each.
+        - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
+          differentiated, and an auxiliary result, which is not.
+        - `primals`: arguments that follow the scene; they may depend on the parameters.
+        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
         """
@@ -74,9 +73,9 @@ class AbstractFamily(eqx.Module):
 
 
 class ParametrisedScene(AbstractFamily):
-    """A scene and its initial state in which `Parameter`s may change numbers.
+    """A scene and its initial state, some numbers of which are given by `Parameter`s.
 
-    `base` is what the parameters change; `changes` and `scales` have an entry for each
+    `base` is the scene and state before any change; `changes` and `scales` have one entry for each
     parameter; `patterns` mark the scene's structural zeros and ones (see `fold_constants`).
     """
 
@@ -87,19 +86,18 @@ class ParametrisedScene(AbstractFamily):
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
-        """The same functions, to be taken at other coordinates (p,)."""
+        """Return the same family at other coordinates (p,)."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        """Scene and initial state at coordinates (p,), in packed form, as users build them."""
+        """Return scene and initial state at coordinates (p,), in packed form."""
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
     def varied(self) -> PyTree[bool]:
-        """Which numbers of the scene depend on the parameters: the scene with a boolean in the
-        place of each leaf."""
+        """Return the scene with each leaf replaced by whether it depends on the parameters."""
         structure = jax.tree.structure(self.base[0])
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
@@ -109,6 +107,7 @@ class ParametrisedScene(AbstractFamily):
             return jax.tree.unflatten(
                 structure, [k in set_value for k in range(structure.num_leaves)]
             )
+        # A user's function may change any leaf: a leaf that it changes becomes a tracer.
         is_traced: list[bool] = []
 
         def trace(values: jax.Array) -> jax.Array:
@@ -120,19 +119,18 @@ class ParametrisedScene(AbstractFamily):
         return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
-        """The scene at coordinates (p,), in scalar form, with its structural zeros and ones."""
+        """Return the scene in scalar form, with its structural zeros and ones."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """The initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), in scalar form."""
         return unpack(self.scene_and_state(values)[1])
 
 
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """A scene and its initial state as functions of parameters, to be taken at their coordinates
-    `values`, (p,)."""
+    """Return a scene and its initial state as functions of parameters, at coordinates (p,)."""
     scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())

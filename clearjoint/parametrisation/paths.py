@@ -1,6 +1,6 @@
-"""Parameters by place: naming, listing and replacing the numbers of a scene or a state.
+"""Paths of numbers: find, list and replace the numbers of a scene or a state.
 
-A place is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
@@ -19,8 +19,8 @@ from jaxtyping import PyTree
 from ..fields.checks import as_number, concrete, require
 from ..fields.suggestions import nearest
 
-Place = Callable[[PyTree], PyTree]
-"""From a scene or a state to a number of it, or to several that are tied."""
+NumberPath = Callable[[PyTree], PyTree]
+"""From a scene or a state to one of its numbers, or to several tied numbers."""
 Index = int | slice | EllipsisType
 Leaf = jax.Array | np.ndarray | float
 """A number or an array of a scene or a state."""
@@ -28,26 +28,32 @@ Leaf = jax.Array | np.ndarray | float
 
 @dataclass(frozen=True)
 class Number:
-    """Where a number stands in a scene or a state: which leaf of the PyTree, and for a component
-    of an array the indices that lead to it."""
+    """Location of a number in a scene or a state.
+
+    - `leaf`: index of the leaf of the PyTree.
+    - `component`: indices into that leaf, for a component of an array.
+    """
 
     leaf: int
     component: tuple[Index, ...] = ()
 
+    # Without this, Python would iterate by `__getitem__`, which accepts every index: [*number]
+    # would never end.
     __iter__ = None
-    """Not iterable: the protocol that falls back on indices would never end."""
 
     def __getitem__(self, key: Index) -> "Number":
         return Number(self.leaf, (*self.component, key))
 
 
-def numbers_at(tree: PyTree, place: Place) -> list[Number]:
-    """The numbers that a place names.
+def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
+    """Return the locations of the numbers at a path.
 
-    **Raises:** `ValueError` if it returns anything else.
+    **Raises:** `ValueError` if the path returns anything else.
     """
     try:
-        result = place(_marked(jax.tree.structure(tree)))
+        # The path runs on a tree whose leaves are their own locations, so that it returns
+        # locations instead of values.
+        result = path(_marked(jax.tree.structure(tree)))
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
@@ -55,10 +61,10 @@ def numbers_at(tree: PyTree, place: Place) -> list[Number]:
         numbers = [error]
     require(
         bool(numbers) and all(isinstance(number, Number) for number in numbers),
-        "place",
+        "path",
         [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers],
         "a function that returns numbers stored in the tree, not values computed from them",
-        "see parameters(tree) for what there is, e.g. lambda s: s.joints['pin'].clearance",
+        "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance",
     )
     return numbers
 
@@ -69,35 +75,34 @@ def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
-    """Raise the error of a place that leads through a name that is not there."""
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
     known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
     otherwise = (
         "see cj.parameters(scene), or cj.parameters(state) for Axis.initial and Parameter.initial, "
-        "for what there is"
+        "for all numbers"
     )
     raise ValueError(
-        "Argument `place` must be a function that leads to numbers stored in the tree, but names "
-        f"{missing!r}, which is not there: {nearest(missing, map(str, known), otherwise)}."
+        "Argument `path` must be a function that leads to numbers stored in the tree, but names "
+        f"{missing!r}, which does not exist: {nearest(missing, map(str, known), otherwise)}."
     ) from error
 
 
-def set_value(tree: PyTree, place: Place, value: Leaf) -> PyTree:
-    """The tree with another value at a place; nothing is checked (see `fields.recheck`).
+def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
+    """Return the tree with another value at a path, without the checks of its constructors.
 
-    **Raises:** `ValueError` if the value has another shape than what it replaces.
+    **Raises:** `ValueError` if the value has another shape than the number that it replaces.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
     >>> float(wider.joints["shoulder"].clearance)
     0.001
     """
-    return set_values(tree, numbers_at(tree, place), value)
+    return set_values(tree, numbers_at(tree, path), value)
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """The tree with another value at each of the numbers; as `set_value`."""
+    """Return the tree with the value at each of the numbers, as `set_value` does."""
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
     require_fits(leaves, numbers, value)
@@ -107,7 +112,7 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
-    """Check that numbers are there among the leaves of a tree, and of the shape of a value."""
+    """Check that the numbers exist in the leaves of a tree and have the shape of the value."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         require(
@@ -119,9 +124,9 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
         )
 
 
-def value_at(tree: PyTree, place: Place) -> Leaf:
-    """The value at a place; of tied numbers, the first's."""
-    number = numbers_at(tree, place)[0]
+def value_at(tree: PyTree, path: NumberPath) -> Leaf:
+    """Return the value at a path; for tied numbers, the value of the first."""
+    number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     return leaf[number.component] if number.component else leaf
 
@@ -131,8 +136,8 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
         return jnp.shape(leaf[component] if component else leaf)
     except IndexError as error:
         raise ValueError(
-            f"Argument `place` must name a component that is there, but is {list(component)} of an "
-            f"array of shape {jnp.shape(leaf)}: count from 0."
+            f"Argument `path` must lead to an existing component, but leads to {list(component)} "
+            f"of an array of shape {jnp.shape(leaf)}: count from 0."
         ) from error
 
 
@@ -146,14 +151,14 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
     return array
 
 
-def unit_at(tree: PyTree, place: Place) -> str:
-    """The unit of the numbers at a place, "1" for pure numbers and where none is declared."""
-    index = numbers_at(tree, place)[0].leaf
+def unit_at(tree: PyTree, path: NumberPath) -> str:
+    """Return the unit of the numbers at a path; "1" if they have none."""
+    index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 
 
 def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
-    """All numbers of a scene or state by name: value and unit.
+    """Return the value and unit of all numbers of a scene or state, by name.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> [name for name in cj.parameters(scene) if "clearance" in name]
@@ -163,7 +168,7 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Name, value and unit of each leaf, in the order of the PyTree."""
+    """Yield name, value and unit of each leaf, in the order of the PyTree."""
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):
@@ -174,7 +179,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
         for key in sorted(tree):
             yield from _named_leaves(tree[key], f"{name}[{key!r}]", unit)
     elif isinstance(tree, list | tuple):
-        for place, inner in enumerate(tree):
-            yield from _named_leaves(inner, f"{name}[{place}]", unit)
+        for index, inner in enumerate(tree):
+            yield from _named_leaves(inner, f"{name}[{index}]", unit)
     elif tree is not None:
         yield name, tree, unit

@@ -163,7 +163,7 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
         finite = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
         identifiable = np.where(finite <= report.limits[k], finite, np.nan)
         axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
-        label = shown(report.scales[k].called(name))
+        label = shown(report.scales[k].label(name))
         axes.plot(times, identifiable, color=colour, linestyle=style, linewidth=2, label=label)
     for k, limit in enumerate(np.unique(report.limits)):
         label = "not identifiable above" if k == 0 else None

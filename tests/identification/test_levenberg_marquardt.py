@@ -35,12 +35,12 @@ def noisy():
     return clean + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
 
 
-def run(evaluate, start, strides=FREE, tolerance=1e-6, limit=100):
-    told = []
+def run(evaluate, start, step_limits=FREE, tolerance=1e-6, limit=100):
+    reported = []
     found = search_with_damping(
-        evaluate, np.array(start, float), strides, tolerance, limit, told.append
+        evaluate, np.array(start, float), step_limits, tolerance, limit, reported.append
     )
-    assert tuple(told) == found[1]
+    assert tuple(reported) == found[1]
     return found
 
 

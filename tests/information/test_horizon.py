@@ -10,7 +10,7 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.information import descent_paths as ways
 from clearjoint.information import error_growth as growth
-from clearjoint.information.horizon import PLACES
+from clearjoint.information.horizon import PATH_POINTS
 from clearjoint.quantities import JournalOffset
 from tests.support.dropped_rod import dropped_rod
 
@@ -98,7 +98,7 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     truth, step = seen(0.0), 1e-6
     for guess in found.guesses:
         closed = np.zeros(len(found.times), bool)
-        for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
+        for share in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
             near = [
                 np.cumsum(((seen((share + s) * guess.offsets[0]) - truth) ** 2).sum(axis=1))
                 for s in (step, -step)

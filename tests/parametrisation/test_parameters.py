@@ -1,4 +1,4 @@
-"""Parameters by place: listing, replacing, tying, and places that name nothing."""
+"""Paths of numbers: listing, replacing and tying numbers, and paths that lead to no number."""
 
 from typing import Any, ClassVar
 
@@ -28,7 +28,7 @@ def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
         assert eval(f"scene.{name}", {"scene": scene}) is value
 
 
-def test_units_of_places_in_scenes_and_states(scene):
+def test_units_of_numbers_in_scenes_and_states(scene):
     state = cj.mechanisms.double_pendulum()[1]
     assert unit_at(scene, lambda s: s.bodies["arm 2"].mass) == "kg"
     assert unit_at(scene, lambda s: s.gravity[1]) == "m/s^2"
@@ -36,7 +36,7 @@ def test_units_of_places_in_scenes_and_states(scene):
     assert unit_at(state, lambda s: s.bodies["arm 3"].spin[2]) == "rad/s"
 
 
-def test_put_replaces_one_number_and_shares_the_rest(scene):
+def test_set_value_replaces_one_number_and_shares_the_rest(scene):
     changed = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-4)
     value = changed.joints["shoulder"].clearance
     assert isinstance(value, np.ndarray) and value.dtype == np.float64 and value == 1e-4
@@ -44,7 +44,7 @@ def test_put_replaces_one_number_and_shares_the_rest(scene):
     assert scene.joints["shoulder"].clearance == 5e-4
 
 
-def test_put_replaces_components_and_ties(scene):
+def test_set_value_replaces_components_and_ties(scene):
     changed = cj.set_value(scene, lambda s: s.gravity[1], 1.5)
     np.testing.assert_array_equal(changed.gravity, [0.0, 1.5, 0.0])
     np.testing.assert_array_equal(scene.gravity, [0.0, 9.81, 0.0])
@@ -65,7 +65,7 @@ def test_put_works_while_jax_traces(scene):
 
 
 @pytest.mark.parametrize(
-    ("place", "said"),
+    ("path", "message"),
     [
         (lambda s: s.joints["knee"].clearance, "knee"),
         (lambda s: s.joints["shoulder"].gap, "gap"),
@@ -78,22 +78,22 @@ def test_put_works_while_jax_traces(scene):
         (lambda s: 9.81, "float"),
     ],
 )
-def test_places_that_name_no_number_are_refused(scene, place, said):
+def test_paths_that_lead_to_no_number_are_refused(scene, path, message):
     with pytest.raises(
-        ValueError, match=rf"`place` must be a function.*{said}.*parameters\((tree|scene)\)"
+        ValueError, match=rf"`path` must be a function.*{message}.*parameters\((tree|scene)\)"
     ):
-        cj.set_value(scene, place, 1.0)
+        cj.set_value(scene, path, 1.0)
 
 
 def test_values_and_components_that_do_not_fit_are_refused(scene):
     with pytest.raises(ValueError, match=r"`value`.*shape \(3,\).*is 1\.0"):
         cj.set_value(scene, lambda s: s.gravity, 1.0)
-    with pytest.raises(ValueError, match=r"`place`.*\[3\].*shape \(3,\)"):
+    with pytest.raises(ValueError, match=r"`path`.*\[3\].*shape \(3,\)"):
         cj.set_value(scene, lambda s: s.gravity[3], 1.0)
 
 
 class LawWithClassVariables(cj.laws.Hertz):
-    """A law of one's own, with annotations that are no fields."""
+    """A user-defined law with annotations that are not fields."""
 
     uses_entry_speed: ClassVar[bool] = False
     exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)

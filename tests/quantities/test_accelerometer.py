@@ -113,7 +113,7 @@ def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differenc
     def run(changes):
         changed = scene
         for name, factor in changes.items():
-            place = PARAMETERS[name].variation.place
+            place = PARAMETERS[name].variation.path
             changed = cj.set_value(changed, place, factor * value_at(scene, place))
         return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
 

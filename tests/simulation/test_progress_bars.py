@@ -12,7 +12,7 @@ from clearjoint.compilation import Compiled, seconds_of_compiling
 from clearjoint.simulation.lanes.scheduler import Running
 from clearjoint.simulation.run import host_run, progress_bars, sampling
 from clearjoint.simulation.run.progress_bars import compiling_bar
-from clearjoint.sweeps.progress import lane_progress, show_running
+from clearjoint.sweeps.computing import lane_progress, show_running
 
 LONG, TICK = 0.25, 0.02
 

@@ -1,4 +1,4 @@
-"""What the axes of a sweep vary: places in the scene, components, starts, and whole scenes."""
+"""Axes of a sweep: numbers of the scene, components, initial states, and whole scenes."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ def lanes(axes):
     return lanes_of(*cj.mechanisms.double_pendulum(), axes, values)
 
 
-def test_tied_places_components_and_initial_states_reach_the_lanes():
+def test_tied_numbers_components_and_initial_states_reach_the_lanes():
     found = lanes(
         {
             "masses": cj.Axis(lambda s: [body.mass for body in s.bodies.values()], [1.0, 2.0]),

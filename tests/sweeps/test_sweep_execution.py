@@ -1,4 +1,4 @@
-"""Chunks over executors: processes of one's own, Dask's workers, and what dies in between."""
+"""Chunks on executors: local processes and Dask's workers, some of which die."""
 
 import multiprocessing
 import os
@@ -25,9 +25,9 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.native import is_native
 from clearjoint.runtime import threads_of_sweeps
 from clearjoint.sweeps import computing, executors
+from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
-from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 
@@ -148,7 +148,7 @@ def killing_itself(folder: Path):
     return task
 
 
-def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes):
+def test_broken_pool_is_reported_and_another_one_resumes(store, tmp_path, processes):
     with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
         with pytest.raises(ChunkError, match="worker process died") as raised:
             swept(killing_itself(tmp_path), executor, store)
@@ -174,12 +174,12 @@ with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as 
 """
 
 
-def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     """A worker imports the script, and would begin workers of its own."""
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert 'behind `if __name__ == "__main__":`' in done.stdout
+    assert 'below `if __name__ == "__main__":`' in done.stdout
 
 
 KILLED = """

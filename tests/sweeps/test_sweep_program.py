@@ -59,7 +59,7 @@ class Grip(cj.extend.AbstractFriction):
 
 
 class Bearing(cj.ClearanceJoint):
-    """A joint that knows its own depth."""
+    """A joint with a user-defined depth."""
 
     depth = 1.0
 

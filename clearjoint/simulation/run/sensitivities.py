@@ -178,7 +178,7 @@ def sensitivities(
     result = replace(
         _found(sampled, tuple(parameters), looked_at, asked, saved, start_time),
         units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
-        scales=tuple(p.scale.called(name) for name, p in parameters.items()),
+        scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(settings),
     )
     result = replace(result, sections=with_units(result.sections, save.sections))

@@ -1,18 +1,17 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
 In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
-are the sweep's, so that writing a chunk touches no file of another. A chunk's piece of `result` is
-written last: where it is missing, the lanes read as pending, whatever else a killed process has
-left of the chunk. Writing a chunk again is harmless, also by two processes at once, which wait for
-each other. Beside the folder are the same results along the axes, for any reader of Zarr
-(`.grid`).
+are those of the sweep: writing a chunk changes no file of another chunk. The `result` of a chunk is
+written last: without it the lanes count as pending, whatever else a killed process has written.
+Writing a chunk again is harmless, and two processes that write the same chunk wait for each other.
+The same results along the axes are stored for other programs (`.grid`).
 
-Every file has a checksum, which its place is part of. A chunk of which one is damaged, another's or
-gone reads as pending too, with a warning that names it, and is computed anew.
+Every file has a checksum of its content and path. A chunk with a damaged, missing or exchanged file
+counts as pending too, with a warning that names the file, and is computed again.
 
-A store takes further lanes, behind those it has, and further variables: it knows its lanes by the
-numbers that they start from, and variables by the programs that compute them. Nothing else of it
-changes after creation.
+A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
+lanes by the numbers from which they start and variables by the programs that compute them
+(`.identity`). Nothing else of a store changes after its creation.
 """
 
 import errno
@@ -30,8 +29,8 @@ from ..layout import BY_LANE, PENDING, RESULT, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .differences import differences
 from .grid import grid_shows, write_grid
-from .identity import Identity, places
-from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_remains
+from .identity import Identity, matching_lanes
+from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_abandoned
 from .program import RUN
 
 if TYPE_CHECKING:
@@ -39,9 +38,9 @@ if TYPE_CHECKING:
     import zarr
 
 _NAMED = 5
-"""Damaged files that a warning names."""
+"""Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
-"""Seconds between two writings of the grid while a store is filled, and largest share of the time
+"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the time
 that they may take."""
 
 
@@ -53,45 +52,45 @@ class SweepMemory:
         self._arrays = layout.pending()
 
     def missing(self) -> dict[int, list[int]]:
-        """By chunk the lanes that are not done."""
+        """Return the lanes that are not done, by chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Keep results of lanes of a chunk."""
+        """Store results of lanes of a chunk."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
 
     def write_grid(self) -> None:
-        """Do nothing: in memory there is nothing for other programs."""
+        """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """All results with labels; lanes that are not done have the `result` -1, pending."""
+        """Return all results with labels; lanes that are not done have the `result` -1."""
         return dataset(self.layout, self._arrays)
 
 
 class SweepStore:
-    """Results in a folder on disk; take `SweepStore.open`."""
+    """Results in a folder on disk; call `SweepStore.open`."""
 
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
         self.layout = contents.layout
         self._folder = path / BY_LANE
-        self._place = np.argsort(contents.order)
+        self._row_of = np.argsort(contents.order)
         self._grid_written, self._grid_seconds = time.monotonic(), 0.0
 
     @classmethod
     def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
-        """Open the store at a path, or create it; what it lacks of lanes and variables is added.
+        """Open the store at a path, or create it, and add missing lanes and variables.
 
-        **Raises:** `ValueError` if what is there is no sweep, or one of which lanes, variables or
-        settings are none of this.
+        **Raises:** `ValueError` if there is something other than a store, or the store of a sweep
+        with other settings or with lanes or variables that this one lacks.
         """
         path = Path(path)
-        remove_remains(path)
+        remove_abandoned(path)
         if not path.exists():
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
-        contents_of(path)
+        contents_of(path)  # Raises an error if there is no store to lock.
         with locked(path / BY_LANE):
             stored = contents_of(path)
             wanted = _joined(path, stored, Contents(layout, identity, stored.order))
@@ -102,10 +101,9 @@ class SweepStore:
         return cls(path, wanted)
 
     def missing(self) -> dict[int, list[int]]:
-        """By chunk the lanes that are not done.
+        """Return the lanes that are not done, by chunk.
 
-        **Raises:** `PermissionError` if there are any and the store can't be written to, before
-        anybody computes them.
+        **Raises:** `PermissionError` if there are any and the store can't be written to.
         """
         group = opened_group(self._folder, "r")
         codes = _arrays(self.path, group, self._contents)[RESULT]
@@ -116,23 +114,25 @@ class SweepStore:
         return missing
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Put results of lanes of a chunk on disk; when this returns they are done."""
+        """Write results of lanes of a chunk to disk; they are done when this returns."""
         results = self.layout.checked(len(lanes), arrays)
         with locked(self._folder):
-            # Opened anew, since another process may have extended the store.
+            # Another process may have extended the store since it was opened.
             group = opened_group(self._folder, "r+")
             added = group.attrs[ADDED]
             assert isinstance(added, list)
             for name in set(map(str, added)) - set(results):
-                # Of these lanes, this process has no values of a variable that another one added.
+                # Another process added this variable, and these results lack it: without its file,
+                # the chunk counts as pending for sweeps with the variable.
                 chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
             first, size = chunk * self.layout.chunk, self.layout.chunk
             span = slice(first, min(first + size, opened(group, RESULT).shape[0]))
-            rows = self._place[list(lanes)] - first
+            rows = self._row_of[list(lanes)] - first
             if len(lanes) < span.stop - first:
                 results = self._merged(group, chunk, span, rows, results)
             else:
                 results = {name: values[np.argsort(rows)] for name, values in results.items()}
+            # The result codes mark the lanes as done: they are written last.
             for name in sorted(results, key=lambda name: name == RESULT):
                 array = opened(group, name)
                 array[span] = results[name]
@@ -147,11 +147,14 @@ class SweepStore:
         rows: np.ndarray,
         results: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
-        """The chunk's lanes with results in some rows; the others as they are on disk, or pending
-        if something of the chunk is missing there."""
+        """Return all rows of a chunk: the given results and, in other rows, the stored ones.
+
+        If a file of the chunk is missing or damaged, the other rows are pending.
+        """
         arrays = {name: opened(group, name) for name in results}
+        fills = {name: self.layout.variables[name].fill for name in results}
         merged = {
-            name: np.full((span.stop - span.start, *v.shape[1:]), self._fill(name), v.dtype)
+            name: np.full((span.stop - span.start, *v.shape[1:]), fills[name], v.dtype)
             for name, v in results.items()
         }
         try:
@@ -159,45 +162,44 @@ class SweepStore:
                 merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
         except ValueError:  # A checksum does not agree.
             pass
+        # If this process is killed between two arrays, old result codes would mark rows as done
+        # whose other values are missing.
         if (merged[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
             merged[name][rows] = values
         return merged
 
-    def _fill(self, name: str) -> bool | int | float:
-        return self.layout.variables[name].fill
-
     def write_grid(self) -> None:
-        """Write the results along the axes, for other programs, unless they are there."""
+        """Write the results along the axes for other programs, unless they are up to date."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # `dataset` tells of damage.
+            warnings.simplefilter("ignore")  # `dataset` warns of damage.
             results = _labelled(self.path, contents_of(self.path))
         if not grid_shows(self.path, results):
             with locked(self._folder):
                 write_grid(self.path, results)
 
     def _write_grid_if_due(self) -> None:
-        begun = time.monotonic()
-        if begun - self._grid_written > max(GRID_PERIOD, self._grid_seconds / GRID_SHARE):
+        start = time.monotonic()
+        if start - self._grid_written > max(GRID_PERIOD, self._grid_seconds / GRID_SHARE):
             self.write_grid()
             self._grid_written = time.monotonic()
-            self._grid_seconds = self._grid_written - begun
+            self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """All results with labels; lanes that are not done have the `result` -1, pending."""
+        """Return all results with labels; lanes that are not done have the `result` -1."""
         return _labelled(self.path, self._contents)
 
 
 def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
-    """The results in a sweep's store, along its axes; also while the sweep is running.
+    """Read the results of a sweep's store, along its axes, also while the sweep is running.
 
     Lanes that are not done have the `result` -1 (pending); their numbers are NaN, -1 in integers.
-    So have those of which something on disk is damaged, with a warning that names the files; the
-    same call of `sweep` computes them anew. All of it comes into memory.
+    Lanes with damaged files are pending too, with a warning that names the files; the same call of
+    `sweep` computes them again. All results are read into memory.
 
-    ``xarray.open_zarr(path)`` opens the same results piece by piece. While a sweep is running, or
-    after it was killed, it may show lanes of the last minute as pending.
+    ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
+    was killed, it may show lanes of the last minute as pending.
 
     **Raises:** `ValueError` if there is no sweep's store at the path.
 
@@ -214,26 +216,29 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """The wanted contents in the order of those stored, with what these lack behind."""
-    here = wanted.identity.lanes[RUN]
-    kept = places(stored.identity.lanes[RUN][stored.order], here)
+    """Return the wanted contents with the stored lanes first, in their order.
+
+    **Raises:** `ValueError` that lists the differences, if the store has another sweep.
+    """
+    digests = wanted.identity.lanes[RUN]
+    kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
     lines = differences(stored, wanted, kept)
     if lines:
         raise ValueError(
             f"The store {path} belongs to another sweep:\n  "
             + "\n  ".join(lines)
-            + "\nPass another path, or delete the store to compute it anew."
+            + "\nPass another path, or delete the store to compute it again."
         )
-    order = np.concatenate([kept, np.setdiff1d(np.arange(len(here)), kept)])
+    order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
     added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
     return wanted._replace(order=order, added=added)
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """By chunk the lanes that are pending, of codes in the order of the store."""
+    """Return the pending lanes by chunk, from codes in the order of the store's rows."""
     pending: dict[int, list[int]] = {}
-    for place in np.flatnonzero(codes == PENDING):
-        pending.setdefault(int(place) // chunk, []).append(int(order[place]))
+    for row in np.flatnonzero(codes == PENDING):
+        pending.setdefault(int(row) // chunk, []).append(int(order[row]))
     return pending
 
 
@@ -243,14 +248,15 @@ def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """The variables of all lanes in the order of the store, and nothing of chunks that are not
-    done, or of which something is damaged.
+    """Read the variables of all lanes, in the order of the store's rows.
 
-    The codes are read first: a chunk that another process ends meanwhile stays pending.
+    Lanes of chunks that are not done or have damaged files get fill values.
     """
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
-    lanes = slice(len(contents.order))  # Another process may have added some.
+    lanes = slice(len(contents.order))  # Another process may have added lanes.
+    # Result codes are written last, so they are read first: a chunk that another process finishes
+    # in between stays pending here.
     codes, faults = read(folder, opened(group, RESULT))
     codes = codes[lanes]
     done = codes != PENDING
@@ -262,26 +268,22 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         arrays[name] = values[lanes]
         for chunk, fault in faults.items():
             span = layout.span(chunk)
+            # A variable that was added later has no files for lanes that were done before.
             if done[span].any() and not (fault == MISSING and name in contents.added):
                 damaged.append(f"{chunk_file(folder, array, chunk)} is {fault}")
             codes[span] = PENDING
     for name, values in arrays.items():
         values[codes == PENDING] = layout.variables[name].fill
     if damaged:
-        _warn(path, damaged)
+        more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+        warnings.warn(
+            f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
+            "chunks are pending; sweep with the same arguments to compute them again.",
+            stacklevel=3,
+        )
     return {RESULT: codes, **arrays}
 
 
-def _warn(path: Path, damaged: Sequence[str]) -> None:
-    more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
-    warnings.warn(
-        f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
-        "chunks are pending; sweep with the same arguments to compute them anew.",
-        stacklevel=4,
-    )
-
-
 def _flush(path: Path) -> None:
-    """Have a file's bytes on disk before going on."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())
