@@ -212,7 +212,7 @@ def _at(angle):
         (lambda: backlash(play_length=1e-4), "`play`"),
         (lambda: backlash(play=None), "`play`"),
         (lambda: backlash(play=-1e-3), "`play`"),
-        (lambda: backlash(play=7.0), "smaller than a turn"),
+        (lambda: backlash(play=7.0), "smaller than a full revolution"),
         (lambda: backlash(radius=0.0), "`radius`"),
         (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
         (lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))), "given stiffness"),
