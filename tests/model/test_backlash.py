@@ -215,7 +215,10 @@ def _at(angle):
         (lambda: backlash(play=7.0), "smaller than a full revolution"),
         (lambda: backlash(radius=0.0), "`radius`"),
         (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
-        (lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))), "given stiffness"),
+        (
+            lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))),
+            "explicit stiffness",
+        ),
         (lambda: backlash(law=1e8), "AbstractContactLaw"),
         (lambda: cj.Backlash("a", "a", play=1e-3, radius=0.1, law=LAW), "another body"),
         (lambda: gears(17.5), "`teeth_first`"),

@@ -118,7 +118,7 @@ def test_a_gear_out_of_mesh_is_told_by_how_far():
     [
         (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17.5, 51), "`teeth_first`.*17.5"),
         (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17, 0), "`teeth_second`.*teeth"),
-        (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*bears the gears"),
+        (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*carries the gears"),
         (lambda: cj.GearJoint("ground", "a", "b", 0 * Z, Z, 17, 51), "`axis_first`"),
         (lambda: cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, 0.0), "`lead`.*RevoluteJoint"),
         (lambda: cj.DistanceJoint("a", "b", ORIGIN, ORIGIN, -1.0), "`length`"),

@@ -316,7 +316,7 @@ CONSTRUCTION = {
         lambda: EndPlay(0.01, Hertz(RavnStiffness(2e11, 0.3))),
         "law",
         "RavnStiffness",
-        "given stiffness",
+        "explicit stiffness",
         "N/m^n",
     ),
     "play negative": (lambda: EndPlay(-0.01, Hertz(1)), "play", "-0.01", "zero or positive", "m"),

@@ -6,9 +6,8 @@ from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 
 
 class AbstractAxialPolicy(AbstractConverting):

@@ -13,9 +13,8 @@ from ...math.functions import within_a_period
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..contact.damping_factors import ExactRestitution
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..contact.limits import Limit
 from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from ..joints.constraint_rows import relative_angle_row
@@ -183,10 +182,11 @@ class Backlash(AbstractContactJoint):
 
     def deepest(self) -> dict[str, Scalar]:
         """Return half the way from a flank to the back of the other flank, m."""
-        return dict.fromkeys(FLANKS, 0.25 * self.radius * (TURN - self.play))
+        deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
+        return dict.fromkeys(FLANKS, deepest)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad within (-pi, pi], as a constraint row."""
+        """Return the second body's angle about the axis, rad within (-pi, pi], as a row."""
         first, second = motions[self.first], motions[self.second]
         return relative_angle_row(self.pair(), first, second, self.axis_first, self.axis_second)
 

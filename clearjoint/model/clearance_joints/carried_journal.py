@@ -107,7 +107,8 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 def _force(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> jax.Array:
-    """Return the film force on the journal, (2,) N, for an offset in m and its rate in m/s, (2,)."""
+    """Return the film force on the journal, (2,) N; the offset in m and its rate in m/s are
+    (2,)."""
     dry = joint.dry
     eccentricity = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
     own_rate = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)

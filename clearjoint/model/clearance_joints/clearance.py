@@ -204,7 +204,7 @@ class ClearanceJoint(AbstractContactJoint):
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the law of each base, and of each shoulder if there are shoulders."""
+        """Return the law of each base, and of each shoulder if there are any."""
         laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
         shoulder_law = self.axial.shoulder_law()
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
@@ -219,7 +219,7 @@ class ClearanceJoint(AbstractContactJoint):
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact geometry of both bases, and of both shoulders if there are shoulders."""
+        """Return the contact geometry of both bases and of the shoulders, if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         bases = self.journal_bases(motions)
         wall = BearingWall(
@@ -263,14 +263,13 @@ class ClearanceJoint(AbstractContactJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a
-        constraint row."""
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance in m of an axially free journal beyond a bearing of the same length."""
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
         if not self._is_free():
             return None
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]

@@ -87,7 +87,7 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction (3,) is perpendicular to an axis (3,); both are named in the message."""
+    """Check that a direction (3,) is perpendicular to an axis (3,), both given with their names."""
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5

@@ -22,9 +22,8 @@ from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..contact.limits import Limit
 from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
 from ..joints.constraint_rows import Pose, rows_from_residual
@@ -228,7 +227,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def deepest(self) -> dict[str, Scalar]:
         """Return half a tooth's thickness on the line of action, m."""
         play = self.backlash * cosine(self.pressure_angle)
-        return dict.fromkeys(FLANKS, 0.25 * (self._base_pitch() - play))
+        deepest: Scalar = 0.25 * (self._base_pitch() - play)
+        return dict.fromkeys(FLANKS, deepest)
 
     def _base_pitch(self) -> Scalar:
         return math.pi * self.module * cosine(self.pressure_angle)

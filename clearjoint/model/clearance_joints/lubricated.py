@@ -35,7 +35,7 @@ NODES, WEIGHTS = (
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return 0 up to the surface and 1 from a depth `transition`, m, with a smooth cubic between."""
+    """Return a smooth factor: 0 up to the surface, 1 from the depth `transition`, m, onwards."""
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
@@ -169,7 +169,7 @@ class LubricatedJoint(AbstractContactJoint):
         return self.dry.attachments()
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the blended law of each base, and the law of each shoulder if there are shoulders."""
+        """Return the blended law of each base, and the law of each shoulder if there are any."""
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
             if name in BASES
@@ -191,7 +191,8 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film at one base on the bearing's and the journal's body."""
+        """Return the wrenches of half the film, at one base, on the bearing's and the journal's
+        body."""
         bearing, journal = (motions[name] for name in self.pair())
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
@@ -254,12 +255,11 @@ class LubricatedJoint(AbstractContactJoint):
         return self.dry.journal_offset(motions, base)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a
-        constraint row."""
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
         return self.dry.relative_angle(motions)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance in m of an axially free journal beyond a bearing of the same length."""
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
         return self.dry.slid_out(motions)
 
     def centred_joint(self) -> AbstractConstraint:

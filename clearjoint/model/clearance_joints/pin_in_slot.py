@@ -9,9 +9,8 @@ from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
 from ..contact.bristles import AbstractBristleFriction
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import PointInPlaneJoint
 from ..pen import AbstractPen, Marker

@@ -337,7 +337,7 @@ class AbstractContactJoint(AbstractElement):
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return a moving body, a point in its axes, and the ground's point near it; or ``None``."""
+        """Return a moving body, a point in its axes and the ground's point near it, or ``None``"""
         return None
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:

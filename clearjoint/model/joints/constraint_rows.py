@@ -16,7 +16,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the velocity component of a body-fixed point along a direction."""
+    """Return Jacobian and bias of the velocity of a body-fixed point along a direction."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -172,7 +172,7 @@ def rows_from_residual(
     first: Motion,
     second: Motion,
 ) -> dict[str, Row]:
-    """Return the rows of a constraint that is a function of two poses, by automatic differentiation.
+    """Return the rows of a constraint given as a function of two poses, by differentiation.
 
     It is meant for user-defined joints; hand-written derivatives are faster.
 

@@ -1,4 +1,4 @@
-"""Constraint rows composed of other rows: sums, distances, and rows that follow a function of time."""
+"""Constraint rows composed of other rows: sums, distances, and functions of time."""
 
 from collections.abc import Callable, Iterable
 from functools import reduce
