@@ -429,7 +429,7 @@ WARNINGS = {
         lambda: scene(bodies={"arm": BODY, "leg": BODY}),
         cj.LooseBodyWarning,
         "'leg'",
-        "flies free",
+        "moves freely",
         "name it in one",
     ),
     "millimetres": (

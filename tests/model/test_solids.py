@@ -91,7 +91,7 @@ def test_measures_may_be_design_variables():
     ("make", "message"),
     [
         (lambda: cj.Body.rod(0.4), "`mass`.*None.*densities.STEEL"),
-        (lambda: cj.Body.rod(0.4, density=STEEL), "`diameter` must be given beside a density"),
+        (lambda: cj.Body.rod(0.4, density=STEEL), "`diameter` must be given with a density"),
         (lambda: cj.Body.box((1, 1, 1), mass=1, density=1), r"`mass`.*\['mass', 'density'\]"),
         (lambda: cj.Body.rod(-1.0, mass=2.0), "`length` must be positive.*in m"),
         (lambda: cj.Body.rod(0.1, mass=2e3), "`mass`.*longer than thick.*diameter"),
