@@ -148,9 +148,9 @@ def test_films_conform(film):
 
 @pytest.mark.slow
 def test_finite_width_conforms_but_for_its_power():
-    """Rotation and squeeze solved apart: next to the wall, an opening film may give power."""
+    """Rotation and squeeze solved apart: next to the wall, an opening film may supply power."""
     complaints = list(complaints_of_film(cj.films.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))
-    assert complaints == ["The film gives power: force . rate > 0."]
+    assert complaints == ["The film supplies power: force . rate > 0."]
 
 
 class Pulling(cj.extend.AbstractFilm):
@@ -167,7 +167,12 @@ class Pulling(cj.extend.AbstractFilm):
 
 def test_a_broken_film_is_refused():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
-    for words in ("force is not finite", "gives power", "drives the spin", "derivative by offset"):
+    for words in (
+        "force is not finite",
+        "supplies power",
+        "drives the spin",
+        "derivative by offset",
+    ):
         assert words in complaints
     with pytest.raises(AssertionError, match="not finite"):
         check_film(Pulling(1.0))

@@ -340,7 +340,10 @@ def test_derivatives_are_those_of_differences():
         (lambda: q.PointPosition("a", (0, 0), "x"), r"`point` must be an array of shape \(3,\)"),
         (lambda: q.PointAcceleration("a", (0, 0, 0), "x", "local"), r"`axes` must be.*'local'"),
         (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
-        (lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)), "`axis` must be a direction across"),
+        (
+            lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
+            "`axis` must be a direction that is not parallel",
+        ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
     ],
 )
