@@ -342,7 +342,7 @@ def test_derivatives_are_those_of_differences():
         (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
         (
             lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
-            "`axis` must be a direction that is not parallel",
+            "`axis` must be .* not parallel",
         ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
     ],
