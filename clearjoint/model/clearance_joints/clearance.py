@@ -33,7 +33,6 @@ from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
 from ..joints.base import (
     AbstractConstraint,
-    AbstractContactJoint,
     Attachment,
     Contact,
     Motions,
@@ -41,15 +40,14 @@ from ..joints.base import (
 )
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
-from ..joints.pairs import require_distinct
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .common import (
+    AbstractSharedLawJoint,
     anchor_of,
     offset_at_wall,
     offset_between,
-    require_law_and_friction,
     require_smaller_clearance,
 )
 from .journal_bases import BASES, SIDES, JournalBases
@@ -62,7 +60,7 @@ LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued."""
 
 
-class ClearanceJoint(AbstractContactJoint):
+class ClearanceJoint(AbstractSharedLawJoint):
     """A revolute joint with clearance: a journal inside a slightly larger bearing.
 
     **Arguments:**
@@ -158,8 +156,6 @@ class ClearanceJoint(AbstractContactJoint):
         self.axial = FreeAxially() if axial is None else axial
 
     def __check_init__(self):
-        require_distinct(self.bearing_body, self.journal_body)
-        require_law_and_friction(self.law, self.friction)
         require(
             isinstance(self.axial, AbstractAxialPolicy),
             "axial",
@@ -196,6 +192,10 @@ class ClearanceJoint(AbstractContactJoint):
         """Return the names of the bearing's body and the journal's body."""
         return self.bearing_body, self.journal_body
 
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of both bases; shoulders have their own law and no friction."""
+        return BASES
+
     def attachments(self) -> tuple[Attachment, ...]:
         """Return the centres of the bearing and the journal."""
         return (
@@ -205,8 +205,7 @@ class ClearanceJoint(AbstractContactJoint):
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the law of each base, and of each shoulder if there are any."""
-        laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
-        shoulder_law = self.axial.shoulder_law()
+        laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
@@ -309,19 +308,6 @@ class ClearanceJoint(AbstractContactJoint):
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
         return unit(self.journal_axis) * (0.5 * self.journal_length)
-
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the journal at a base, N."""
-        del name
-        if self.friction is None or contact.slip is None:
-            return None
-        return self.friction.force(normal_force, contact.slip)
-
-    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of both bases, if the joint has one."""
-        if isinstance(self.friction, AbstractBristleFriction):
-            return dict.fromkeys(BASES, self.friction)
-        return {}
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the axial constraint if the axial policy holds the centre, otherwise none."""

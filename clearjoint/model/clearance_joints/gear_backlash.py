@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass
 
-import equinox as eqx
-
 from ...fields.checks import (
     as_shown,
     caution_above,
@@ -12,7 +10,6 @@ from ...fields.checks import (
     concrete,
     require,
     require_axis,
-    require_point,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -161,10 +158,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     (('pinion', 'wheel'), ['lower flank', 'upper flank'])
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
     teeth_first: Single = quantity("1", check=_require_teeth)

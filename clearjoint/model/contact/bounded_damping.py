@@ -8,14 +8,13 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import AbstractPowerLaw
 from .stiffness import AbstractElasticity, as_stiffness
 
 
-class AbstractBoundedDampingLaw(AbstractElasticLaw):
+class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """A law with the elastic force K delta^n and its own damping, without entry speed or jumps."""
 
-    exponent: eqx.AbstractVar[float]
     uses_entry_speed = False
     force_jumps = False
 
@@ -23,19 +22,6 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
         if (known := checkable(self.exponent)) is not None:
             (exponent,) = known
             require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
-
-    def slope_jumps(self) -> bool:
-        """Return ``False`` if the elastic force, which bounds the damping, has an exponent above
-        one."""
-        return not self.stiffness.begins_flat(self.exponent)
-
-    def elastic_force(self, gap: Gap) -> Scalar:
-        """Return K delta^n, N."""
-        return self.stiffness.force(gap, self.exponent)
-
-    def stored_energy(self, gap: Gap) -> Scalar:
-        """Return K delta^(n+1)/(n+1), J."""
-        return self.stiffness.energy(gap, self.exponent)
 
 
 class ElastoGap(AbstractBoundedDampingLaw):

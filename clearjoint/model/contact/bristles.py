@@ -140,12 +140,12 @@ class AbstractDampedBristles(AbstractBristleFriction):
     """Damped bristles with the ratio sigma0 z + sigma1 dz/dt + sigma2 v and Stribeck's sliding
     curve."""
 
-    breakaway: eqx.AbstractVar[Single]
-    kinetic: eqx.AbstractVar[Single]
-    stribeck_speed: eqx.AbstractVar[Single]
     stiffness: eqx.AbstractVar[Single]
     damping: eqx.AbstractVar[Single]
     viscosity: eqx.AbstractVar[Single]
+    breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, remedy="give mu_C")
+    stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
 
     def _check_together(self) -> None:
         require_breakaway(self.breakaway, self.kinetic)
@@ -189,9 +189,6 @@ class LuGre(AbstractDampedBristles):
     0.1368
     """
 
-    breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, remedy="give mu_C")
-    stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)
     viscosity: Single = quantity("s/m", default=0.0, positive=True, zero=True)
@@ -219,9 +216,6 @@ class ElastoPlastic(AbstractDampedBristles):
     1.0e-03
     """
 
-    breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, remedy="give mu_C")
-    stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
     elastic_deflection: Single = quantity("m", positive=True, remedy="give z_ba in m")
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)

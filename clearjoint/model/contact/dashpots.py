@@ -17,11 +17,11 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import AbstractPowerLaw
 from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 
 
-class AbstractDashpotLaw(AbstractElasticLaw):
+class AbstractDashpotLaw(AbstractPowerLaw):
     """F = max(0, K delta^n + D delta^m rate) for delta > 0, with class constants n and m.
 
     A subclass declares `exponent` n and `damping_exponent` m, and defines `damping`. With m = 0 the
@@ -55,21 +55,6 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     @abc.abstractmethod
     def damping(self, gap: Gap) -> Scalar:
         """Return D in N s/m^(1+m)."""
-
-    def slope_jumps(self) -> bool:
-        """Return ``False`` if the elastic force has an exponent above one.
-
-        The dashpot doesn't matter, because its force vanishes where the surfaces separate.
-        """
-        return not self.stiffness.begins_flat(self.exponent)
-
-    def elastic_force(self, gap: Gap) -> Scalar:
-        """Return K delta^n, N."""
-        return self.stiffness.force(gap, self.exponent)
-
-    def stored_energy(self, gap: Gap) -> Scalar:
-        """Return K delta^(n+1)/(n+1), J."""
-        return self.stiffness.energy(gap, self.exponent)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""

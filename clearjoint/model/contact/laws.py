@@ -129,6 +129,24 @@ class AbstractElasticLaw(AbstractContactLaw):
         return self.stiffness.limits(gap)
 
 
+class AbstractPowerLaw(AbstractElasticLaw):
+    """A law with the elastic force K delta^n."""
+
+    exponent: eqx.AbstractVar[float]
+
+    def slope_jumps(self) -> bool:
+        """Return ``False`` if the elastic force has an exponent above one."""
+        return not self.stiffness.begins_flat(self.exponent)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return K delta^n, N."""
+        return self.stiffness.force(gap, self.exponent)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return K delta^(n+1)/(n+1), J."""
+        return self.stiffness.energy(gap, self.exponent)
+
+
 def require_flat_law(law: object, surfaces: str) -> None:
     """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
 

@@ -4,7 +4,6 @@ These laws regularise Coulomb's jump at zero speed, so that a contact creeps und
 laws in `.bristles` stick.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.checks import as_shown, checkable, require
@@ -31,8 +30,8 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 class AbstractFallingFriction(AbstractFriction):
     """Friction that falls from a breakaway coefficient mu_S to a kinetic coefficient mu_C."""
 
-    breakaway: eqx.AbstractVar[Single]
-    kinetic: eqx.AbstractVar[Single]
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
 
     def _check_together(self) -> None:
         require_breakaway(self.breakaway, self.kinetic)
@@ -57,8 +56,6 @@ class Stribeck(AbstractFallingFriction):
     0.1368
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
     exponent: Single = quantity("1", default=2.0, positive=True, remedy="give delta, 2 say")
     regularisation_speed: Single = quantity(
@@ -102,8 +99,6 @@ class BengisuAkay(AbstractFallingFriction):
     0.2000, 0.1000
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     breakaway_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give v0 in m/s")
     decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
 
@@ -133,8 +128,6 @@ class BrownMcPhee(AbstractFallingFriction):
     0.1999, 0.1000
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     transition_speed: Single = quantity(
         "m/s", default=1e-3, positive=True, remedy="give v_t in m/s"
     )

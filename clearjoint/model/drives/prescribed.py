@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import PyTree
 
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, QuadrupleLike, Triple, TripleLike
 from ...math.rotations import unit
@@ -98,10 +98,6 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     ('ground', 'slider')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
     function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
 

@@ -2,13 +2,10 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
-
 from ...fields.checks import (
     checkable,
     require,
     require_euler_parameters,
-    require_point,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -83,10 +80,6 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     ```
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     stiffness: Triple = quantity("N/m", check=_require_none_negative)
     damping: Triple = quantity("N s/m", check=_require_none_negative, default=NONE)
     rotational_stiffness: Triple = quantity("N m/rad", check=_require_none_negative, default=NONE)

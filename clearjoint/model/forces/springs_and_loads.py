@@ -40,10 +40,6 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     -10.0 N
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     stiffness: Single = quantity("N/m", positive=True, zero=True, remedy=SI)
     damping: Single = quantity("N s/m", default=0.0, positive=True, zero=True, remedy=SI)
     free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)

@@ -2,9 +2,7 @@
 
 from typing import TypeVar
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_euler_parameters, require_point
+from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
@@ -64,8 +62,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 class AbstractAxisJoint(AbstractPairJoint):
     """An ideal joint that keeps an axis of one body parallel to an axis of the other."""
 
-    axis_first: eqx.AbstractVar[Triple]
-    axis_second: eqx.AbstractVar[Triple]
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
         """Return two rows that keep the first body's axis perpendicular to two transverse axes of
@@ -99,11 +97,6 @@ class SphericalJoint(AbstractPairJoint):
     {'translation x': 0.5, 'translation y': 0.0, 'translation z': 0.0}
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the three components of the distance between the points, m."""
         del t
@@ -135,13 +128,6 @@ class RevoluteJoint(AbstractAxisJoint):
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three translations, m, and two tilts."""
         del t
@@ -172,10 +158,6 @@ class FixedJoint(AbstractPairJoint):
     ['translation x', 'translation y', 'translation z', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     orientation: Quadruple = quantity(
         "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
     )
@@ -212,10 +194,6 @@ class InlineJoint(AbstractPairJoint):
     ['offset 1', 'offset 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -240,13 +218,6 @@ class CylindricalJoint(AbstractAxisJoint):
     ['offset 1', 'offset 2', 'tilt 1', 'tilt 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return two translations across the axis, m, and two tilts."""
         del t
@@ -270,10 +241,6 @@ class PrismaticJoint(AbstractPairJoint):
     ['offset 1', 'offset 2', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
     orientation: Quadruple = quantity(
         "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
@@ -317,10 +284,6 @@ class DistanceJoint(AbstractPairJoint):
     {'length': 0.0}
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     length: Single = quantity("m", shape=(), positive=True, remedy="give the rod's length in m")
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:

@@ -2,7 +2,8 @@
 
 import equinox as eqx
 
-from ...fields.checks import require
+from ...fields.checks import require, require_point
+from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ..pen import Marker
 from .base import AbstractElement, Attachment
@@ -32,8 +33,10 @@ class AbstractPair(AbstractElement):
 class AbstractPairAtPoints(AbstractPair):
     """An element between a point of one body and a point of another, (3,) m in body axes."""
 
-    point_first: eqx.AbstractVar[Triple]
-    point_second: eqx.AbstractVar[Triple]
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
 
     def attachments(self) -> tuple[Attachment, ...]:
         """Return the element's point on each body."""

@@ -1,10 +1,5 @@
 """The planar joint and its motion subspace."""
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_point
-from ...fields.declarations import quantity
-from ...fields.types import Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ..pen import AbstractPen
@@ -117,13 +112,6 @@ class PlanarJoint(AbstractAxisJoint):
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['height', 'tilt 1', 'tilt 2']
     """
-
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the height above the plane, m, and two tilts."""

@@ -4,9 +4,7 @@ They are a pin in a slot and a slider in a guide without clearance, for mechanis
 joints are planar.
 """
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import unit
@@ -33,10 +31,6 @@ class PointInPlaneJoint(AbstractPairJoint):
     {'height': 0.1}
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     normal: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -65,10 +59,6 @@ class LineInPlaneJoint(AbstractPairJoint):
     ['height', 'tilt']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     normal: Triple = quantity("1", check=require_axis)
     axis: Triple = quantity("1", check=require_axis)
 

@@ -3,11 +3,9 @@
 import math
 from dataclasses import replace
 
-import equinox as eqx
-
-from ...fields.checks import checkable, require, require_axis, require_point, require_shape
+from ...fields.checks import checkable, require, require_shape
 from ...fields.declarations import quantity
-from ...fields.types import ArrayLike, Single, Triple
+from ...fields.types import ArrayLike, Single
 from ...math.functions import where
 from ...math.periodic import wrapped
 from ...math.rotations import unit
@@ -111,12 +109,6 @@ class ScrewJoint(AbstractAxisJoint):
     ['offset 1', 'offset 2', 'tilt 1', 'tilt 2', 'thread']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
     lead: Single = quantity("m", check=_require_lead)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:

@@ -1,8 +1,6 @@
 """The universal joint and its motion subspace."""
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.functions import cosine, polar_angle, sine
@@ -119,10 +117,6 @@ class UniversalJoint(AbstractPairJoint):
     ['translation x', 'translation y', 'translation z', 'cross']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
 
