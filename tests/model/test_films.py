@@ -61,7 +61,7 @@ def test_short_bearing_in_steady_rotation():
 
 
 def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
-    """In axes that don't turn, by the sum of the spins: physics as printed, with its own signs."""
+    """In fixed axes, with the sum of the spins: the printed formula with its signs."""
     x, y, dx, dy, spin = 0.3, -0.5, 20.0, -35.0, 90.0
     a, b = spin * x - 2 * dy, spin * y + 2 * dx
     r, rho = math.hypot(a, b), 1 - x * x - y * y
@@ -108,7 +108,7 @@ def test_solved_equation_is_the_table():
 
 
 def printed(ratio, opening, turning):
-    """Radial and tangential force as printed, the leading sign of the opening film mended."""
+    """Radial and tangential force as printed, but with the right sign for an opening film."""
     k = math.sqrt((1 - ratio**2) * ((turning / (2 * opening)) ** 2 + 1 / ratio**2))
     sign, part = (1, (k + 3) / (k + 1.5)) if opening > 0 else (-1, k / (k + 1.5))
     common = part / ((2 + ratio**2) * (1 - ratio**2) ** 0.5)

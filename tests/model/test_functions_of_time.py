@@ -114,7 +114,7 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
         ),
     ],
 )
-def test_what_no_element_can_follow_is_refused(make, message):
+def test_invalid_functions_of_time_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
