@@ -261,6 +261,7 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
     """Return the density of the equivalent homogeneous box, kg/m^3; a flat one counts as a thin
     plate."""
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
+    # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
 
@@ -390,6 +391,7 @@ class Motion:
         """Return the vector from a fixed global point to a point in body axes, m."""
         if self.anchor is None:
             return self.point(local) - origin
+        # The small vectors are added first, so that large coordinates don't round them.
         near = self.anchor.offset + self.rotation @ (local - self.anchor.local)
         return (self.anchor.origin - origin) + near
 

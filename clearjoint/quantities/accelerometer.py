@@ -147,6 +147,8 @@ def accelerometer(
     require_positive("damping_ratio", as_number(damping_ratio, "damping_ratio"), "0.7 is usual")
     mass = SHARE * float(scene.bodies[body].mass) if mass is None else mass
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
+    # The spring's free length is long compared with its deflection, so that it acts linearly along
+    # the axis although it is a spring between two points.
     speed = 2.0 * math.pi * frequency
     spring = SpringDamper(
         body,

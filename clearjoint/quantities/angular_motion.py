@@ -130,6 +130,7 @@ class JointAngularAcceleration(AbstractAngleRate):
     def __call__(self, now: Instant) -> Scalar:
         """Return the second time derivative of the angle, rad/s^2."""
         row = elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
+        # The second derivative of a row is its bias plus the Jacobian times the accelerations.
         total = row.bias
         for name, pair in row.jacobian.items():
             if name != GROUND:

@@ -147,6 +147,7 @@ class Instant:
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
         """`dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
+        # Joint coordinates eliminate ideal joints, whose multipliers are then unknown.
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics

@@ -331,6 +331,7 @@ class Reaction(AbstractReaction):
         """Return the force of the contacts and the film on the body, N, global."""
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
+            # A contact with `turning` acts as a couple, without a net force.
             if loaded.contact.turning is None:
                 on_second = on_second - loaded.contact.normal * loaded.normal_force
                 on_second = on_second if loaded.friction is None else on_second + loaded.friction
@@ -375,6 +376,7 @@ class ReactionMoment(AbstractReaction):
     def __call__(self, now: Instant) -> Scalar:
         """Return the moment, N m."""
         wrench, motion = self.constraint_wrench(now), now.motions[self.body]
+        # The wrench refers to the centre of mass: move its moment to the joint's point.
         moment = wrench.moment
         for _, body, point in now.scene.joints[self.joint].attachments():
             if body == self.body:

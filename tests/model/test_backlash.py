@@ -100,7 +100,7 @@ def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
         def friction_force(self, name, contact, normal_force):
             return None
 
-    with pytest.raises(AssertionError, match="another work"):
+    with pytest.raises(AssertionError, match="power of the couples"):
         check_contact_joint(Doubled(backlash()), MOTIONS)
 
 

@@ -193,6 +193,7 @@ class Backlash(AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contact geometry of both flanks."""
         row = self.relative_angle(motions)
+        # The period makes the number of revolutions unlimited; it doesn't affect derivatives.
         angle = within_a_period(row.value - self.middle, TURN)
         speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
         axis = motions[self.first].direction(unit(self.axis_first))

@@ -238,6 +238,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         """
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
+        # The second axis may be antiparallel to the first: its angle then counts backwards.
         sense = where(line.axis.dot(axis) < 0.0, -1.0, 1.0)
         radius_first, radius_second = self._base_radii()
         rolled = radius_first * (line.angle_in(first, self.axis_first) + self.phase)

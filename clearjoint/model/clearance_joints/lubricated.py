@@ -220,6 +220,8 @@ class LubricatedJoint(AbstractContactJoint):
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)
         near = 0.1 * (1.0 - self.largest_ratio)
+        # A smooth ramp keeps the force differentiable; the maximum avoids a division by zero in the
+        # centre, where the excess is zero.
         excess = ramp(ratio - self.largest_ratio, near)
         offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
         return FilmGap(

@@ -128,6 +128,7 @@ class _Straight(NamedTuple):
 
 def _positive(gap: Gap) -> tuple[Scalar, Scalar]:
     """Return whether there is penetration, and the depth, or a positive substitute without one."""
+    # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
     touches = gap.depth > 0.0
     return touches, jnp.where(touches, gap.depth, 1e-6)
 

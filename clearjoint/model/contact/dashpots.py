@@ -59,6 +59,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
         del entry_speed
+        # Powers of zero have infinite derivatives: without contact a depth of one replaces it.
         closed = gap.depth > 0.0
         depth = jnp.where(closed, gap.depth, 1.0)
         dashpot = self.damping(gap) * depth**self.damping_exponent * self._damped_rate(gap)

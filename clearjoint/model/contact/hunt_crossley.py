@@ -92,6 +92,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         if w is None:
             return self.stiffness.energy(gap, n)
         assert isinstance(self.stiffness, AbstractStiffness)
+        # The ramp is (delta + w)^2/(4 w) for |delta| < w, and delta above: one integral for each.
         inside = jnp.clip(gap.depth, -w, w) + w
         below = positive_power(inside, 2 * n + 1) / ((4 * w) ** n * (2 * n + 1))
         above = (positive_power(jnp.maximum(gap.depth, w), n + 1) - w ** (n + 1)) / (n + 1)

@@ -24,6 +24,7 @@ _STEPS = 5
 def inverse_of_load(ratio: Scalar) -> Scalar:
     """Return the solution u > 1 of u exp(1 - u) = ratio, for ratios between zero and one."""
     q = -jnp.log(ratio)
+    # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
     for _ in range(_STEPS):
         u = u * (q + jnp.log(u)) / (u - 1.0)

@@ -141,6 +141,7 @@ class Spline(AbstractFunctionOfTime):
         length, inside = times[k + 1] - times[k], jnp.clip(t, times[0], times[-1])
         start, end = (Slope(values[j], rates[j]) for j in (k, k + 1))
         value = hermite_value((inside - times[k]) / length, start, end, length)
+        # Outside the table the Hermite value is that of the end, and the tangent continues it.
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
 

@@ -75,13 +75,15 @@ class ButenschoenFilm(AbstractFilm):
         """Return the sum of the forces of rotation and squeeze, N."""
         width = gap.length / (2.0 * gap.bearing_radius)
         ratio, _ = norm_and_direction(gap.offset)
+        # The unit vector along the line of centres, which fades out for a centred journal.
         centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
-        opening = gap.rate.dot(centres)
-        rotation = gap.rate - centres * opening
+        closing = gap.rate.dot(centres)
+        rotation = gap.rate - centres * closing
         slope, angle = 2.0 * load_slope(width, ratio), attitude(width, ratio)
         tangential = slope * jnp.sin(angle)
         radial = slope * jnp.cos(angle) * jnp.abs(gap.axis.dot(centres.cross(gap.rate)))
-        squeeze = squeeze_load(width, jnp.where(opening < 0.0, -ratio, ratio)) * opening
+        # An opening film acts like a closing one on the other side of the bearing.
+        squeeze = squeeze_load(width, jnp.where(closing < 0.0, -ratio, ratio)) * closing
         scale = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 

@@ -120,6 +120,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         torque = strain.axes @ strain.rotation.torque(about)
         apart = second.point(self.point_second) - first.point(self.point_first)
         point_in_first = self.point_first + first.components(apart)
+        # Both forces act at the second body's point, which conserves angular momentum.
         return {
             self.first: first.wrench(force, point_in_first) + first.torque(torque),
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),

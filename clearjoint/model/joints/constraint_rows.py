@@ -63,6 +63,8 @@ def perpendicular(
     b_in_first = first.rotation.transposed_times(b)
     a_in_second = second.rotation.transposed_times(a)
     rate_first, rate_second = first.spin.cross(axis_first), second.spin.cross(axis_second)
+    # Second derivative of a . b: centripetal terms of both directions, and twice the product of
+    # their rates.
     bias = (
         first.spin.cross(rate_first).dot(b_in_first)
         + second.spin.cross(rate_second).dot(a_in_second)
@@ -93,6 +95,7 @@ def point_in_plane(
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
+    # In the first body's axes the point has centripetal and Coriolis terms from this body's spin.
     velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
@@ -123,6 +126,8 @@ def turning_angle(
     start, quarter = transverse_axes(axis)
     cosine = perpendicular(names, first, second, start, direction)
     sine = perpendicular(names, first, second, quarter, direction)
+    # c and s are the projections across the axis. The angle is atan2(s, c), and its derivatives are
+    # valid for any length of the projected direction.
     c, s = cosine.value, sine.value
     inverse = 1.0 / (c * c + s * s)
     jacobian = {}
@@ -147,6 +152,8 @@ def relative_angle_row(
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
+    # An axis and its opposite define the same joint. With the nearer one, the shortest rotation
+    # between the axes exists, and `direction` is `start` in the second body's axes.
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
@@ -205,6 +212,8 @@ def rows_from_residual(
         pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
         return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
 
+    # The bias is the second derivative at constant velocities and spins. The Jacobian consists of
+    # the rates for unit velocities and spins.
     pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
     biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)

@@ -28,6 +28,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     row."""
     components = list(components)
     names = {name: None for row in components for name in row.jacobian}
+    # Dividing by the length gives a row in m, with a derivative of 1 along the vector.
     value, bias = -0.5 * length, 0.0
     jacobian = dict.fromkeys(names, NO_WRENCH)
     for row in components:
