@@ -85,14 +85,14 @@ ERRORS = {
         "`joints['push']`",
         "'AppliedLoad'",
         "AbstractConstraint",
-        "among the `forces`",
+        "in `forces`",
     ),
     "a joint among the forces": (
         lambda: scene(joints={}, forces={"pin": HINGE}),
         "`forces['pin']`",
         "'RevoluteJoint'",
         "AbstractForce",
-        "among the `joints`",
+        "in `joints`",
     ),
     "a body's name in capitals": (
         lambda: scene(joints={"pin": pin(second="Arm")}),
@@ -329,7 +329,7 @@ ERRORS = {
         "`component`",
         "'Y'",
         "'y'",
-        "name",
+        "pass one of these",
     ),
     "a quantity by its name": (
         lambda: sweep(quantity="arm.y"),
@@ -422,7 +422,7 @@ WARNINGS = {
         lambda: scene(joints={"motor": MOTOR}),
         cj.LooseBodyWarning,
         "'motor'",
-        "no joint holds it",
+        "no joint holds",
         "RevoluteJoint",
     ),
     "a body without a joint": (
@@ -430,7 +430,7 @@ WARNINGS = {
         cj.LooseBodyWarning,
         "'leg'",
         "moves freely",
-        "name it in one",
+        "connect it",
     ),
     "millimetres": (
         lambda: pin(bearing_radius=10.0, clearance=0.5),
