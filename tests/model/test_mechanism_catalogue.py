@@ -114,7 +114,7 @@ def test_any_pins_of_the_four_bar_may_have_clearance(pins):
     ("arguments", "complaint"),
     [
         ({"clearance": {"crank": 1e-4}}, "`clearance`.*'crank foot'.*is 'crank'"),
-        ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*reach over.*another angle"),
+        ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*rods that span.*another angle"),
     ],
 )
 def test_an_impossible_four_bar_is_refused(arguments, complaint):
