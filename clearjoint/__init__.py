@@ -142,10 +142,10 @@ from .model.drives.rotation import PrescribedRotation as PrescribedRotation
 from .model.forces.bushing import Bushing as Bushing
 from .model.forces.springs_and_loads import AppliedLoad as AppliedLoad
 from .model.forces.springs_and_loads import SpringDamper as SpringDamper
-from .model.forces.torsional_spring import TorsionalSpring as TorsionalSpring
-from .model.joints.distance_joint import DistanceJoint as DistanceJoint
+from .model.forces.springs_and_loads import TorsionalSpring as TorsionalSpring
 from .model.joints.gear_joint import GearJoint as GearJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
+from .model.joints.ideal import DistanceJoint as DistanceJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
 from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint

@@ -1,5 +1,5 @@
-"""What a new user gets wrong in the first hour: each message names the argument, the value, what
-was expected, and what to do. Nothing here compiles a run."""
+"""Typical mistakes of new users: each message names the argument, the value, the expectation and
+the remedy. No test compiles a run."""
 
 import re
 import warnings
@@ -85,14 +85,14 @@ ERRORS = {
         "`joints['push']`",
         "'AppliedLoad'",
         "AbstractConstraint",
-        "among the `forces`",
+        "in `forces`",
     ),
     "a joint among the forces": (
         lambda: scene(joints={}, forces={"pin": HINGE}),
         "`forces['pin']`",
         "'RevoluteJoint'",
         "AbstractForce",
-        "among the `joints`",
+        "in `joints`",
     ),
     "a body's name in capitals": (
         lambda: scene(joints={"pin": pin(second="Arm")}),
@@ -329,7 +329,7 @@ ERRORS = {
         "`component`",
         "'Y'",
         "'y'",
-        "name",
+        "pass one of these",
     ),
     "a quantity by its name": (
         lambda: sweep(quantity="arm.y"),
@@ -422,15 +422,15 @@ WARNINGS = {
         lambda: scene(joints={"motor": MOTOR}),
         cj.LooseBodyWarning,
         "'motor'",
-        "no joint holds it",
+        "no joint holds",
         "RevoluteJoint",
     ),
     "a body without a joint": (
         lambda: scene(bodies={"arm": BODY, "leg": BODY}),
         cj.LooseBodyWarning,
         "'leg'",
-        "flies free",
-        "name it in one",
+        "moves freely",
+        "connect it",
     ),
     "millimetres": (
         lambda: pin(bearing_radius=10.0, clearance=0.5),
@@ -459,8 +459,8 @@ def test_a_warning_says_what_to_do(case):
     assert caught[0].filename == __file__ and f"category=clearjoint.{category.__name__}" in message
 
 
-def test_what_is_held_is_not_warned_of():
-    """A drive beside its joint, or held through another body; a projectile; a body on a spring."""
+def test_supported_bodies_cause_no_warning():
+    """A drive with its joint, or supported through a body; a projectile; a body on a spring."""
     crank = cj.RevoluteJoint("ground", "crank", ORIGIN, ORIGIN, AXIS, AXIS)
     rod = cj.SphericalJoint("crank", "arm", ORIGIN, ORIGIN)
     spring = cj.SpringDamper("ground", "leg", ORIGIN, ORIGIN, 1.0)

@@ -1,4 +1,4 @@
-"""One instant of one run, as outputs and sections see it."""
+"""One instant of a run, the argument of quantities and sections."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,14 +22,13 @@ from ..model.scene import Scene
 
 @jax.tree_util.register_pytree_node_class
 class Instant:
-    """A scene at one time of a run, in scalar form. Properties are computed when they are used.
+    """A scene at one time of a run, in scalar form. Properties are computed on first use.
 
-    To JAX it is a PyTree, without the instants `inside` the step that ends there.
+    - `time`: s.
+    - `work[name]`: integrals of the energy ledger, J; "friction" includes the energy in bristles.
 
-    - `time`: s. `work[name]`: integrals of the energy ledger, J; "friction" has what bristles hold.
-
-    Bodies, joints and contacts have their own names, also where the run computes several alike
-    ones as a group.
+    Bodies, joints and contacts have their own names, even if the run evaluates them in groups. An
+    instant is a PyTree; the instants `inside` its step are not part of the PyTree.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -57,7 +56,7 @@ class Instant:
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
-        """What JAX sees of it."""
+        """Return the dynamic parts for JAX."""
         parts = (
             self._system,
             self.time,
@@ -70,12 +69,12 @@ class Instant:
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
-        """The instant of such parts."""
+        """Return the instant with the given parts."""
         return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene, groups of alike elements taken apart."""
+        """The scene, with groups of elements expanded."""
         return self._system.ungrouped()
 
     @cached_property
@@ -85,23 +84,24 @@ class Instant:
 
     @cached_property
     def bristles(self) -> Bristles:
-        """Deflections of the contacts' bristles, m, in the axes of each one's first body, by joint
-        and contact; zero in flight."""
+        """Bristle deflections, m, by joint and contact, in the axes of the first body; zero in
+        flight."""
         return by_name(self._bristles)
 
-    def inside(self, place: Scalar) -> "Instant":
-        """An instant of the step that ends here, by the solver's dense output: `place` is the part
-        of its time that has passed, between 0 and 1.
+    def inside(self, fraction: Scalar) -> "Instant":
+        """Return an instant of the step that ends here, from the solver's dense output.
 
-        **Raises:** `ValueError` for an instant that ends no step.
+        **Arguments:** `fraction`: of the step's duration, between 0 and 1.
+
+        **Raises:** `ValueError` if this instant isn't the end of a step.
         """
         if self._inside is None:
-            raise ValueError("Only an instant that ends a step has others `inside` it.")
-        return self._inside(place)
+            raise ValueError("Only an instant at the end of a step has instants `inside` the step.")
+        return self._inside(fraction)
 
     @cached_property
     def middle(self) -> "Instant":
-        """The instant half-way through the step that ends here; see `inside`."""
+        """The instant halfway through the step that ends here; see `inside`."""
         return self.inside(0.5)
 
     @cached_property
@@ -111,7 +111,7 @@ class Instant:
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
-        """Position, orientation, velocity and spin of each body, as a state holds them."""
+        """Position, orientation, velocity and spin of each body, as in a state."""
         return by_name(self._system.decode(self._variables))
 
     @cached_property
@@ -126,19 +126,19 @@ class Instant:
 
     @cached_property
     def bristle_energy(self) -> Scalar | None:
-        """What the contacts' bristles would give back, J; ``None`` in a scene without."""
+        """Recoverable energy of the bristles, J; ``None`` in a scene without bristles."""
         if not self._bristles:
             return None
         return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Depth of each contact, m, from where its force begins, and the rate of it, m/s."""
+        """Depth of each contact, m, relative to its onset, and its rate, m/s."""
         return by_name(contact_gaps(self._system.scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """The equations of motion solved: accelerations, constraint rows, multipliers."""
+        """Solution of the equations of motion: accelerations, constraint rows and multipliers."""
         solved = self._system.dynamics(
             self._variables, self._entry_speeds, self._own_time, bristles=self._bristles
         )
@@ -146,7 +146,8 @@ class Instant:
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
-        """`dynamics` in absolute coordinates, in which every ideal joint has its multipliers."""
+        """`dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
+        # Joint coordinates eliminate ideal joints, whose multipliers are then unknown.
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics

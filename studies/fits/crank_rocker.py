@@ -22,13 +22,8 @@ PROBE, ENCODER = 5e-6, 1e-4
 
 
 def scene(pin: str, angle: float) -> tuple[cj.Scene, cj.State]:
-<<<<<<< HEAD:studies/fits/crank_rocker.py
     """Return the mechanism with clearance in a pin, from an angle of the crank in rad."""
-    masses = tuple(AREA * DENSITY * length for length in LENGTHS[:3])
-=======
-    """The mechanism with clearance in a pin, from an angle of the crank, rad, on."""
     crank, coupler, rocker = (AREA * DENSITY * length for length in LENGTHS[:3])
->>>>>>> lang-fit:studies/recovery/crank_rocker.py
     stiffness = cj.laws.GivenStiffness(TRUTH["stiffness"])
     return cj.mechanisms.four_bar(
         {pin: TRUTH["clearance"]},

@@ -1,4 +1,4 @@
-"""Bristle laws by themselves: closed forms, elasticity, what is refused."""
+"""Bristle laws without a mechanism: closed forms, elasticity, and errors."""
 
 import jax
 import numpy as np
@@ -77,7 +77,7 @@ def test_elasto_plastic_bristles_are_elastic_up_to_their_limit_and_where_they_re
     assert float(ELASTO_PLASTIC.rate(on_x(middle), on_x(0.02)).x) == pytest.approx(expected)
 
 
-def test_bristles_that_no_surface_has_are_refused():
+def test_invalid_bristles_are_refused():
     with pytest.raises(ValueError, match="breakaway.*at least kinetic"):
         LuGre(0.1, 0.2, stribeck_speed=0.01)
     with pytest.raises(ValueError, match=r"elastic_deflection.*below kinetic/stiffness"):

@@ -1,4 +1,4 @@
-"""Line contact: published numbers, closed forms, limits and what is said beyond."""
+"""Line contact: published numbers, closed forms, limits and the warnings beyond them."""
 
 import jax
 import numpy as np

@@ -107,7 +107,7 @@ def test_driver_between_two_free_bodies():
 
 
 class Motor(cj.extend.AbstractDriveTorque):
-    """A motor whose torque falls linearly with its speed: a drive by a third party."""
+    """A user-defined motor whose torque falls linearly with its speed."""
 
     stall_torque: Any = quantity("N m")
     no_load_speed: Any = quantity("rad/s")
@@ -235,7 +235,7 @@ def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
 
 @pytest.mark.slow
 def test_sensitivities_across_a_kink_are_those_of_the_motion():
-    """Differences of runs that know of nothing of this; the arm feels the impulse."""
+    """Against differences of runs; the impulse acts on the arm too."""
     scene, state = crank_and_arm(RAMP)
     places = {
         "start": lambda s: s.joints["motor"].start,
@@ -283,8 +283,8 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
     ],
     ids=["undeclared kink", "declared step", "undeclared step"],
 )
-def test_a_driver_that_is_not_followed_is_told(drive, size):
-    """However small: the run ends where the driver's angle is not smooth."""
+def test_a_driver_that_is_not_followed_is_reported(drive, size):
+    """For any size of the jump: the run ends where the driver's angle is not smooth."""
     scene = shaft_scene(drive(size))
     state = cj.State({"shaft": cj.body_state(ORIGIN)})
     with pytest.raises(cj.SimulationError, match="breakpoints") as raised:
@@ -297,7 +297,7 @@ def test_a_driver_that_is_not_followed_is_told(drive, size):
 @pytest.mark.parametrize("preset", ["preview", "default", "accurate"])
 @pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
 def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
-    """Among them one within a run's last step."""
+    """One of them is within a run's last step."""
     times, distances = jnp.array([0.0, kink, 0.2]), jnp.array([0.0, 0.0, 5e-4])
     drive = cj.PrescribedTranslation(
         "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0), lambda t: jnp.interp(t, times, distances)

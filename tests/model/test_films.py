@@ -61,7 +61,7 @@ def test_short_bearing_in_steady_rotation():
 
 
 def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
-    """In axes that don't turn, by the sum of the spins: physics as printed, with its own signs."""
+    """In fixed axes, with the sum of the spins: the printed formula with its signs."""
     x, y, dx, dy, spin = 0.3, -0.5, 20.0, -35.0, 90.0
     a, b = spin * x - 2 * dy, spin * y + 2 * dx
     r, rho = math.hypot(a, b), 1 - x * x - y * y
@@ -108,7 +108,7 @@ def test_solved_equation_is_the_table():
 
 
 def printed(ratio, opening, turning):
-    """Radial and tangential force as printed, the leading sign of the opening film mended."""
+    """Radial and tangential force as printed, but with the right sign for an opening film."""
     k = math.sqrt((1 - ratio**2) * ((turning / (2 * opening)) ** 2 + 1 / ratio**2))
     sign, part = (1, (k + 3) / (k + 1.5)) if opening > 0 else (-1, k / (k + 1.5))
     common = part / ((2 + ratio**2) * (1 - ratio**2) ** 0.5)
@@ -148,9 +148,9 @@ def test_films_conform(film):
 
 @pytest.mark.slow
 def test_finite_width_conforms_but_for_its_power():
-    """Rotation and squeeze solved apart: next to the wall, an opening film may give power."""
+    """Rotation and squeeze solved apart: next to the wall, an opening film may supply power."""
     complaints = list(complaints_of_film(cj.films.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))
-    assert complaints == ["The film gives power: force . rate > 0."]
+    assert complaints == ["The film supplies power: force . rate > 0."]
 
 
 class Pulling(cj.extend.AbstractFilm):
@@ -167,7 +167,12 @@ class Pulling(cj.extend.AbstractFilm):
 
 def test_a_broken_film_is_refused():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
-    for words in ("force is not finite", "gives power", "drives the spin", "derivative by offset"):
+    for words in (
+        "force is not finite",
+        "supplies power",
+        "drives the spin",
+        "derivative by offset",
+    ):
         assert words in complaints
     with pytest.raises(AssertionError, match="not finite"):
         check_film(Pulling(1.0))

@@ -89,8 +89,8 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: cj.PiecewiseConstant([0.0, 0.0], [1, 2]), "`times`.*rising"),
-        (lambda: cj.PiecewiseLinear([0.0], [1]), "`times`.*two times or more"),
+        (lambda: cj.PiecewiseConstant([0.0, 0.0], [1, 2]), "`times`.*increasing"),
+        (lambda: cj.PiecewiseLinear([0.0], [1]), "`times`.*two or more times"),
         (lambda: cj.PiecewiseLinear([0.0, 1.0], [1, 2, 3]), r"`values`.*\(2,\) of `times`"),
         (lambda: cj.PiecewiseConstant([0.0, 1.0], [1, np.inf]), "`values`.*finite"),
         (lambda: cj.Spline([0.0, 1.0], [0.0, 1.0], np.zeros((2, 3))), "`rates`.*`values`"),
@@ -114,7 +114,7 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
         ),
     ],
 )
-def test_what_no_element_can_follow_is_refused(make, message):
+def test_invalid_functions_of_time_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 

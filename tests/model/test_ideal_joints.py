@@ -180,7 +180,7 @@ def test_primitive_row_is_the_derivatives_of_its_residual(case):
 
 
 def test_rows_from_a_residual_are_those_by_hand():
-    """The residual as a user would write one."""
+    """A residual as in a user-defined constraint."""
     joint = unpack(REVOLUTE)
     axis, across = A1 / np.linalg.norm(A1), transverse_axes(Vector(*A2 / np.linalg.norm(A2)))
 

@@ -75,7 +75,7 @@ def test_published_numbers(law, restitutions, delivered):
     np.testing.assert_allclose(cj.laws.delivered_restitution(factors), delivered, atol=atol)
 
 
-def test_an_unusable_law_says_so():
+def test_an_unusable_law_warns():
     with pytest.warns(cj.LawRangeWarning, match="PantWijeyewickrema.*restitution of 0.5"):
         law = cj.laws.PantWijeyewickrema(0.5, 1e8)
     factors = 1.5 * (1 - np.array([0.3, 0.5, 0.7, 0.9]) ** 2) / np.array([0.3, 0.5, 0.7, 0.9]) ** 2

@@ -208,7 +208,7 @@ def test_a_bearing_beyond_the_films_range_is_warned_of():
         cj.LubricatedJoint(wide, cj.films.ButenschoenFilm(0.02), 1e-6)
 
 
-def test_a_scene_tells_where_its_journal_and_film_are():
+def test_a_scene_provides_its_journal_and_film():
     scene, state = cj.mechanisms.rotor_in_bearing(film=FILM, offset=(0.4, 0.0))
     assert isinstance(scene.joints["bearing"], cj.LubricatedJoint)
     cj.quantities.FilmForce("bearing").check(scene)

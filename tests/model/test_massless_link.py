@@ -1,4 +1,4 @@
-"""The clearance as a massless link: rows, a pendulum of its length, and what it refuses."""
+"""Clearance as a massless link: rows, a pendulum of its length, and errors."""
 
 import numpy as np
 import pytest

@@ -87,7 +87,7 @@ def freudenstein(crank, lengths=LENGTHS):
 
 
 @pytest.mark.parametrize("angle", [0.9, 2.5, -1.2])
-def test_the_four_bar_starts_as_freudenstein_says(angle):
+def test_the_four_bar_starts_on_freudensteins_equation(angle):
     speed, step = 8.0, 1e-5
     scene, state = cj.mechanisms.four_bar(angle=angle, speed=speed)
     assert turn(state.bodies["rocker"]) == pytest.approx(freudenstein(angle), abs=1e-12)
@@ -114,10 +114,10 @@ def test_any_pins_of_the_four_bar_may_have_clearance(pins):
     ("arguments", "complaint"),
     [
         ({"clearance": {"crank": 1e-4}}, "`clearance`.*'crank foot'.*is 'crank'"),
-        ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*reach over.*another angle"),
+        ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*rods that span.*another angle"),
     ],
 )
-def test_a_four_bar_that_cannot_be_is_refused(arguments, complaint):
+def test_an_impossible_four_bar_is_refused(arguments, complaint):
     with pytest.raises(ValueError, match=complaint):
         cj.mechanisms.four_bar(**arguments)
 
@@ -169,7 +169,7 @@ def test_the_four_bar_falls_as_its_reduced_equation():
 
 
 @pytest.mark.slow
-def test_play_in_the_four_bar_moves_it_by_as_much():
+def test_clearance_moves_the_four_bar_by_a_similar_distance():
     """With play of 20 um in both feet and friction the driven linkage stays near the ideal one."""
     drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), 20.0, initial_angle=0.9)
     play = {"crank foot": 2e-5, "rocker foot": 2e-5}

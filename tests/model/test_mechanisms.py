@@ -13,7 +13,7 @@ from clearjoint.mechanisms import bricard, double_four_bar
 
 
 class PendulumRod(cj.extend.AbstractConstraint):
-    """A massless rod from the origin to a body's centre of mass: a joint by a third party."""
+    """A user-defined joint: a massless rod from the origin to a body's centre of mass."""
 
     body: str = eqx.field(static=True)
     length: Any = quantity("m")

@@ -316,7 +316,7 @@ CONSTRUCTION = {
         lambda: EndPlay(0.01, Hertz(RavnStiffness(2e11, 0.3))),
         "law",
         "RavnStiffness",
-        "given stiffness",
+        "explicit stiffness",
         "N/m^n",
     ),
     "play negative": (lambda: EndPlay(-0.01, Hertz(1)), "play", "-0.01", "zero or positive", "m"),
@@ -508,7 +508,7 @@ def test_bad_input_is_refused_with_a_message_that_helps(case):
     assert [word for word in words if word not in message] == [], message
 
 
-def test_what_is_no_number_is_refused():
+def test_values_that_are_not_numbers_are_refused():
     with pytest.raises(
         ValueError, match="`mass` must be a number.*'heavy': pass a float, .* in kg"
     ):

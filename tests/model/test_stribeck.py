@@ -1,4 +1,4 @@
-"""Friction that falls from breakaway, and the further forms of Coulomb's: closed forms, limits."""
+"""Friction that falls from breakaway, and variants of Coulomb friction: closed forms, limits."""
 
 import jax
 import numpy as np

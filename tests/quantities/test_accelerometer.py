@@ -58,7 +58,7 @@ def test_it_starts_on_its_body_deflected_by_gravity():
     assert reading.unit == "m/s^2" and reading == q.AccelerometerReading("mass accelerometer")
 
 
-def test_sensors_have_names_of_their_own_and_no_machine_is_warned_of():
+def test_sensor_names_are_unique_and_usual_values_cause_no_warning():
     scene, state = mass_in_bearing()
     with warnings.catch_warnings(action="error"):
         for name in ("near", "far"):
@@ -82,7 +82,7 @@ MISTAKEN = {
 
 
 @pytest.mark.parametrize("case", MISTAKEN)
-def test_what_no_sensor_can_have_is_told(case):
+def test_invalid_sensors_are_refused(case):
     changed, message = MISTAKEN[case]
     with pytest.raises(ValueError, match=message):
         with_sensor(**changed)

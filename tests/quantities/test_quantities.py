@@ -127,8 +127,8 @@ def test_moment_of_a_fixed_joint_is_that_of_the_weight_beside_it():
     assert q.ReactionMoment("wall", "beam", axes="body")(now) == pytest.approx(moment)
 
 
-def test_load_of_a_joint_with_clearance_is_what_its_journal_feels():
-    """Mass times acceleration of the outer arms is what all joints and gravity do to them."""
+def test_reaction_of_a_clearance_joint_is_the_force_on_its_journal():
+    """Mass times acceleration of the outer arms equals the forces of all joints and gravity."""
     scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
     now, weight = instant(scene, state), np.array([float(x) for x in np.ravel(scene.gravity)])
     arm = scene.bodies["arm 2"]
@@ -176,7 +176,7 @@ def test_angle_about_a_slanted_axis_is_that_of_the_projection():
 
 
 def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
-    """About an axis that both frames see differently."""
+    """About an axis with different components in the two frames."""
     axis, here = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([0.6, 0.0, -0.8])
     across = np.cross(here, axis)
     shortest = Rotation.from_rotvec(across / np.linalg.norm(across) * math.acos(here @ axis))
@@ -340,7 +340,10 @@ def test_derivatives_are_those_of_differences():
         (lambda: q.PointPosition("a", (0, 0), "x"), r"`point` must be an array of shape \(3,\)"),
         (lambda: q.PointAcceleration("a", (0, 0, 0), "x", "local"), r"`axes` must be.*'local'"),
         (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
-        (lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)), "`axis` must be a direction across"),
+        (
+            lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
+            "`axis` must be .* not parallel",
+        ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
     ],
 )
@@ -365,7 +368,7 @@ def test_bad_arguments_are_refused(make, message):
         (q.JointAngle("hip"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
     ],
 )
-def test_names_that_a_scene_lacks_are_refused(quantity, message):
+def test_unknown_names_are_refused(quantity, message):
     scene, _ = cj.mechanisms.double_pendulum()
     with pytest.raises(ValueError, match=message):
         quantity.check(scene)

@@ -24,7 +24,7 @@ from jaxtyping import PyTree
 from ...math.groups import GroupName, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
-from ...model.clearance_joints.alike_contacts import SeveralContactJoints
+from ...model.clearance_joints.grouped_contacts import GroupedContactJoint
 from ...model.joints.base import AbstractContactJoint
 from ...model.scene import Scene
 
@@ -63,7 +63,7 @@ def whole(scene: Scene) -> Scene:
     """Return the original scene of a condensed one."""
     joints = {}
     for name, joint in scene.joints.items():
-        if isinstance(joint, SeveralContactJoints):
+        if isinstance(joint, GroupedContactJoint):
             assert isinstance(name, GroupName)
             joints |= dict(zip(name.members, joint.members, strict=True))
         else:
@@ -81,9 +81,9 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
     return {name: one for name, one in family.items() if name not in grouped} | dict(groups)
 
 
-def _joint_group(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
+def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
-    return SeveralContactJoints(
+    return GroupedContactJoint(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
         tuple(joints),
         *(GROUND if GROUND in names else GroupName(names) for names in (first, second)),

@@ -1,4 +1,4 @@
-"""What holds the journal of a clearance joint along the bearing's axis."""
+"""Axial behaviour of a clearance joint: free, fixed, or limited by shoulders."""
 
 from typing import ClassVar
 
@@ -6,16 +6,15 @@ from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 
 
 class AbstractAxialPolicy(AbstractConverting):
-    """The declared axial behaviour of a clearance joint.
+    """Axial behaviour of a clearance joint.
 
-    A subclass either sets `holds_centre`, and an ideal constraint keeps the journal's centre in the
-    bearing's middle plane, or gives the law of the two shoulders at the bearing's ends:
+    A subclass sets `holds_centre`, so that an ideal constraint keeps the journal's centre in the
+    bearing's middle plane, or it defines two shoulders at the ends of the bearing:
 
     ```python
     import clearjoint as cj
@@ -40,27 +39,31 @@ class AbstractAxialPolicy(AbstractConverting):
     holds_centre: ClassVar[bool] = False
 
     def shoulder_law(self) -> AbstractContactLaw | None:
-        """The normal law of the shoulders; ``None``, the default, where there are none."""
+        """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """The gap at one shoulder.
+        """Return the gap at one shoulder.
 
-        **Arguments:** `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for
-        the upper one. `offset` (m) and its `rate` (m/s): how far the journal's end is towards the
-        shoulder, from where it is with the journal in the middle.
+        **Arguments:**
+
+        - `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for the upper
+          end.
+        - `offset`: m, displacement of the journal's end towards the shoulder, zero for a centred
+          journal.
+        - `rate`: rate of `offset`, m/s.
         """
         del side
         return Gap(offset, rate)
 
 
 class FreeAxially(AbstractAxialPolicy):
-    """Nothing holds the journal along an endless bearing, as in the paper.
+    """No axial support: the journal slides freely along a bearing of unlimited length.
 
-    For a mechanism whose other joints hold the bodies in a plane, as a slider-crank's do. Where
-    they don't, the journal slides out sooner or later; `simulate` then warns with a
-    `LeftBearingWarning`. Take `EndPlay` for a real bearing, whose collars stop the journal, or
-    `FixedAxially` where the axial motion is of no interest.
+    Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
+    Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
+    use `EndPlay` for a bearing with shoulders, or `FixedAxially` if the axial motion is not of
+    interest.
 
     >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FreeAxially())
     >>> scene.joints["shoulder"].axial
@@ -69,7 +72,7 @@ class FreeAxially(AbstractAxialPolicy):
 
 
 class FixedAxially(AbstractAxialPolicy):
-    """An ideal constraint keeps the journal's centre in the bearing's middle plane.
+    """An ideal constraint that keeps the journal's centre in the bearing's middle plane.
 
     >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FixedAxially())
     >>> scene.joints["shoulder"].axial
@@ -80,18 +83,19 @@ class FixedAxially(AbstractAxialPolicy):
 
 
 class EndPlay(AbstractAxialPolicy):
-    """Shoulders at both ends stop the journal after half the play to each side.
+    """Shoulders at both ends that stop the journal after half the play to each side.
+
+    The force acts along the bearing's axis at the journal's base. The shoulders have no friction.
 
     **Arguments:**
 
     - `play`: m, total axial travel between the shoulders.
-    - `law`: the normal law of a shoulder, with a given stiffness (the surfaces are flat).
-
-    The force acts along the bearing's axis at the journal's base. No friction at the shoulders.
+    - `law`: normal law of a shoulder; it needs an explicit stiffness, because the surfaces are
+      flat.
 
     >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
-    >>> print(f"{gap.depth:.2e} m")  # beyond half of the play
+    >>> print(f"{gap.depth:.2e} m")  # beyond half the play
     5.00e-05 m
     """
 
@@ -102,10 +106,10 @@ class EndPlay(AbstractAxialPolicy):
         require_flat_law(self.law, "shoulders")
 
     def shoulder_law(self) -> AbstractContactLaw:
-        """The law that was given, for both shoulders."""
+        """Return the law of both shoulders."""
         return self.law
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """The gap after half the play."""
+        """Return the gap at a shoulder, which begins after half the play."""
         del side
         return Gap(offset - 0.5 * self.play, rate)

@@ -1,4 +1,4 @@
-"""Backlash: the play of two bodies about an axis that an ideal joint holds."""
+"""Backlash: angular play of two bodies about an axis that an ideal joint holds."""
 
 import math
 from dataclasses import replace
@@ -13,30 +13,28 @@ from ...math.functions import wrapped
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..contact.damping_factors import ExactRestitution
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..contact.limits import Limit
 from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
-from ..joints.constraint_rows import turning_about_axes
+from ..joints.constraint_rows import relative_angle_row
 from ..joints.pairs import require_distinct
-from .flanks import FLANKS, SIDE_OF
 
+FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
+"""Contact labels, and the sense of rotation that each flank limits."""
 TURN = 2.0 * math.pi
-WIDEST_PLAY = 0.5
-"""rad, beyond which one is warned."""
+WIDE_BACKLASH = 0.5
+"""Backlash above which a warning is issued, rad."""
 LARGEST_RADIUS = 10.0
-"""Likewise of the flanks, m."""
-
-
-GIVEN_NO_RADIUS = 0.01
-"""m; where stiffness is torsional, the flanks' radius has no part in the motion."""
+"""Flank radius above which a warning is issued, m."""
+DEFAULT_RADIUS = 0.01
+"""Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
 
 
 def _flank_law(
     radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
 ) -> AbstractContactLaw:
-    """The linear law of flanks of a stiffness in N m/rad."""
+    """Return the linear law of flanks with a torsional stiffness in N m/rad."""
     require(
         torsional_stiffness is not None,
         "law",
@@ -44,47 +42,49 @@ def _flank_law(
         "given, or else a `torsional_stiffness`",
         "pass the stiffness of a pressed flank in N m/rad, or a normal law",
     )
-    turning = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
-    require_positive("torsional_stiffness", turning, "give it in N m/rad")
-    stiffness = turning / as_number(radius, "radius", "m") ** 2
+    torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
+    require_positive("torsional_stiffness", torsional, "give it in N m/rad")
+    stiffness = torsional / as_number(radius, "radius", "m") ** 2
     restitution = 0.5 if restitution is None else restitution
     return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
 
 
 class Backlash(AbstractContactJoint):
-    """Play about an axis: within it the second body turns freely, and two flanks end it.
+    """Angular play about an axis: the second body rotates freely between two flanks.
 
-    With theta the second body's angle about the axis, less that of the middle of the play, and r
-    the radius of the flanks, their penetrations are
+    Let theta be the second body's angle about the axis, measured from the middle of the play, and r
+    the radius of the flanks. The penetrations are
 
-        delta = r (theta - play/2) at the upper flank, r (-theta - play/2) at the lower one,
+        delta = r (theta - play/2) at the upper flank,
+        delta = r (-theta - play/2) at the lower flank.
 
-    and a flank's normal force F turns the bodies by the couple F r: no net force. So all normal
-    laws act as they do elsewhere; a torsional stiffness of k N m/rad is k/r^2 N/m there, and the
-    radius has no part in the motion. Angles
-    count modulo 2 pi from the middle of the play: the number of revolutions is unlimited.
+    The normal force F of a flank acts on the bodies as a couple F r without a net force, so that
+    every normal law can be used. A torsional stiffness of k N m/rad corresponds to k/r^2 N/m, and
+    the radius then has no influence on the motion. Angles are taken modulo 2 pi from the middle of
+    the play: the number of revolutions is unlimited.
 
-    It does not hold the axis: a `RevoluteJoint` beside it does, or another joint that leaves the
-    bodies to turn against each other. For a pair of gears on axes of their own: `GearBacklash`.
+    Backlash doesn't hold the axis. Add a `RevoluteJoint`, or another joint that allows the relative
+    rotation. For two gears with separate axes use `GearBacklash`.
 
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `axis_first`, `axis_second`: the axis, (3,) in the axes of each body, as the revolute joint's.
-    - `play`: rad, all of it, from flank to flank; or `play_length`, m, the same as a length at the
-      `radius`, as it is given for gears. The angle is what is stored.
-    - `radius`: m, at which the flanks touch; 0.01 m unless given, with a `torsional_stiffness`.
+    - `axis_first`, `axis_second`: axis of rotation, (3,) in each body's axes, as for the revolute
+      joint.
+    - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
+      at `radius`, as specified for gears. The joint stores the angle.
+    - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
-    - `law`: the normal law of each flank, with a given stiffness; or `torsional_stiffness`,
-      N m/rad, of a flank that is pressed, as catalogues of gearboxes have it, with `restitution`,
-      0.5 unless given: the law is then `ExactRestitution`, linear.
+    - `law`: normal law of each flank, with an explicit stiffness. Alternatively
+      `torsional_stiffness`: N m/rad, of a closed flank as in gearbox catalogues, with
+      `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
-    **Raises:** `ValueError` for a play that is not positive or a whole turn, or given twice; for
-    axes of no length; for a law whose stiffness needs a bearing; for both or neither of `law` and
-    `torsional_stiffness`.
+    **Raises:** `ValueError` if the play is not between zero and a full revolution, or is given
+    twice; if an axis has zero length; if the law takes its stiffness from a bearing; or unless
+    exactly one of `law` and `torsional_stiffness` is given.
 
-    Source: the dead zone of two flanks with a contact law (M. Nordin, P.-O. Gutman, Controlling
-    mechanical systems with backlash: a survey, Automatica 38, 2002).
+    Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
+    Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
 
     ```python
     import clearjoint as cj
@@ -107,7 +107,7 @@ class Backlash(AbstractContactJoint):
     play: Single = quantity(
         "rad",
         positive=True,
-        usual=(0.0, WIDEST_PLAY),
+        usual=(0.0, WIDE_BACKLASH),
         remedy="give the whole angle from flank to flank in rad, or a `play_length` in m",
     )
     radius: Single = quantity(
@@ -139,12 +139,12 @@ class Backlash(AbstractContactJoint):
             "pass one of the two: an angle in rad, or a length at the radius in m",
         )
         if law is None:
-            radius = GIVEN_NO_RADIUS if radius is None else radius
+            radius = DEFAULT_RADIUS if radius is None else radius
             law = _flank_law(radius, torsional_stiffness, restitution)
         else:
             given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
             for name, value in given.items():
-                require(value is None, name, value, "absent beside a `law`", "leave one out")
+                require(value is None, name, value, "omitted with a `law`", "leave one out")
         self.first, self.second = first, second
         self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
         self.radius, self.middle = as_number(radius, "radius", "m"), middle
@@ -164,38 +164,40 @@ class Backlash(AbstractContactJoint):
                 play < TURN,
                 "play",
                 play,
-                "smaller than a turn",
+                "smaller than a full revolution",
                 "give the angle from flank to flank in rad",
             )
 
     def pair(self) -> tuple[str, str]:
-        """The first and the second body."""
+        """Return the names of the first and the second body."""
         return self.first, self.second
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """The law of each flank."""
+        """Return the law of each flank."""
         return dict.fromkeys(FLANKS, self.law)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Those of the law at a flat surface."""
+        """Return the validity limits of a flank's law at a penetration in m."""
         return self.laws()[name].limits(Gap(depth, 0.0))
 
     def deepest(self) -> dict[str, Scalar]:
-        """Half of the way from a flank to the back of the other one."""
-        return dict.fromkeys(FLANKS, 0.25 * self.radius * (TURN - self.play))
+        """Return half the way from a flank to the back of the other flank, m."""
+        deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
+        return dict.fromkeys(FLANKS, deepest)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """The second body's angle about the axis, rad within (-pi, pi], as a row."""
+        """Return the second body's angle about the axis, rad within (-pi, pi], as a row."""
         first, second = motions[self.first], motions[self.second]
-        return turning_about_axes(self.pair(), first, second, self.axis_first, self.axis_second)
+        return relative_angle_row(self.pair(), first, second, self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Contact geometry of both flanks."""
+        """Return the contact geometry of both flanks."""
         row = self.relative_angle(motions)
+        # The period makes the number of revolutions unlimited; it doesn't affect derivatives.
         angle = wrapped(row.value - self.middle, TURN)
         speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
         axis = motions[self.first].direction(unit(self.axis_first))
-        return {label: self._flank(SIDE_OF[label], angle, speed, axis, row) for label in FLANKS}
+        return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
 
     def _flank(self, side: float, angle: Scalar, speed: Scalar, axis: Vector, row: Row) -> Contact:
         arm = side * self.radius
@@ -204,25 +206,25 @@ class Backlash(AbstractContactJoint):
         return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """None: a couple has no place to slip."""
+        """Return ``None``: a couple causes no slip."""
         del name, contact, normal_force
 
     def centred_joint(self) -> AbstractConstraint:
-        """Holds the angle in the middle of the play."""
-        return HeldInPlay(self)
+        """Return the constraint that holds the bodies in the middle of the play."""
+        return CentredBacklash(self)
 
 
-class HeldInPlay(AbstractConstraint):
-    """Holds two bodies in the middle of their play; one row."""
+class CentredBacklash(AbstractConstraint):
+    """Constraint that holds two bodies in the middle of their backlash; one row."""
 
     backlash: Backlash
 
     def body_names(self) -> tuple[str, ...]:
-        """Names of the first and the second body."""
+        """Return the names of the first and the second body."""
         return self.backlash.pair()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The angle from the middle of the play, rad."""
+        """Return the angle from the middle of the play, rad, as a row."""
         del t
         row = self.backlash.relative_angle(motions)
         angle = wrapped(row.value - self.backlash.middle, TURN)

@@ -17,28 +17,29 @@ from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import AbstractPlay, anchor_of, offset_between, require_smaller_clearance
+from .common import AbstractSharedLawJoint, anchor_of, offset_between, require_smaller_clearance
 
 CONTACT = "ball"
 
 
-class BallInSocket(AbstractPlay):
+class BallInSocket(AbstractSharedLawJoint):
     """A ball in a slightly larger socket: a spherical joint with clearance.
 
-    One contact, "ball", along the line of the centres: penetration e - c of an eccentricity e in a
-    clearance c (P. Flores et al., Dynamics of multibody systems with spherical clearance joints,
-    2006). Its law knows both radii, so that `RavnStiffness`, Hertz's stiffness of a sphere in a
-    sphere, follows them. A ball is stopped in all directions and turns in all.
+    The joint has one contact, "ball", along the line of centres. Its penetration is e - c for an
+    eccentricity e and a clearance c (P. Flores et al., Dynamics of multibody systems with spherical
+    clearance joints, 2006). The law receives both radii, so that `RavnStiffness`, Hertz's stiffness
+    of a sphere in a sphere, can depend on them. The ball rotates freely about all axes.
 
     **Arguments:**
 
-    - `socket_body`, `ball_body`: names; one may be the ground.
+    - `socket_body`, `ball_body`: names of the bodies; one may be the ground.
     - `socket_point`, `ball_point`: centres, (3,) m in body axes.
     - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
     - `law`: the normal law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` for a clearance that leaves no ball, or values that no joint can have.
+    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, or another
+    value is outside its range.
 
     ```python
     import clearjoint as cj
@@ -74,56 +75,58 @@ class BallInSocket(AbstractPlay):
         caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
 
     def pair(self) -> tuple[str, str]:
-        """The socket's body and the ball's."""
+        """Return the names of the socket's body and the ball's body."""
         return self.socket_body, self.ball_body
 
-    def places(self) -> tuple[str, ...]:
-        """The one contact."""
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the name of the only contact."""
         return (CONTACT,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Both centres."""
+        """Return both centres."""
         return (
             ("socket_point", self.socket_body, self.socket_point),
             ("ball_point", self.ball_body, self.ball_point),
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """The contact along the line of the centres."""
+        """Return the contact along the line of centres."""
         socket, ball = motions[self.socket_body], motions[self.ball_body]
-        apart = offset_between(self.pair(), (socket, ball), (self.socket_point, self.ball_point))
-        eccentricity, normal = norm_and_direction(apart)
-        at_centre = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
+        centres = self.socket_point, self.ball_point
+        eccentricity, normal = norm_and_direction(
+            offset_between(self.pair(), (socket, ball), centres)
+        )
+        velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
         radii = self.socket_radius, self.clearance
-        gap = Gap(eccentricity - self.clearance, at_centre.dot(normal), *radii)
+        gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
         # Friction acts on both bodies at one point, midway between the surfaces.
         shift = 0.5 * gap.depth
         on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
-        reach = normal * subtract(gap.journal_radius, shift)
-        on_ball = self.ball_point + ball.components(reach)
+        on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
         slip = None
         if self.friction is not None:
             sliding = ball.velocity_at(on_ball) - socket.velocity_at(on_socket)
             slip = slip_velocity(sliding, normal, sliding.dot(normal))
-        centres = self.socket_point, self.ball_point
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
-        """The ball's radius."""
+        """Return the ball's radius, m."""
         return {CONTACT: subtract(self.socket_radius, self.clearance)}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Those of the law."""
+        """Return the validity limits of the law at a penetration in m."""
         del name
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
     def centred_joint(self) -> AbstractConstraint:
-        """A spherical joint."""
+        """Return a spherical joint."""
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """The same with the ball along the wall, in the direction of the load; ``None`` if there is
-        no load."""
+        """Return a spherical joint with the ball moved to the wall in the direction of the load.
+
+        Return ``None`` without a load.
+        """
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
@@ -131,11 +134,11 @@ class BallInSocket(AbstractPlay):
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """The ball's centre at the socket's, or the other way round, if one is the ground's."""
+        """Return the ball's centre and the socket's as an anchor, if one body is the ground."""
         return anchor_of(self.pair(), (self.socket_point, self.ball_point))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A ball in a socket."""
+        """Draw a ball in a socket."""
         socket = Marker(self.socket_body, self.socket_point)
         ball = Marker(self.ball_body, self.ball_point)
         pen.socket(socket, ball, radius=self.socket_radius, clearance=self.clearance)

@@ -1,4 +1,4 @@
-"""The surfaces of a bearing that a base of the journal may touch: its wall, and its shoulders."""
+"""Contacts of a journal's base with the bearing's wall and shoulders."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ from .axial import AbstractAxialPolicy
 from .journal_bases import JournalBase
 
 SHOULDERS = ("lower shoulder", "upper shoulder")
-"""At the ends of the bearing: against its axis, and along it."""
+"""Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 
 
 @dataclass(frozen=True)
 class BearingWall:
-    """A cylinder about a bearing's axis.
+    """The cylindrical wall of a bearing.
 
-    `centre`, m, and `axis`, of any length, are in the bearing's body axes; `radius` and radial
-    `clearance` in m.
+    `centre`, m, and `axis`, of any length, are in the axes of the bearing's body; `radius` and
+    radial `clearance` are in m.
     """
 
     centre: Vector
@@ -31,13 +31,13 @@ class BearingWall:
     def contact(
         self, bearing: Motion, journal: Motion, base: JournalBase, has_friction: bool
     ) -> Contact:
-        """Contact of a base with the wall, from the eccentricity vector (eqs 10-21)."""
-        eccentricity, normal = norm_and_direction(base.centre + base.reach)
+        """Return the contact of a base with the wall, from the eccentricity vector (eqs 10-21)."""
+        eccentricity, normal = norm_and_direction(base.centre + base.arm)
         depth = self._depth(base, eccentricity)
         gap = Gap(depth, base.velocity.dot(normal), self.radius, self.clearance)
         along = base.axis * base.height
-        # Friction acts on both bodies at one point between the surfaces: at the points of eqs
-        # (15)-(16), a penetration apart, it would leave a moment.
+        # The points of eqs (15)-(16) are a penetration apart, so that friction there would leave a
+        # net moment. It acts on both bodies at the point midway between the surfaces.
         shift = 0.5 * gap.depth if has_friction else 0.0
         to_wall = along + normal * add(self.radius, shift)
         on_bearing = self.centre + bearing.components(to_wall)
@@ -50,21 +50,25 @@ class BearingWall:
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Eccentricity less clearance, by the difference of their squares.
+        """Return eccentricity minus clearance, from the difference of their squares.
 
-        Subtracting the two themselves leaves each base a rounding of its own, from which impacts
-        grow a misalignment. Here what rounds most is common to both.
+        A direct subtraction would round differently at the two bases, and repeated impacts amplify
+        the difference to a misalignment. Here the term with the largest rounding error is the same
+        for both bases.
         """
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
-        own = base.reach.dot(base.centre * 2.0 + base.reach)
-        return (common + own) / (eccentricity + self.clearance)
+        difference = base.arm.dot(base.centre * 2.0 + base.arm)
+        return (common + difference) / (eccentricity + self.clearance)
 
 
 def shoulder_contact(
     axial: AbstractAxialPolicy, journal_length: Scalar, side: float, base: JournalBase
 ) -> Contact:
-    """Contact of a base with the shoulder at one end of the bearing, that on the `side` against the
-    bearing's axis, -1, or along it, 1; `journal_length` in m."""
+    """Return the contact of a base with the shoulder at one end of the bearing.
+
+    `side` is -1 for the lower end of the bearing's axis and 1 for the upper; `journal_length` is in
+    m.
+    """
     outward = base.axis * side
     offset = side * base.height - 0.5 * journal_length
     gap = axial.shoulder_gap(side, offset, base.velocity.dot(outward))

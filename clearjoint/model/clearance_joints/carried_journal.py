@@ -1,4 +1,5 @@
-"""Where a film carries a loaded journal, and how it answers small motions there."""
+"""Equilibrium position of a loaded journal in its film, with the film's stiffness and damping
+there."""
 
 from typing import NamedTuple
 
@@ -16,17 +17,20 @@ from ..film.laws import FilmGap
 from .lubricated import LubricatedJoint
 
 TOLERANCE = 1e-12
-"""Of the equilibrium, in the coordinates in which it is sought and in parts of the load."""
+"""Tolerance of the equilibrium, in the scaled coordinates of the search and relative to the load.
+"""
 NEARLY_CENTRED = 1e-3
-"""Where the search starts: in the very middle a film need not be differentiable."""
+"""Starting point of the search: a film may not be differentiable for a centred journal."""
 
 
 class CarriedJournal(NamedTuple):
-    """A journal at rest in its film, and the film linearised there.
+    """Equilibrium of a journal in its film, and the film's linearised coefficients there.
 
-    Components are along two directions across the axis that don't turn and make a right-handed
-    frame with it. `offset`: (2,) m; `stiffness`: (2, 2) N/m, minus the derivative of the force by
-    the offset; `damping`: (2, 2) N s/m, minus that by the offset's rate.
+    Components refer to two fixed directions across the axis that form a right-handed frame with it.
+
+    - `offset`: (2,) m, of the journal's axis from the bearing's.
+    - `stiffness`: (2, 2) N/m, minus the derivative of the force with respect to the offset.
+    - `damping`: (2, 2) N s/m, minus the derivative with respect to the offset's rate.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -39,22 +43,25 @@ class CarriedJournal(NamedTuple):
     damping: Float[jax.Array, "2 2"]
 
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
-        """Eigenvalues of small motions of a mass in kg that the film carries, 1/s, complex: stable
-        if no real part is positive."""
-        speeds = jnp.eye(2) / mass
+        """Return the (4,) complex eigenvalues of small motions, 1/s, of a carried mass in kg.
+
+        The equilibrium is stable if no eigenvalue has a positive real part.
+        """
+        inverse_mass = jnp.eye(2) / mass
         rates = jnp.block(
             [
                 [jnp.zeros((2, 2)), jnp.eye(2)],
-                [-speeds @ self.stiffness, -speeds @ self.damping],
+                [-inverse_mass @ self.stiffness, -inverse_mass @ self.damping],
             ]
         )
         return jnp.linalg.eigvals(rates)
 
 
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
-    """Where the film of a joint carries a load, and the film's stiffness and damping there.
+    """Compute the equilibrium of a loaded journal in its film, and the film's stiffness and
+    damping.
 
-    The bearing stands still, and the axes are parallel.
+    The bearing is at rest and the axes are parallel.
 
     ```python
     import clearjoint as cj
@@ -64,30 +71,35 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     is_stable = carried.growth(mass=20.0).real.max() < 0.0
     ```
 
-    **Arguments:** `load`: (2,) N, on the journal. `speed`: rad/s, of the journal.
+    **Arguments:**
 
-    **Raises:** `ValueError` for a load or a speed that is none, or a speed that is not positive.
+    - `joint`: the lubricated joint.
+    - `load`: (2,) N, on the journal.
+    - `speed`: rad/s, angular velocity of the journal, positive.
+
+    **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive.
     """
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
-    return _carried(joint, on_device(load), on_device(speed))
+    return _solve_equilibrium(joint, on_device(load), on_device(speed))
 
 
 @Compiled
-def _carried(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
+def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
-    def inside(place: jax.Array) -> jax.Array:
-        """The plane on what is inside of the clearance, m."""
-        return place * (clearance / jnp.sqrt(1.0 + place @ place))
+    # The search is unbounded: this map keeps each trial offset inside the clearance.
+    def offset_of(point: jax.Array) -> jax.Array:
+        return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
-    def excess(place: jax.Array, _: None) -> jax.Array:
-        return (_force(joint, speed, inside(place), rest) + load) / jnp.where(size > 0.0, size, 1.0)
+    def residual(point: jax.Array, _: None) -> jax.Array:
+        force = _force(joint, speed, offset_of(point), rest)
+        return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     start = jnp.full(2, NEARLY_CENTRED)
-    offset = inside(optimistix.root_find(excess, solver, start).value)
+    offset = offset_of(optimistix.root_find(residual, solver, start).value)
     stiffness, damping = jax.jacfwd(_force, argnums=(2, 3))(joint, speed, offset, rest)
     return CarriedJournal(offset, -stiffness, -damping)
 
@@ -95,11 +107,13 @@ def _carried(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> Carri
 def _force(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> jax.Array:
-    """On the journal, (2,) N, for an offset in m and its rate in m/s, (2,)."""
+    """Return the film force on the journal, (2,) N; the offset in m and its rate in m/s are
+    (2,)."""
     dry = joint.dry
-    place = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
-    moving = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)
-    rate = moving - UNIT_Z.cross(place) * (0.5 * speed)
+    eccentricity = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
+    own_rate = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)
+    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
+    rate = own_rate - UNIT_Z.cross(eccentricity) * (0.5 * speed)
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
-    force = joint.film.force(FilmGap(UNIT_Z, place, rate, speed, *sizes))
+    force = joint.film.force(FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes))
     return jnp.stack([jnp.asarray(force.x), jnp.asarray(force.y)])

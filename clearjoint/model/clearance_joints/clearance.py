@@ -1,9 +1,9 @@
 """The spatial revolute joint with clearance (eqs 1-23).
 
-The bearing belongs to the first body, the journal to the second. Both bases V and W of the journal
-are checked against the bearing's wall, each with the full law. The tilt between journal and bearing
-is small, so that the bases' circles are taken in the bearing's cross-section (as in the paper);
-contact of an edge along the wall is not modelled.
+The first body carries the bearing, the second the journal. Both bases V and W of the journal are
+checked against the bearing's wall, and each base applies the full normal law. The tilt between
+journal and bearing is assumed small, so that the bases' circles lie in the bearing's cross-section
+(as in the paper). Contact of an edge along the wall is not modelled.
 """
 
 from typing import Annotated
@@ -33,53 +33,53 @@ from ..contact.laws import AbstractContactLaw
 from ..contact.limits import Limit, caution_beyond
 from ..joints.base import (
     AbstractConstraint,
-    AbstractContactJoint,
     Attachment,
     Contact,
     Motions,
     Row,
 )
-from ..joints.constraint_rows import point_in_plane, turning_about_axes
-from ..joints.pairs import require_distinct
+from ..joints.constraint_rows import point_in_plane, relative_angle_row
+from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .common import (
+    AbstractSharedLawJoint,
     anchor_of,
+    offset_at_wall,
     offset_between,
-    require_law_and_friction,
     require_smaller_clearance,
 )
 from .journal_bases import BASES, SIDES, JournalBases
-from .seating import ideal_in_place, seat
 
 WIDEST_CLEARANCE = 0.1
-"""Clearance over the bearing's radius beyond which one is warned."""
+"""Ratio of clearance to bearing radius above which a warning is issued."""
 LARGEST_BEARING = 2.0
-"""Likewise its radius, m."""
+"""Bearing radius above which a warning is issued, m."""
 LONGEST_JOURNAL = 100.0
-"""Likewise the journal's length over the bearing's radius."""
+"""Ratio of journal length to bearing radius above which a warning is issued."""
 
 
-class ClearanceJoint(AbstractContactJoint):
-    """A journal inside a slightly larger bearing.
+class ClearanceJoint(AbstractSharedLawJoint):
+    """A revolute joint with clearance: a journal inside a slightly larger bearing.
 
     **Arguments:**
 
-    - `bearing_body`, `journal_body`: names; one may be the ground.
-    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in body axes.
-    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in body axes. Base V
-      lies half a length against the axis, base W half a length along it.
-    - `bearing_radius`: m; and either `journal_radius` or radial `clearance`, m, both positive. The
-      clearance is what is stored, since it is small and swept.
+    - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
+    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in its body's axes.
+      Base V is half a length from the centre against the axis, base W half a length along it.
+    - `bearing_radius`: m.
+    - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
+      difference of the radii. The joint stores the clearance, because it is small and often varied.
     - `journal_length`: m, distance between the bases.
-    - `law`: the normal law at each base.
+    - `law`: normal law at each base.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
-    - `axial`: `FreeAxially()`, the default, for a mechanism whose other joints hold the journal
-      along the axis; `EndPlay(...)` where they don't, or `FixedAxially()`.
+    - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
+      otherwise `EndPlay(...)` or `FixedAxially()`.
 
-    **Raises:** `ValueError` for a journal that is not smaller than the bearing, axes of no length,
-    or other values that no joint can have.
+    **Raises:** `ValueError` if the journal is not smaller than the bearing, an axis has zero
+    length, or another value is outside its range.
 
     >>> pin = cj.ClearanceJoint(
     ...     "ground",
@@ -156,8 +156,6 @@ class ClearanceJoint(AbstractContactJoint):
         self.axial = FreeAxially() if axial is None else axial
 
     def __check_init__(self):
-        require_distinct(self.bearing_body, self.journal_body)
-        require_law_and_friction(self.law, self.friction)
         require(
             isinstance(self.axial, AbstractAxialPolicy),
             "axial",
@@ -187,37 +185,40 @@ class ClearanceJoint(AbstractContactJoint):
 
     @property
     def journal_radius(self) -> Single:
-        """Bearing radius less clearance, m."""
+        """Bearing radius minus clearance, m."""
         return self.bearing_radius - self.clearance
 
     def pair(self) -> tuple[str, str]:
-        """The bearing's body and the journal's."""
+        """Return the names of the bearing's body and the journal's body."""
         return self.bearing_body, self.journal_body
 
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of both bases; shoulders have their own law and no friction."""
+        return BASES
+
     def attachments(self) -> tuple[Attachment, ...]:
-        """The centres of bearing and journal."""
+        """Return the centres of the bearing and the journal."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """The law of each base, and of each shoulder if there are any."""
-        laws: dict[str, AbstractContactLaw] = dict.fromkeys(BASES, self.law)
-        of_shoulders = self.axial.shoulder_law()
-        return laws if of_shoulders is None else laws | dict.fromkeys(SHOULDERS, of_shoulders)
+        """Return the law of each base, and of each shoulder if there are any."""
+        laws, shoulder_law = super().laws(), self.axial.shoulder_law()
+        return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
-        """The journal's radius at both bases: deeper, its axis has left the bearing."""
+        """Return the journal's radius for both bases: at this depth its axis leaves the bearing."""
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Those of the law of a base, or of a shoulder, which is flat."""
+        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
         radii = (self.bearing_radius, self.clearance) if name in BASES else ()
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Contact geometry at both bases, and at both shoulders if there are any."""
+        """Return the contact geometry of both bases and of the shoulders, if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         bases = self.journal_bases(motions)
         wall = BearingWall(
@@ -236,7 +237,7 @@ class ClearanceJoint(AbstractContactJoint):
         return contacts
 
     def journal_bases(self, motions: Motions) -> JournalBases:
-        """Where the ends of the journal are."""
+        """Return the geometry of the journal's two ends."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
@@ -244,29 +245,30 @@ class ClearanceJoint(AbstractContactJoint):
         return JournalBases(bearing, journal, *points, axis, half, centre)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """From the bearing's centre to the journal's, or to one of its bases, m.
+        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
+        centre, m.
 
-        In the bearing's frame, where x and y are across its axis and z is along it; for a
-        `bearing_axis` of (0, 0, 1) these are the body's own axes.
+        Components refer to the bearing's frame: x and y across the axis, z along it. With a
+        `bearing_axis` of (0, 0, 1) these are the body's axes.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        reach = self._offset(bearing, journal)
+        offset = self._offset(bearing, journal)
         if base is not None:
             signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
-            reach = reach + journal.direction(self._half()) * signs[base]
-        offset = bearing.components(reach)
+            offset = offset + journal.direction(self._half()) * signs[base]
+        offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
-        return turning_about_axes(self.pair(), bearing, journal, *axes)
+        return relative_angle_row(self.pair(), bearing, journal, *axes)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """How far an axially free journal is beyond a bearing as long as itself."""
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
         if not self._is_free():
             return None
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
@@ -274,52 +276,41 @@ class ClearanceJoint(AbstractContactJoint):
         return abs(height) - self.journal_length
 
     def _is_free(self) -> bool:
-        """Whether nothing holds the journal along the axis."""
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
-        """A revolute joint, or a cylindrical one if the journal is axially free."""
+        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """The same with the journal along the wall, in the direction of the load across the axis;
-        ``None`` if there is no such load."""
-        offset = seat(self.bearing_axis, self.clearance, load)
+        """Return the centred joint with the journal moved to the wall in the direction of the load.
+
+        Return ``None`` if the load has no component across the axis.
+        """
+        offset = offset_at_wall(self.bearing_axis, self.clearance, load)
         return None if offset is None else self._ideal(self.bearing_point + offset)
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """An ideal joint about a centre in the bearing's body, m."""
+        """Return an ideal joint about a centre in the bearing's body, m."""
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
-        return ideal_in_place(self.pair(), points, axes, self._is_free())
+        kind = CylindricalJoint if self._is_free() else RevoluteJoint
+        return kind(*self.pair(), *points, *axes)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
+        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
         return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
 
     def _offset(self, bearing: Motion, journal: Motion) -> Vector:
-        """From the bearing's centre to the journal's (eq. 8)."""
+        """Return the vector from the bearing's centre to the journal's, m, global axes (eq. 8)."""
         points = self.bearing_point, self.journal_point
         return offset_between(self.pair(), (bearing, journal), points)
 
     def _half(self) -> Vector:
-        """From the journal's centre to its base W, m, in the journal's body axes."""
+        """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Friction on the journal at a base, N."""
-        del name
-        if self.friction is None or contact.slip is None:
-            return None
-        return self.friction.force(normal_force, contact.slip)
-
-    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """The bristle law of both bases, if the joint has one."""
-        if isinstance(self.friction, AbstractBristleFriction):
-            return dict.fromkeys(BASES, self.friction)
-        return {}
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The axial constraint of a policy that holds the centre; else none."""
+        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
         del t
         if not self.axial.holds_centre:
             return {}
@@ -331,7 +322,7 @@ class ClearanceJoint(AbstractContactJoint):
         return {"axial": row}
 
     def draw(self, pen: AbstractPen) -> None:
-        """A journal in a bearing."""
+        """Draw a journal in a bearing."""
         pen.bearing(
             Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
             Marker(self.journal_body, self.journal_point, self.journal_axis),

@@ -1,4 +1,4 @@
-"""The revolute joint with clearance and a film of lubricant in it."""
+"""Revolute joint with clearance and a lubricant film."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -34,14 +34,15 @@ NODES, WEIGHTS = (
 )
 
 
-def share_of_contact(depth: Scalar, transition: Scalar) -> Scalar:
-    """0 up to the surface, 1 from a depth `transition` on, m; smooth between."""
-    part = jnp.clip(depth / transition, 0.0, 1.0)
-    return part * part * (3.0 - 2.0 * part)
+def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
+    """Return a smooth factor: 0 up to the surface, 1 from the depth `transition`, m, onwards."""
+    ratio = jnp.clip(depth / transition, 0.0, 1.0)
+    return ratio * ratio * (3.0 - 2.0 * ratio)
 
 
-class FadingIn(AbstractContactLaw):
-    """A law of which a part acts, from none at the surface to all at a depth `transition`, m."""
+class BlendedContactLaw(AbstractContactLaw):
+    """A contact law multiplied by a factor that grows from 0 at the surface to 1 at `transition`,
+    m."""
 
     law: AbstractContactLaw
     transition: Single
@@ -49,68 +50,73 @@ class FadingIn(AbstractContactLaw):
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """The part of the law's force, N."""
-        return self._share(gap) * self.law.force(gap, entry_speed)
+        """Return the blended normal force, N."""
+        return self._factor(gap) * self.law.force(gap, entry_speed)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """The part of the law's elastic force, N."""
-        return self._share(gap) * self.law.elastic_force(gap)
+        """Return the blended elastic force, N."""
+        return self._factor(gap) * self.law.elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """The integral of the elastic force by parts, J: by Gauss's rule in the root of the depth,
-        in which energies that grow with halves of powers are polynomials."""
+        """Return the integral of the blended elastic force, J.
+
+        Integration by parts leaves the energy of the law times the factor's slope. Gauss quadrature
+        in the square root of the depth is accurate for energies that grow with half-integer powers.
+        """
         end = jnp.clip(gap.depth, 0.0, self.transition)
         removed: Scalar = 0.0
         for node, weight in zip(NODES, WEIGHTS, strict=True):
             depth = end * node * node
-            part = depth / self.transition
-            slope = 6.0 * part * (1.0 - part) / self.transition
-            here = Gap(depth, gap.rate, gap.bearing_radius, gap.clearance)
-            energy = self.law.stored_energy(here)
+            ratio = depth / self.transition
+            slope = 6.0 * ratio * (1.0 - ratio) / self.transition
+            node_gap = Gap(depth, gap.rate, gap.bearing_radius, gap.clearance)
+            energy = self.law.stored_energy(node_gap)
             removed = removed + weight * 2.0 * node * end * slope * energy
-        return self._share(gap) * self.law.stored_energy(gap) - removed
+        return self._factor(gap) * self.law.stored_energy(gap) - removed
 
     def slope_jumps(self) -> bool:
-        """No: whatever the law does, its part begins flat."""
+        """Return ``False``: the factor starts with zero slope."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Those of the law."""
+        """Return the validity limits of the law."""
         return self.law.limits(gap)
 
-    def _share(self, gap: Gap) -> Scalar:
-        return share_of_contact(gap.depth, self.transition)
+    def _factor(self, gap: Gap) -> Scalar:
+        return blending_factor(gap.depth, self.transition)
 
 
 THINNEST_FILM = 1e-3
-"""Least height of a film over the clearance."""
+"""Smallest allowed ratio of film thickness to clearance."""
 
 
 class LubricatedJoint(AbstractContactJoint):
-    """A clearance joint whose journal a film carries, and whose wall touches it where that fails.
+    """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
-    The film is as long as the journal; half of its force acts at each base, from where that base
-    is. Force and reaction act half-way between the two axes, and the drag with them, so that the
-    film keeps the angular momentum, and takes all its power from the motion: "film" in the ledger.
+    The film extends over the journal's length. Half of its force acts at each base, computed from
+    that base's eccentricity. Force, reaction and drag act midway between the two axes, so that the
+    film conserves angular momentum and takes all its power from the motion; the energy ledger lists
+    it as "film".
 
-    Contact sets in where the journal touches the wall, and has taken over from the film at a
-    further depth, smoothly: the blend of P. Flores et al. 2006 with a continuous slope. The film is
-    at most as thin as the eccentricity ratio `largest_ratio` makes it, since its force would be
-    infinite at the wall.
+    Contact begins when the journal touches the wall, and replaces the film smoothly over the depth
+    `transition`. This is the blend of P. Flores et al. 2006 with a continuous slope. The film force
+    would be infinite at the wall, so the eccentricity ratio used for it is limited to
+    `largest_ratio`.
 
-    A film lets the journal touch slowly, which a law that divides by the entry speed answers with
-    vast damping: where the wall shall carry load, give `dry` a law without memory.
+    With a film the journal touches the wall slowly. A law that divides by the entry speed then
+    gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
 
     **Arguments:**
 
-    - `dry`: the `ClearanceJoint` without the film, from which all geometry comes.
+    - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
     - `film`: the `AbstractFilm`.
-    - `transition`: m, depth at which the contact has taken over; some hundredths of the clearance.
-    - `largest_ratio`: eccentricity ratio up to which the film is followed, 0.5 to 0.999. It is
-      approached within a tenth of the remaining gap.
+    - `transition`: m, depth at which contact has replaced the film; a few hundredths of the
+      clearance.
+    - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999. The limit is
+      approached smoothly over a tenth of the remaining gap.
 
-    **Raises:** `ValueError` for values that no joint can have. **Warns:** `LawRangeWarning` of a
-    bearing that the film's law does not hold for.
+    **Raises:** `ValueError` if a value is outside its range. **Warns:** `LawRangeWarning` if the
+    bearing is outside the validity range of the film law.
 
     ```python
     import clearjoint as cj
@@ -151,30 +157,32 @@ class LubricatedJoint(AbstractContactJoint):
 
     @property
     def clearance(self) -> Single:
-        """Radial, m."""
+        """Radial clearance, m."""
         return self.dry.clearance
 
     def pair(self) -> tuple[str, str]:
-        """The bearing's body and the journal's."""
+        """Return the names of the bearing's body and the journal's body."""
         return self.dry.pair()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """The centres of bearing and journal."""
+        """Return the centres of the bearing and the journal."""
         return self.dry.attachments()
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """The law of each base, which fades in, and of each shoulder if there are any."""
+        """Return the blended law of each base, and the law of each shoulder if there are any."""
         return {
-            name: FadingIn(law, self.transition, law.uses_entry_speed) if name in BASES else law
+            name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
+            if name in BASES
+            else law
             for name, law in self.dry.laws().items()
         }
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Contact geometry of the joint without the film."""
+        """Return the contact geometry of the dry joint."""
         return self.dry.contacts(motions)
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """What the film does to the bearing's body and to the journal's."""
+        """Return the wrench of the film on the bearing's body and on the journal's body."""
         bases = self.dry.journal_bases(motions)
         on_bearing, on_journal = NO_WRENCH, NO_WRENCH
         for sign in SIDES:
@@ -183,86 +191,96 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """What the film at a base does to the bearing's body and to the journal's."""
+        """Return the wrenches of half the film, at one base, on the bearing's and the journal's
+        body."""
         bearing, journal = (motions[name] for name in self.pair())
-        eccentricity = base.centre + base.reach
-        half_way = eccentricity * 0.5
-        in_journal = base.local - journal.components(half_way)
+        eccentricity = base.centre + base.arm
+        # One point of action for both bodies, midway between the axes, conserves angular momentum.
+        to_midpoint = eccentricity * 0.5
+        in_journal = base.local - journal.components(to_midpoint)
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
-        in_bearing = on_axis + bearing.components(half_way)
-        moving = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
-        moving = moving - base.axis * moving.dot(base.axis)
+        in_bearing = on_axis + bearing.components(to_midpoint)
+        velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
+        velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
-        gap = self._gap(base.axis, eccentricity, moving, spin)
-        share = 0.5 * self._share_of_film(eccentricity)
-        force, torque = self.film.force(gap) * share, base.axis * (self.film.drag(gap) * share)
+        gap = self._gap(base.axis, eccentricity, velocity, spin)
+        factor = 0.5 * self._film_factor(eccentricity)
+        force, torque = self.film.force(gap) * factor, base.axis * (self.film.drag(gap) * factor)
         return (
             bearing.wrench(-force, in_bearing) + bearing.torque(-torque),
             journal.wrench(force, in_journal) + journal.torque(torque),
         )
 
-    def _gap(self, axis: Vector, eccentricity: Vector, moving: Vector, spin: Scalar) -> FilmGap:
-        """The gap, no thinner than it may be, for an eccentricity in m and the speed in m/s of what
-        is half-way between the axes."""
+    def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
+        """Return the film's gap for an eccentricity, m, and the midpoint's relative velocity, m/s.
+
+        The eccentricity ratio is limited to `largest_ratio`.
+        """
         dry = self.dry
-        offset, rate = eccentricity * (1.0 / dry.clearance), moving * (1.0 / dry.clearance)
+        offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)
         near = 0.1 * (1.0 - self.largest_ratio)
+        # A smooth ramp keeps the force differentiable; the maximum avoids a division by zero in the
+        # centre, where the excess is zero.
         excess = ramp(ratio - self.largest_ratio, near)
         offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
         return FilmGap(
             axis, offset, rate, spin, dry.bearing_radius, dry.clearance, dry.journal_length
         )
 
-    def _share_of_film(self, eccentricity: Vector) -> Scalar:
+    def _film_factor(self, eccentricity: Vector) -> Scalar:
         size, _ = norm_and_direction(eccentricity)
-        return 1.0 - share_of_contact(size - self.dry.clearance, self.transition)
+        return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Dry friction on the journal at a base, N."""
+        """Return the dry friction force on the journal at a base, N."""
         return self.dry.friction_force(name, contact, normal_force)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """The bristle law of both bases, if the dry joint has one."""
+        """Return the bristle law of both bases, if the dry joint has one."""
         return self.dry.bristle_laws()
 
     def deepest(self) -> dict[str, Scalar]:
-        """The journal's radius at both bases."""
+        """Return the journal's radius for both bases, m."""
         return self.dry.deepest()
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Those of the law of a base, or of a shoulder."""
+        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
         return self.dry.law_limits(name, depth)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """From the bearing's centre to the journal's, or to one of its bases, m, in the bearing's
-        frame."""
+        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
+        centre, m.
+
+        Components refer to the bearing's frame.
+        """
         return self.dry.journal_offset(motions, base)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """The journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
         return self.dry.relative_angle(motions)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """How far an axially free journal is beyond a bearing as long as itself, m."""
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
         return self.dry.slid_out(motions)
 
     def centred_joint(self) -> AbstractConstraint:
-        """The ideal joint that holds the journal in the middle."""
+        """Return the ideal joint that holds the journal in the middle."""
         return self.dry.centred_joint()
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """The ideal joint that holds the journal at the wall, where the load, (3,) N, presses."""
+        """Return the ideal joint that holds the journal at the wall in the direction of a load,
+        (3,) N."""
         return self.dry.resting_joint(load)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """The journal's centre at the bearing's, or the other way round, if one is the ground's."""
+        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
         return self.dry.anchor()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The axial constraint of a policy that holds the centre; else none."""
+        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
         return self.dry.rows(motions, t)
 
     def draw(self, pen: AbstractPen) -> None:
-        """The joint without the film."""
+        """Draw the joint without the film."""
         self.dry.draw(pen)

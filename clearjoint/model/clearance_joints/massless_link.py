@@ -1,4 +1,4 @@
-"""The journal that never leaves the wall: clearance as a massless link."""
+"""Clearance modelled as a massless link: the journal stays in contact with the wall."""
 
 import equinox as eqx
 
@@ -17,17 +17,17 @@ from .journal_bases import BASES
 
 
 class MasslessLink(AbstractConstraint):
-    """A `ClearanceJoint` in continuous contact: both bases at the distance of the clearance.
+    """A `ClearanceJoint` in permanent contact: both bases keep the clearance as their eccentricity.
 
-    Two rows. The eccentricity vector is then a rod without mass between the axes (S. W. E. Earles,
-    C. L. S. Wu 1973; R. S. Haines 1985). There are no impacts, and the wall holds the journal where
-    it would have parted: a reaction that pulls tells that the model fails there.
+    The eccentricity vector acts as a massless rod between the axes; two rows (S. W. E. Earles, C.
+    L. S. Wu 1973; R. S. Haines 1985). The model has no impacts and no separation: a tensile
+    reaction indicates that the journal would leave the wall, where the model is invalid.
 
-    **Arguments:** as of `ClearanceJoint`; `axial` is `FreeAxially()`, the default, or
-    `FixedAxially()`. The journal must start at the wall: call `assemble` on a state in which it is
-    nearer to the side meant.
+    **Arguments:** as for `ClearanceJoint`; `axial` is `FreeAxially()`, the default, or
+    `FixedAxially()`. The journal must start at the wall: call `assemble` with a state that is
+    closer to the intended side.
 
-    **Raises:** `ValueError` for values that no joint can have.
+    **Raises:** `ValueError` if a value is outside its range, or if `axial` has shoulders.
 
     >>> link = cj.MasslessLink("ground", "arm", clearance=0.5e-3, journal_length=20e-3)
     >>> link.body_names(), float(link.clearance)
@@ -51,41 +51,42 @@ class MasslessLink(AbstractConstraint):
             "axial",
             type(self.axial).__name__,
             "FreeAxially() or FixedAxially()",
-            "shoulders are contacts, which a ClearanceJoint has",
+            "use a ClearanceJoint for shoulders, which are contacts",
         )
 
     def body_names(self) -> tuple[str, ...]:
-        """The bearing's body and the journal's."""
+        """Return the names of the bearing's body and the journal's body."""
         return self.bearing_body, self.journal_body
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """The centres of bearing and journal."""
+        """Return the centres of the bearing and the journal."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
         )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Half the difference of the squares of eccentricity and clearance, over the clearance, of
-        each base; and the axial constraint of a policy that holds the centre."""
+        """Return (e^2 - c^2)/(2 c), m, for the eccentricity e of each base and the clearance c.
+
+        An axial policy that holds the centre adds its constraint.
+        """
         del t
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
-        places = self.journal_point - half, self.journal_point + half
-        rows = {
-            base: self._distance(motions, place) for base, place in zip(BASES, places, strict=True)
-        }
+        ends = self.journal_point - half, self.journal_point + half
+        rows = {base: self._distance(motions, end) for base, end in zip(BASES, ends, strict=True)}
         if self.axial.holds_centre:
             rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
         return rows
 
     def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
-        """Where a point of the journal is along a direction from the bearing's centre."""
+        """Return the coordinate of a journal point along a direction from the bearing's centre, as
+        a row."""
         names = self.bearing_body, self.journal_body
         pair = motions[self.bearing_body], motions[self.journal_body]
         return point_in_plane(names, *pair, self.bearing_point, direction, local)
 
     def _distance(self, motions: Motions, local: Vector) -> Row:
-        """The eccentricity x, y of a base: (x^2 + y^2 - c^2)/(2 c)."""
+        """Return the row (x^2 + y^2 - c^2)/(2 c) for the eccentricity x, y of a base."""
         across = [
             self._height(motions, direction, local)
             for direction in transverse_axes(unit(self.bearing_axis))
@@ -93,7 +94,7 @@ class MasslessLink(AbstractConstraint):
         return distance_row(across, self.clearance, motions)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A journal in a bearing."""
+        """Draw a journal in a bearing."""
         pen.bearing(
             Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
             Marker(self.journal_body, self.journal_point, self.journal_axis),

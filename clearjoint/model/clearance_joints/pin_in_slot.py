@@ -1,4 +1,4 @@
-"""A pin in a straight slot of another body, with play."""
+"""A pin in a straight slot of another body, with clearance."""
 
 import equinox as eqx
 import numpy as np
@@ -9,47 +9,47 @@ from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar
 from ..contact.bristles import AbstractBristleFriction
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import PointInPlaneJoint
 from ..pen import AbstractPen, Marker
-from .common import AbstractPlay, require_right_angle
+from .common import AbstractSharedLawJoint, offset_at_flat_wall, require_right_angle
 from .flat_walls import FlatWall
-from .seating import seat_on_plane
+from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
-"""Against the slot's normal, and along it; against its axis, and along it."""
-SIDES = (-1.0, 1.0)
+"""Contact labels: the walls along the slot's normal, and the ends along its axis."""
 
 
-class PinInSlot(AbstractPlay):
-    """A cylindrical pin in a straight slot: it slides along the slot, turns, and has play across.
+class PinInSlot(AbstractSharedLawJoint):
+    """A cylindrical pin in a straight slot: it slides along the slot and rotates, with play across.
 
-    The pin may touch one of two parallel walls, where its centre is half the play from the middle,
-    and likewise one of two flat ends, half the travel from it. The play is the slot's width less
-    the pin's diameter.
+    The pin touches one of two parallel walls when its centre is half the play from the middle, and
+    one of two flat ends when its centre is half the travel from the middle. The play is the slot's
+    width minus the pin's diameter.
 
-    The contact is along a line as long as the plate is thick, at a right angle to axis and normal;
-    the force acts in its middle. On a flat wall, a line of length L has a stiffness of (pi/4) E* L
-    N/m, E* the contact modulus, with the exponent 1 (V. L. Popov, Contact Mechanics and Friction,
-    chapter 5), which `Hertz((pi/4) * E * L, exponent=1.0)` takes. Nothing but walls and ends holds
-    the pin: the joints of a planar mechanism have to hold both bodies in the plane.
+    The contact is a line across the plate's thickness, perpendicular to axis and normal, and the
+    force acts at its middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m
+    with the exponent 1, where E* is the contact modulus (V. L. Popov, Contact Mechanics and
+    Friction, chapter 5): use `Hertz((pi/4) * E * L, exponent=1.0)`. Only the walls and ends hold
+    the pin: the other joints of a planar mechanism have to hold both bodies in the plane.
 
     **Arguments:**
 
-    - `slot_body`, `pin_body`: names; one may be the ground.
-    - `slot_point`: the slot's middle, (3,) m in its body axes; the `slot_axis` along it and, at a
-      right angle, the walls' `slot_normal`, (3,) there, any length.
-    - `pin_point`: the pin's centre, (3,) m in its body axes; `pin_radius`, m.
+    - `slot_body`, `pin_body`: names of the bodies; one may be the ground.
+    - `slot_point`: middle of the slot, (3,) m in its body's axes.
+    - `slot_axis`: direction of the slot, (3,) in the same axes, any length.
+    - `slot_normal`: normal of the walls, perpendicular to `slot_axis`, (3,), any length.
+    - `pin_point`: centre of the pin, (3,) m in its body's axes.
+    - `pin_radius`: m.
     - `play`: m, total travel of the pin between the walls.
-    - `travel`: m, the same between the ends; ``None``, the default, for a slot without ends.
-    - `law`: the normal law of walls and ends, with a given stiffness (they are flat).
+    - `travel`: m, total travel between the ends; ``None``, the default, for a slot without ends.
+    - `law`: normal law of walls and ends; it needs an explicit stiffness, because they are flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` for an axis that is not at a right angle to the normal, a law that
-    needs radii, or values that no joint can have.
+    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
+    stiffness from radii, or another value is outside its range.
 
     ```python
     import clearjoint as cj
@@ -80,22 +80,22 @@ class PinInSlot(AbstractPlay):
         require_right_angle("slot_axis", self.slot_axis, "slot_normal", self.slot_normal)
 
     def pair(self) -> tuple[str, str]:
-        """The slot's body and the pin's."""
+        """Return the names of the slot's body and the pin's body."""
         return self.slot_body, self.pin_body
 
-    def places(self) -> tuple[str, ...]:
-        """Both walls, and both ends if the slot has any."""
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of both walls, and of both ends if the slot has ends."""
         return WALLS if self.travel is None else WALLS + ENDS
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """The slot's middle and the pin's centre."""
+        """Return the slot's middle and the pin's centre."""
         return (
             ("slot_point", self.slot_body, self.slot_point),
             ("pin_point", self.pin_body, self.pin_point),
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """The pin with each wall, and with each end if the slot has any."""
+        """Return the contacts of the pin with each wall, and with each end if the slot has ends."""
         slot, pin = (motions[name] for name in self.pair())
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
@@ -111,25 +111,27 @@ class PinInSlot(AbstractPlay):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """The pin's radius."""
+        """Return the pin's radius for each contact, m."""
         deepest: Scalar = self.pin_radius
-        return dict.fromkeys(self.places(), deepest)
+        return dict.fromkeys(self.contact_labels(), deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """The pin's centre in the middle plane of the slot."""
+        """Return a joint that keeps the pin's centre in the middle plane of the slot."""
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """The pin along the wall that the load presses it to; ``None`` if the load has no part
-        across the walls."""
-        offset = seat_on_plane(self.slot_normal, 0.5 * self.play, load)
+        """Return the centred joint with the pin moved to the wall in the direction of the load.
+
+        Return ``None`` if the load has no component across the walls.
+        """
+        offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
         return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Two walls, and a roller between them."""
+        """Draw two walls and a roller between them."""
         slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
         pin = Marker(self.pin_body, self.pin_point)
         room = 2.0 * self.pin_radius + self.play

@@ -1,4 +1,4 @@
-"""The translational joint with clearance: a slider between the two walls of a guide."""
+"""Translational joint with clearance: a slider between the two walls of a guide."""
 
 import equinox as eqx
 import numpy as np
@@ -9,15 +9,18 @@ from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar, add
 from ..contact.bristles import AbstractBristleFriction
-from ..contact.flat_surfaces import require_flat_law
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import LineInPlaneJoint
 from ..pen import AbstractPen, Marker
-from .common import AbstractPlay, require_right_angle, require_smaller_clearance
+from .common import (
+    AbstractSharedLawJoint,
+    offset_at_flat_wall,
+    require_right_angle,
+    require_smaller_clearance,
+)
 from .flat_walls import FlatWall
-from .seating import seat_on_plane
 
 CORNERS = {
     "rear upper": (-1.0, 1.0),
@@ -25,35 +28,36 @@ CORNERS = {
     "rear lower": (-1.0, -1.0),
     "front lower": (1.0, -1.0),
 }
-"""Signs of each corner along the slider's axis, and along its normal."""
+"""Contact labels, with the signs of each corner along the slider's axis and along its normal."""
 
 
-class SliderInGuide(AbstractPlay):
+class SliderInGuide(AbstractSharedLawJoint):
     """A slider between two parallel walls of a guide: a translational joint with clearance.
 
-    Each of the slider's four corners may touch the wall on its side, with the whole law, so that it
-    flies, turns about one corner, lies on a wall with two, or jams between the walls (P. Flores, R.
-    Leine and C. Glocker, Multibody System Dynamics 23, 2010; the corners 1 to 4 there are those of
-    `contacts` in order). The walls have no ends.
+    Each of the slider's four corners can touch the wall on its side and then applies the full
+    normal law. The slider can fly freely, pivot about one corner, rest on a wall with two corners,
+    or jam between the walls (P. Flores, R. Leine and C. Glocker, Multibody System Dynamics 23,
+    2010; their corners 1 to 4 are the contacts in order). The walls have no ends.
 
-    Only the walls hold the slider: the joints of a planar mechanism, such as a `RevoluteJoint` at
-    its pin, have to hold it across the plane of its axis and normal. It has to stay turned by less
-    than a right angle against the guide.
+    Only the walls hold the slider: the other joints of a planar mechanism, such as a
+    `RevoluteJoint` at its pin, have to hold it perpendicular to the plane of its axis and normal.
+    The angle between slider and guide has to stay below 90 degrees.
 
     **Arguments:**
 
-    - `guide_body`, `slider_body`: names; one may be the ground.
-    - `guide_point`: a point midway between the walls, (3,) m in the guide's body axes, and the
-      walls' `guide_normal`, (3,) there, any length: from the lower to the upper.
-    - `slider_point`: the slider's centre, (3,) m in its body axes; its `slider_axis` and, at a
-      right angle, `slider_normal`, (3,) there, any length.
-    - `half_length`, `half_height`: of the slider along its axis and its normal, m.
-    - `clearance`: m, on either side where the slider is centred.
-    - `law`: the normal law of a corner, with a given stiffness (walls are flat).
+    - `guide_body`, `slider_body`: names of the bodies; one may be the ground.
+    - `guide_point`: a point midway between the walls, (3,) m in the axes of the guide's body.
+    - `guide_normal`: normal of the walls, from the lower to the upper, (3,) in the same axes, any
+      length.
+    - `slider_point`: the slider's centre, (3,) m in its body's axes.
+    - `slider_axis`, `slider_normal`: perpendicular directions in the same axes, (3,), any length.
+    - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
+    - `clearance`: m, on either side of a centred slider.
+    - `law`: normal law of a corner; it needs an explicit stiffness, because the walls are flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` for an axis that is not at a right angle to the normal, a law that
-    needs radii, or values that no joint can have.
+    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
+    stiffness from radii, or another value is outside its range.
 
     ```python
     import clearjoint as cj
@@ -93,19 +97,19 @@ class SliderInGuide(AbstractPlay):
         require_right_angle("slider_axis", self.slider_axis, "slider_normal", self.slider_normal)
 
     def pair(self) -> tuple[str, str]:
-        """The guide's body and the slider's."""
+        """Return the names of the guide's body and the slider's body."""
         return self.guide_body, self.slider_body
 
-    def places(self) -> tuple[str, ...]:
-        """The four corners."""
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of the four corners."""
         return tuple(CORNERS)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """The slider's centre."""
+        """Return the slider's centre."""
         return (("slider_point", self.slider_body, self.slider_point),)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Each corner with the wall on its side."""
+        """Return the contact of each corner with the wall on its side."""
         guide, slider = (motions[name] for name in self.pair())
         upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
         walls = {side: FlatWall(self.guide_point, upward * side, room) for side in (1.0, -1.0)}
@@ -119,18 +123,20 @@ class SliderInGuide(AbstractPlay):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Half of the slider's height."""
+        """Return half the slider's height for each corner, m."""
         deepest: Scalar = self.half_height
         return dict.fromkeys(CORNERS, deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """The slider's axis in the middle plane of the guide."""
+        """Return a joint that keeps the slider's axis in the middle plane of the guide."""
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """The slider along the wall that the load presses it to; ``None`` if the load has no part
-        across the walls."""
-        offset = seat_on_plane(self.guide_normal, self.clearance, load)
+        """Return the centred joint with the slider moved to the wall in the direction of the load.
+
+        Return ``None`` if the load has no component across the walls.
+        """
+        offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
@@ -138,7 +144,7 @@ class SliderInGuide(AbstractPlay):
         return LineInPlaneJoint(*self.pair(), point, self.slider_point, *axes)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Two walls, and a block between them."""
+        """Draw two walls and a block between them."""
         guide = Marker(self.guide_body, self.guide_point)
         slider = Marker(self.slider_body, self.slider_point, self.slider_axis)
         sizes = 2.0 * self.half_length, 2.0 * self.half_height

@@ -1,14 +1,11 @@
-"""A bushing: an elastic liner between two bodies."""
+"""A bushing: an elastic connection of two bodies along and about three axes."""
 
 from typing import NamedTuple
-
-import equinox as eqx
 
 from ...fields.checks import (
     checkable,
     require,
     require_euler_parameters,
-    require_point,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -26,47 +23,50 @@ NONE = (0.0, 0.0, 0.0)
 
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:
-    """Check a number for each axis, none of them negative."""
+    """Check that there is a number for each axis, none of them negative."""
     require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
     if (known := checkable(value)) is not None:
         (numbers,) = known
-        fine, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
-        require(fine, argument, numbers, "zero or positive", remedy)
+        is_valid, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
+        require(is_valid, argument, numbers, "zero or positive", remedy)
 
 
 class _Strain(NamedTuple):
-    """The bushing's axes in global ones, and how it is strained along them: shift m, turn rad, and
-    their rates."""
+    """Deformation along the bushing's axes: shift, m, rotation vector, rad, and their rates.
+
+    `axes` transforms components along the bushing's axes to global components.
+    """
 
     axes: Matrix
     shift: Vector
     shift_rate: Vector
-    turn: RotationVector
-    turn_rate: Vector
+    rotation: RotationVector
+    rotation_rate: Vector
 
 
 class Bushing(AbstractPairAtPoints, AbstractForce):
-    """Springs and dampers along and about three axes: the liner of an elastic joint.
+    """Springs and dampers along and about three axes, such as a rubber liner.
 
-    The bushing's axes belong to the first body. Along them, the point of the second body is off
-    that of the first by a shift s, and the frame of the second body turned against the first's by
-    the rotation vector r, an axis times an angle. Force and moment of the second body are those of
-    the energy (k s^2 + c r^2)/2 and of the dissipated power d s'^2 + b r'^2, summed over the axes.
-    Hence turns may be large: about one axis the moment is exactly c times the angle, turns about
-    several axes need no order, and the forces are conservative. Half a revolution, where a rotation
-    vector has no direction, is out of reach; a torsional spring without such an end acts about a
-    joint's own angle.
+    The bushing's axes are fixed to the first body. Let s be the displacement of the second body's
+    point from the first body's, and r the rotation vector (axis times angle) of the second body's
+    frame relative to the first's. Force and moment derive from the energy (k s^2 + c r^2)/2 and the
+    dissipation d s'^2 + b r'^2, summed over the axes. Rotations may therefore be large: about one
+    axis the moment is exactly c times the angle, the order of rotations about several axes doesn't
+    matter, and the elastic forces are conservative. The rotation must stay below half a revolution,
+    where a rotation vector is singular.
 
     **Arguments:**
 
-    - names; points (3,) m in body axes.
-    - `stiffness` k, N/m, and `damping` d, N s/m, along each axis, (3,).
-    - `rotational_stiffness` c, N m/rad, and `rotational_damping` b, N m s/rad, about each, (3,).
-    - `orientation_first`, `orientation_second`: the bushing's frame in each body, Euler parameters
-      that turn its components into the body's; those of the body's own axes unless given. The
-      frames are parallel where the bushing is relaxed.
+    - `first`, `second`: names of the bodies.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
+    - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
+      (3,).
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters that transform components in
+      the bushing's frame to each body's frame; the body's frame by default. The two frames are
+      parallel in the relaxed bushing.
 
-    **Raises:** `ValueError` for negative numbers, or orientations that are none.
+    **Raises:** `ValueError` if a number is negative or an orientation is invalid.
 
     ```python
     import clearjoint as cj
@@ -80,10 +80,6 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     ```
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     stiffness: Triple = quantity("N/m", check=_require_none_negative)
     damping: Triple = quantity("N s/m", check=_require_none_negative, default=NONE)
     rotational_stiffness: Triple = quantity("N m/rad", check=_require_none_negative, default=NONE)
@@ -96,57 +92,59 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
         apart = second.point(self.point_second) - first.point(self.point_first)
-        beside = self.point_first + first.components(apart)
-        moving = second.velocity_at(self.point_second) - first.velocity_at(beside)
+        point_in_first = self.point_first + first.components(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)
-        turn = rotation_vector(axes.T @ frame)
+        rotation = rotation_vector(axes.T @ frame)
         return _Strain(
             axes,
             axes.transposed_times(apart),
-            axes.transposed_times(moving),
-            turn,
-            turn.rate(axes.transposed_times(spin)),
+            axes.transposed_times(velocity),
+            rotation,
+            rotation.rate(axes.transposed_times(spin)),
         )
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Equal and opposite forces at the second body's point, and opposite torques."""
+        """Return equal and opposite forces at the second body's point, and equal and opposite
+        torques."""
         del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
         along = strain.shift.componentwise_product(
             self.stiffness
         ) + strain.shift_rate.componentwise_product(self.damping)
-        about = strain.turn.vector.componentwise_product(
+        about = strain.rotation.vector.componentwise_product(
             self.rotational_stiffness
-        ) + strain.turn_rate.componentwise_product(self.rotational_damping)
+        ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
         force = strain.axes @ along
-        torque = strain.axes @ strain.turn.torque(about)
+        torque = strain.axes @ strain.rotation.torque(about)
         apart = second.point(self.point_second) - first.point(self.point_first)
-        beside = self.point_first + first.components(apart)
+        point_in_first = self.point_first + first.components(apart)
+        # Both forces act at the second body's point, which conserves angular momentum.
         return {
-            self.first: first.wrench(force, beside) + first.torque(torque),
+            self.first: first.wrench(force, point_in_first) + first.torque(torque),
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """That of the six springs, J."""
+        """Return the energy of the six springs, J."""
         del t
         strain = self._strain(motions)
         energy = _weighted(self.stiffness, strain.shift)
-        return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.turn.vector))
+        return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Minus the dissipation of the six dampers, W."""
+        """Return minus the dissipation of the six dampers, W."""
         del t
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
-        return -(power + _weighted(self.rotational_damping, strain.turn_rate))
+        return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A spring."""
+        """Draw a spring."""
         pen.spring(*self.ends())
 
 
 def _weighted(weights: Vector, vector: Vector) -> Scalar:
-    """The squared components of a vector, weighted and summed."""
+    """Return the weighted sum of the squared components of a vector."""
     return vector.componentwise_product(weights).dot(vector)

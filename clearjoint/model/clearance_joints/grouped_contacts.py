@@ -1,6 +1,6 @@
-"""Alike clearance joints in the place of one.
+"""A group of clearance joints with the same structure, evaluated together.
 
-What a joint or its law says of one element is applied to each, so that both may be anybody's.
+Each method of a joint or law is mapped over the group, so that user-defined classes work unchanged.
 """
 
 import equinox as eqx
@@ -15,13 +15,13 @@ from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractContactJoint, Contact, Motions
 
 
-class SeveralContactJoints(AbstractContactJoint):
-    """Contact joints of one structure, which differ in their numbers and in the bodies they join.
+class GroupedContactJoint(AbstractContactJoint):
+    """Contact joints of one structure that differ only in their numbers and their bodies.
 
-    - `joint`: the first of them, with arrays of all their numbers.
-    - `members`: all of them as they were given.
-    - `first`, `second`: names of their bodies; each that of the ground, or a `GroupName` in the
-      order of the joints.
+    - `joint`: the first joint, whose numbers are arrays over the group.
+    - `members`: the joints as they were given.
+    - `first`, `second`: the bodies; each is the ground's name, or a `GroupName` with the bodies in
+      the order of the joints.
     """
 
     joint: AbstractContactJoint
@@ -30,13 +30,13 @@ class SeveralContactJoints(AbstractContactJoint):
     second: str = eqx.field(static=True)
 
     def pair(self) -> tuple[str, str]:
-        """The first bodies and the second ones."""
+        """Return the names of the first bodies and of the second bodies."""
         return self.first, self.second
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """The laws of each contact."""
+        """Return the normal law of each contact."""
         return {
-            label: SeveralContactLaws(
+            label: GroupedContactLaw(
                 joint=self.joint,
                 label=label,
                 uses_entry_speed=law.uses_entry_speed,
@@ -46,11 +46,11 @@ class SeveralContactJoints(AbstractContactJoint):
         }
 
     def deepest(self) -> dict[str, Scalar]:
-        """The greatest sensible penetrations of each joint's contacts, m."""
+        """Return the largest meaningful penetration of each contact, m."""
         return each(lambda joint: joint.deepest(), self.joint)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """The geometry of each joint's contacts."""
+        """Return the geometry of each contact."""
         names = self.joint.pair()
 
         def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
@@ -59,18 +59,18 @@ class SeveralContactJoints(AbstractContactJoint):
         return each(of, self.joint, motions[self.first], motions[self.second])
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """What the film of each joint does to its bodies."""
+        """Return the wrench of the films on each body."""
         names = self.joint.pair()
 
         def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
             return joint.film_wrenches(dict(zip(names, pair, strict=True)))
 
         wrenches = each(of, self.joint, motions[self.first], motions[self.second])
-        together = dict(zip(names, self.pair(), strict=True))
-        return {together[name]: wrench for name, wrench in wrenches.items()}
+        groups = dict(zip(names, self.pair(), strict=True))
+        return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Friction of each joint on its second body, N, or ``None``."""
+        """Return the friction on the second bodies, N, or ``None``."""
 
         def of(
             joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
@@ -80,15 +80,15 @@ class SeveralContactJoints(AbstractContactJoint):
         return each(of, self.joint, contact, normal_force)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """The bristle laws of each contact that has one."""
+        """Return the bristle law of each contact that has one."""
         return {
-            label: SeveralBristleLaws(joint=self.joint, label=label)
+            label: GroupedBristleLaw(joint=self.joint, label=label)
             for label in self.joint.bristle_laws()
         }
 
 
-class SeveralContactLaws(AbstractContactLaw):
-    """The laws of one contact of several joints."""
+class GroupedContactLaw(AbstractContactLaw):
+    """The normal laws of one contact in a group of joints."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
@@ -102,34 +102,34 @@ class SeveralContactLaws(AbstractContactLaw):
         return each(of, self.joint, *arguments)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal forces in N."""
+        """Return the normal forces, N."""
         return self._each("force", gap, entry_speed)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Their parts that come from stored energy, N."""
+        """Return the elastic parts of the forces, N."""
         return self._each("elastic_force", gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Elastic energies in J."""
+        """Return the elastic energies, J."""
         return self._each("stored_energy", gap)
 
     def onset_offset(self) -> Scalar:
-        """Distances ahead of the surface at which the forces begin, m."""
+        """Return the distances before the surface at which the forces begin, m."""
         return self._each("onset_offset")
 
     def slope_jumps(self) -> bool:
-        """Whether their slopes may jump."""
+        """Return whether the slope of the forces may jump."""
         return self.joint.laws()[self.label].slope_jumps()
 
 
-class SeveralBristleLaws(AbstractBristleFriction):
-    """The bristle laws of one contact of several joints."""
+class GroupedBristleLaw(AbstractBristleFriction):
+    """The bristle laws of one contact in a group of joints."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
 
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Rates of the deflections, m/s."""
+        """Return the rates of the deflections, m/s."""
 
         def of(joint: AbstractContactJoint, deflection: Vector, slip: Vector) -> Vector:
             return joint.bristle_laws()[self.label].rate(deflection, slip)
@@ -137,7 +137,7 @@ class SeveralBristleLaws(AbstractBristleFriction):
         return each(of, self.joint, deflection, slip)
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Friction over normal forces."""
+        """Return the ratios of friction to normal force."""
 
         def of(joint: AbstractContactJoint, *vectors: Vector) -> Vector:
             return joint.bristle_laws()[self.label].ratio(*vectors)
@@ -145,7 +145,7 @@ class SeveralBristleLaws(AbstractBristleFriction):
         return each(of, self.joint, deflection, rate, slip)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Dry friction over normal forces after long slips at speeds in m/s."""
+        """Return the ratios of friction to normal force in steady dry sliding at a speed in m/s."""
 
         def of(joint: AbstractContactJoint, slip_speed: Scalar) -> Scalar:
             return joint.bristle_laws()[self.label].sliding_ratio(slip_speed)
@@ -153,7 +153,7 @@ class SeveralBristleLaws(AbstractBristleFriction):
         return each(of, self.joint, slip_speed)
 
     def full_deflection(self) -> Scalar:
-        """The deflections that errors are judged against, m."""
+        """Return the error scales of the deflections, m."""
 
         def of(joint: AbstractContactJoint) -> Scalar:
             return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)

@@ -1,5 +1,5 @@
-"""Classes of one's own, from the docstrings of what they subclass: they are complete, take plain
-numbers, and no number of theirs is part of a compiled program."""
+"""User-defined classes from the docstrings of their base classes: the examples are complete, accept
+plain numbers, and their numbers are not part of a compiled program."""
 
 import inspect
 import re
@@ -24,7 +24,7 @@ ABSTRACT = {
 
 
 def example(cls: type) -> dict[str, Any]:
-    """What the Python in a class's docstring defines."""
+    """The definitions of the Python example in a class's docstring."""
     (block,) = re.findall(r"```python\n(.*?)```", inspect.getdoc(cls) or "", re.DOTALL)
     names: dict[str, Any] = {"__name__": "a_user"}
     exec(block, names)
@@ -41,7 +41,7 @@ def test_each_docstring_has_a_whole_class_whose_numbers_are_arrays(name):
         assert isinstance(leaf, np.ndarray | jax.Array) and leaf.dtype == np.float64, leaf
 
 
-def test_another_number_of_ones_own_motor_compiles_nothing():
+def test_changing_a_number_of_a_user_defined_motor_does_not_recompile():
     Motor = example(cj.extend.AbstractDriveTorque)["Motor"]  # noqa: N806
 
     def speed(torque: float, idle_speed: float) -> float:
@@ -78,7 +78,7 @@ def test_values_become_arrays_and_names_static():
     assert jax.tree.structure(thing) == jax.tree.structure(Thing("a", 7.5, by_name={"x": (3, 4)}))
 
 
-def test_the_numbers_of_a_class_of_ones_own_are_listed_by_their_places():
+def test_the_numbers_of_a_user_defined_class_are_listed_by_their_paths():
     thing = Thing("a", 1, by_name={"x": 4})
     listed = cj.parameters(thing)
     assert len(listed) == len(jax.tree.leaves(thing))
@@ -100,7 +100,7 @@ def test_a_subclass_may_declare_a_field_again():
     assert Heavier("a").row.tolist() == [0.0, 1.0, 0.0]
 
 
-def test_a_converter_of_ones_own_is_kept():
+def test_a_user_defined_converter_is_kept():
     class Own(AbstractConverting):
         number: Any = eqx.field(converter=lambda value: 2 * value, default=1)
 

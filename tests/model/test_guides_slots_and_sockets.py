@@ -58,7 +58,7 @@ FAST = ("rough ball", "pin")
     "name",
     [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in PLAYS],
 )
-def test_plays_conform(name):
+def test_joints_conform_in_motion(name):
     check_contact_joint(PLAYS[name], MOTIONS)
 
 
@@ -86,20 +86,20 @@ def test_ideal_joints_in_planes_conform(joint):
         (socket, {"second": "a"}, "another body than"),
         (guide, {"friction": 0.1}, "`friction` must be an AbstractFriction or"),
         (guide, {"clearance": 0.03}, "`clearance` must be smaller than half the slider's"),
-        (guide, {"slider_axis": (1, 1, 0)}, "`slider_axis` must be at a right angle"),
+        (guide, {"slider_axis": (1, 1, 0)}, "`slider_axis` must be perpendicular"),
         (guide, {"law": cj.laws.Hertz(STEEL)}, "guide's walls are flat"),
-        (slot, {"slot_axis": (0, 2, 0)}, "`slot_axis` must be at a right angle"),
+        (slot, {"slot_axis": (0, 2, 0)}, "`slot_axis` must be perpendicular"),
         (slot, {"law": cj.laws.Hertz(STEEL)}, "slot's walls are flat"),
         (slot, {"travel": -1.0}, "`travel` must be positive"),
         (slot, {"play": 0.0}, "`play` must be positive"),
     ],
 )
-def test_what_no_joint_can_have_is_refused(make, options, complaint):
+def test_invalid_joints_are_refused(make, options, complaint):
     with pytest.raises(ValueError, match=complaint):
         make(**options)
 
 
-def test_the_ball_tells_its_law_both_radii():
+def test_the_law_of_the_ball_receives_both_radii():
     """Hertz's stiffness of a sphere of 9.5 mm in a hollow one of 10 mm: 6.610198e10 N/m^1.5 for
     the paper's steel."""
     joint = socket("ground", "b", clearance=0.5e-3, law=cj.laws.Hertz(STEEL))
@@ -224,8 +224,8 @@ def a_slider(**options: Any) -> tuple[cj.Scene, cj.State]:
     ],
     ids=["ball", "slider", "pin"],
 )
-def test_what_starts_outside_is_centred_or_put_to_rest(joint, label, play):
-    """Midway between its contacts, or where its weight presses it."""
+def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, play):
+    """Midway between its contacts, or at rest under its weight."""
     scene = cj.Scene({"b": cj.Body(1.0, (1e-3,) * 3)}, {"joint": joint}, gravity=(0, -9.81, 0))
     state = cj.State({"b": cj.body_state((0.0, 0.004, 0.0))})
     centred = cj.assemble(scene, state)
@@ -242,8 +242,8 @@ def test_what_starts_outside_is_centred_or_put_to_rest(joint, label, play):
 
 
 @pytest.mark.slow
-def test_alike_plays_share_a_program_and_move_as_alone():
-    """Two pins in slots of the ground, which differ in play and speed, against each by itself."""
+def test_grouped_joints_share_a_program_and_move_as_alone():
+    """Two pins in slots of the ground with different plays and speeds, against separate runs."""
     bodies, joints, states, alone = {}, {}, {}, []
     for name, play, speed in (("b", 1e-3, 0.4), ("c", 0.7e-3, 0.3)):
         bodies[name] = cj.Body(0.5, (1e-4, 1e-4, 1e-4))
@@ -267,7 +267,7 @@ def test_alike_plays_share_a_program_and_move_as_alone():
     ],
     ids=["ball", "slider", "pin"],
 )
-def test_sensitivities_to_the_play_are_those_of_differences(make, options, end, length):
+def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end, length):
     scene, state = make(friction=ROUGH, **options)
 
     def place(scene: cj.Scene) -> Any:

@@ -1,4 +1,4 @@
-"""Mechanisms with play beside the revolute, and without: published motions and closed forms."""
+"""Mechanisms with clearance in guides, slots and sockets: published motions and closed forms."""
 
 import math
 from typing import Any
@@ -41,7 +41,7 @@ def test_slider_in_its_guide_as_published():
 
 
 @pytest.mark.slow
-def test_play_in_guide_and_pin():
+def test_clearance_in_guide_and_pin():
     """Both strike, nothing leaves the plane, and the ledger closes."""
     scene, state = cj.mechanisms.guided_slider_crank(pin_clearance=0.5e-3)
     settings = cj.Settings(rtol=1e-9, ledger=True)
@@ -76,7 +76,7 @@ def test_quick_return_goes_back_in_half_the_time():
 
 
 @pytest.mark.slow
-def test_quick_return_with_play_follows_within_its_play():
+def test_quick_return_with_play_stays_within_its_play():
     """The lever is off by at most half the play, and the penetration, at the pin's distance from
     its axis."""
     play = 0.2e-3
@@ -92,7 +92,7 @@ def test_quick_return_with_play_follows_within_its_play():
 
 
 @pytest.mark.slow
-def test_spatial_four_bar_without_play_closes():
+def test_spatial_four_bar_without_clearance_closes():
     """The rocker's angle p from the coupler's length: with d from the rocker's axis to the crank's
     end, d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r)."""
     scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
@@ -112,7 +112,7 @@ def test_spatial_four_bar_without_play_closes():
 
 
 @pytest.mark.slow
-def test_spatial_four_bar_with_play_keeps_its_ball():
+def test_spatial_four_bar_with_clearance_keeps_its_ball():
     """Let go at rest, as published: the ball falls in its socket, strikes, and stays within the
     clearance and the penetration; the ledger closes."""
     scene, state = cj.mechanisms.spatial_four_bar(friction=cj.frictions.RegularisedCoulomb(0.05))
