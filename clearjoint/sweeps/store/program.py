@@ -108,7 +108,7 @@ class _Traced:
         """Return the record of impacts after a step, by variable of the impact tables."""
         if not lane.impacts:
             return {}
-        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
+        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self._with_impacts, self._scene(numbers), lane, request)
         return {
             variable_name(name, key): record
