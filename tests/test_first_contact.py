@@ -184,7 +184,7 @@ ERRORS = {
         lambda: setattr(SCENE.joints["pin"], "clearance", 1e-3),
         "'clearance'",
         "a ClearanceJoint",
-        "does not change",
+        "cannot be changed",
         "cj.set_value(",
     ),
     "a mechanism with its state": (
