@@ -16,12 +16,12 @@ from clearjoint.simulation.run.impact_recorder import (
     impacts_of,
     most,
 )
+from clearjoint.simulation.run.row_buffer import RowBuffer
 from clearjoint.simulation.step.contact_step import (
     ContactInstant,
     end_in_step,
     peak_in_step,
 )
-from clearjoint.simulation.step.row_buffer import Table
 from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
@@ -54,7 +54,7 @@ def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
 
 def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
     """A contact that ends `count` times, at intervals of one second."""
-    table = Table.like(ImpactRow.none(), room)
+    table = RowBuffer.like(ImpactRow.none(), room)
     for k in range(count):
         row = jax.tree.map(lambda leaf, k=k: leaf + k, ImpactRow.none())
         table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))

@@ -26,6 +26,7 @@ from ..reductions.reductions import AbstractReduction
 from ..results.state_tables import contact_label
 from ..run.advance import Recorder, StepOutcome, advance, latest_dense_step
 from ..run.impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
+from ..run.row_buffer import RowBuffer
 from ..run.run_ends import begin_run, final_result, final_state
 from ..run.sections import Crossing
 from ..step.dense_output import DenseStep, Snapshot, on_constraints
@@ -34,12 +35,36 @@ from ..step.step_state import Attempt, Method, Step, choose
 from ..step.stepping import attempt, running
 from ..step.time_map import FromOnset
 from ..step.types import Integers, Numbers
-from .recording import ROWS, CrossingRecord, CrossingRecorder, Ring
 
+ROWS = 64
+"""Rows of each buffer of a lane. The host empties the buffers, and a lane waits for it when one is
+full."""
 WINDOW = ROWS + 1
-"""Times to save at that a lane knows: one more than a ring has rows."""
+"""Times to save at that a lane has at hand: one more than a buffer has rows."""
 LATEST = ""
 """Name of the record of the latest step; outputs have others."""
+
+
+class CrossingRecord(eqx.Module):
+    """The level of a section where a lane is, and its crossings."""
+
+    level: Scalar
+    rows: RowBuffer[Snapshot]
+
+
+class CrossingRecorder(eqx.Module):
+    """Records the crossings of a section, as many as are still wanted."""
+
+    section: Crossing
+    wanted: Scalar
+
+    def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
+        """The record after a stride, with a crossing more if the stride had one that is wanted."""
+        kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
+        row = self.section.row(step_outcome, before, after)
+        rises = kept & (before < 0.0) & (after >= 0.0)
+        wanted = rises & (row.t >= self.section.after) & (self.wanted > record.rows.count)
+        return CrossingRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
 
 
 class Plan(eqx.Module):
@@ -83,22 +108,22 @@ class Lane(eqx.Module):
     step: Step
     tallies: dict[str, PyTree]
     crossings: dict[str, CrossingRecord]
-    impacts: dict[str, ImpactRecord[Ring[ImpactRow]]]
+    impacts: dict[str, ImpactRecord[RowBuffer[ImpactRow]]]
     dense_step: DenseStep | None
-    saved: Ring[Snapshot] | None
+    saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
         """Whether another step is to be tried."""
         return running(self.step, end_time, plan.max_steps)
 
-    def rings(self) -> dict[str, Ring]:
-        """The rings of crossings and of impacts, by the log that each fills."""
-        rings: dict[str, Ring] = {name: record.rows for name, record in self.crossings.items()}
+    def buffers(self) -> dict[str, RowBuffer]:
+        """The buffers of crossings and of impacts, by the log that each fills."""
+        buffers: dict[str, RowBuffer] = {n: record.rows for n, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
                 for contact, one in family.items():
-                    rings[impact_log(name, joint, contact)] = one.rows
-        return rings
+                    buffers[impact_log(name, joint, contact)] = one.rows
+        return buffers
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
@@ -129,17 +154,17 @@ def begin_lane(
     )
     row = Snapshot(step.t, step.y, step.entry_speeds)
     now = row.instant(system)
-    hits = Ring.empty(ImpactRow.none())
+    hits = RowBuffer.like(ImpactRow.none(), ROWS)
     lane = Lane(
         step,
         {name: reduction.start(now) for name, reduction in plan.reductions.items()},
         {
-            name: CrossingRecord(section.level(now), Ring.empty(row))
+            name: CrossingRecord(section.level(now), RowBuffer.like(row, ROWS))
             for name, section in plan.sections.items()
         },
         {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
         _empty_dense_step(plan, system, step, request) if plan.saves else None,
-        Ring.empty(row) if plan.saves else None,
+        RowBuffer.like(row, ROWS) if plan.saves else None,
     )
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
@@ -196,7 +221,7 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
     """The recorder of an output's impacts."""
 
-    def after(record: ImpactRecord[Ring[ImpactRow]], step_outcome: StepOutcome) -> PyTree:
+    def after(record: ImpactRecord[RowBuffer[ImpactRow]], step_outcome: StepOutcome) -> PyTree:
         wanted = {
             joint: {contact: request.wanted[impact_log(name, joint, contact)] for contact in family}
             for joint, family in record.items()
@@ -229,7 +254,7 @@ def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     goes = _goes(plan, lane, request)
     if lane.saved is None:
         return goes
-    return goes | (_save_is_due(lane, request) & jnp.logical_not(lane.saved.full()))
+    return goes | (_save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full()))
 
 
 def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
@@ -237,16 +262,17 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     if lane.saved is not None:
         more = request.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, request))
-        goes = goes & jnp.logical_not(lane.saved.full() & more)
-    for log, ring in lane.rings().items():
-        goes = goes & jnp.logical_not(ring.waits(request.wanted[log]))
+        goes = goes & jnp.logical_not(lane.saved.is_full() & more)
+    for log, rows in lane.buffers().items():
+        waits = rows.is_full() & (request.wanted[log] > rows.count)
+        goes = goes & jnp.logical_not(waits)
     return goes
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
     """The first time, s, at which no state is saved yet; infinite if all are."""
     assert lane.saved is not None
-    return lane.saved.next_of(request.window)
+    return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
@@ -260,7 +286,7 @@ def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) 
     if lane.saved is None:
         return lane
     assert lane.dense_step is not None
-    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.full())
+    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
     row = lane.dense_step.at(plan.method, _next_save(lane, request))
     row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))

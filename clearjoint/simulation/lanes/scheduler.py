@@ -136,8 +136,8 @@ class _Programs:
       asked of it, which are kept at `request`.
     - `begin`, `outcome`, `columns[log]`: what makes such a function for a thread; `outcome_cells`
       and `column_cells[log]`: how its results lie in cells.
-    - `rings`: by log, the cells of a ring's rows in a column, (rows, numbers), and of their count;
-      `blocks`: rows that are read at once, and the numbers of each.
+    - `buffers`: by log, the cells of a buffer's rows in a column, (rows, numbers), and of their
+      count; `blocks`: rows that are read at once, and the numbers of each.
     """
 
     def __init__(self, batch: Batch, native: bool):
@@ -164,14 +164,14 @@ class _Programs:
             lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
             Cells(lane).columns(),
         )
-        self.rings = {
+        self.buffers = {
             name: (
-                np.concatenate([t.reshape(len(t), -1) for t in jax.tree.leaves(ring.rows)], axis=1)[
-                    :-1
-                ],
-                int(ring.count),
+                np.concatenate(
+                    [t.reshape(len(t), -1) for t in jax.tree.leaves(buffer.rows)], axis=1
+                )[:-1],
+                int(buffer.count),
             )
-            for name, ring in common.logs(columns).items()
+            for name, buffer in common.logs(columns).items()
         }
 
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
@@ -184,8 +184,9 @@ class _Programs:
         self.columns: dict[str, Callable[[], OnCells]] = {}
         self.blocks: dict[str, tuple[int, int]] = {}
         for name, length in batch.lengths.items():
-            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.rings[name][0].shape[1]
-            row, rows = common.logs(lane)[name].example(), np.zeros(self.blocks[name])
+            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
+            buffer, rows = common.logs(lane)[name], np.zeros(self.blocks[name])
+            row = jax.tree.map(lambda leaf: leaf[0], buffer.rows)
             self.columns[name] = bound(_columns, (common, name, row), task, rows)
         self.outcome_cells = self.outcome().results
         self.column_cells = {name: make().results for name, make in self.columns.items()}
@@ -300,7 +301,9 @@ class _Group:
             own = self._programs.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
-                self._slots[column] = _LaneSlot(number, {name: [] for name in self._programs.rings})
+                self._slots[column] = _LaneSlot(
+                    number, {name: [] for name in self._programs.buffers}
+                )
                 self._loop.write_lane(self._columns, column, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
@@ -322,10 +325,10 @@ class _Group:
             self._end(ended)
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
-        """Take the rows out of a column's rings, and ask for the next ones."""
+        """Take the rows out of a column's buffers, and ask for the next ones."""
         floats, whole = self._columns.floats, self._columns.whole
         taken = False
-        for name, (cells, counter) in self._programs.rings.items():
+        for name, (cells, counter) in self._programs.buffers.items():
             if count := whole[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
                 whole[counter, column], taken = 0, True

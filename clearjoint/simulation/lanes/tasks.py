@@ -12,10 +12,10 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
 from ..run.impact_recorder import ImpactRow
+from ..run.row_buffer import RowBuffer
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import Lane, Plan
-from .recording import Ring
 
 Columns = dict[str, Scalar]
 """What is reported of a row, or of each of many, by name."""
@@ -55,10 +55,10 @@ class Common(eqx.Module):
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
-    def logs(self, lane: Lane) -> dict[str, Ring]:
-        """The rings of a lane by the log that they fill."""
+    def logs(self, lane: Lane) -> dict[str, RowBuffer]:
+        """The buffers of a lane by the log that each fills."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
-        return saved | lane.rings()
+        return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
         """The scene of a lane, in scalar form."""

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import numpy as np
 
-from ...export.tabular import AbstractTabular
 from ...dynamics.formulation import Formulation
+from ...export.tabular import AbstractTabular
 from ...fields.checks import require
 from ...fields.readable import AbstractReadable
 from ...model.bodies import State

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ...export.tabular import AbstractTabular
 from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.bristles import initial_bristles
 from ...dynamics.energy import bristle_energy, mechanical_energy
@@ -19,9 +18,10 @@ from ...dynamics.equations_of_motion import Dynamics
 from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
+from ...export.tabular import AbstractTabular
 from ...fields.checks import as_shown, require
 from ...fields.conversion import with_arrays
-from ...math.vectors import Scalar, ConstantFolded, Vector, pack, fold_constants, unpack
+from ...math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ...model.clearance_joints.journal_bases import BASES, HasJournal
 from ...model.scene import Scene
@@ -185,7 +185,9 @@ def observe(
         State(states.bodies, states.entry_speeds, bristles=states.bristles),
     )
     folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
-    observation = in_chunks(lambda part: observe_compiled(folded_scene, absolute, unique, *part), rows)
+    observation = in_chunks(
+        lambda part: observe_compiled(folded_scene, absolute, unique, *part), rows
+    )
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
         held = observation.energies.get("bristles", 0.0)

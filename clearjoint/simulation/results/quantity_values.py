@@ -9,7 +9,7 @@ from ...dynamics.bristles import initial_bristles
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...fields.conversion import with_arrays
-from ...math.vectors import Scalar, ConstantFolded, fold_constants, unpack
+from ...math.vectors import ConstantFolded, Scalar, fold_constants, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native, over_rows
@@ -59,7 +59,11 @@ def _prepared(
 
 @Native
 def values_compiled(
-    folded_scene: ConstantFolded, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+    folded_scene: ConstantFolded,
+    absolute: Formulation,
+    quantity: Quantity,
+    times: Numbers,
+    states: State,
 ) -> Numbers:
     """A quantity at times (N,) s and states with N in front."""
     system = System(unpack(folded_scene), absolute)
@@ -72,7 +76,11 @@ def values_compiled(
 
 @Native
 def rates_compiled(
-    folded_scene: ConstantFolded, absolute: Formulation, quantity: Quantity, times: Numbers, states: State
+    folded_scene: ConstantFolded,
+    absolute: Formulation,
+    quantity: Quantity,
+    times: Numbers,
+    states: State,
 ) -> Numbers:
     """The rate of a quantity at times (N,) s and states with N in front."""
     system = System(unpack(folded_scene), absolute)
@@ -94,7 +102,11 @@ class _Place:
     """What a state holds beside the motion."""
 
     def __init__(self, system: System, state: State):
-        self._system, self._entry_speeds, self._work = system, state.entry_speeds, unpack(state.work)
+        self._system, self._entry_speeds, self._work = (
+            system,
+            state.entry_speeds,
+            unpack(state.work),
+        )
         self.bristles = initial_bristles(system.scene, unpack(state.bristles))
 
     def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:

@@ -9,20 +9,20 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from ...dynamics.formulation import Formulation
 from ...export.labelled import Labelled, labelled_dataset
 from ...export.provenance import Notes
 from ...export.tabular import AbstractTabular
-from ...dynamics.formulation import Formulation
 from ...fields.checks import as_shown, require
 from ...fields.readable import AbstractReadable
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.bodies import State
 from ...result_codes import RESULTS, result_number
+from ..run.sections import Crossings
 from ..step.types import Numbers
 from .between_steps import instants_of_smooth_curves, states_between
 from .impact_table import Impacts
-from ..run.sections import Crossings
 from .state_tables import state_arrays, state_labels
 
 if TYPE_CHECKING:

@@ -13,17 +13,18 @@ from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import State
 from ...native import Native
 from ...result_codes import RESULTS, result_number
-from ..results.impact_table import ImpactCollector, Impacts
+from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot
 from ..step.loops import AbstractLoops
 from ..step.method import Scheme
 from ..step.step_state import Step
+from .impact_recorder import impact_rows_of
 from .interruptions import interruptions_deferred
 from .progress_bars import ProgressBar, telling_of_compiling
 from .run_ends import final_result, final_state, named
 from .sections import Section, crossings_of, with_units
-from .segments import Progress, SavedStates, TimedState, rewound, segment
+from .segments import Progress, SavedStates, TimedState, emptied, segment
 
 T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
@@ -130,15 +131,14 @@ class HostLoop(AbstractRun):
         now: Progress,
         save_at: np.ndarray | None,
         max_steps: int,
-        collector: ImpactCollector | None,
-        record_steps: bool,
         progress: bool,
         sections: Mapping[str, Section],
         notes: Notes,
     ) -> Solution:
         """Run to the end, a failure, the step limit or an interruption."""
         waiting = _Waiting(save_at, float(self._end))
-        rows: list[TimedState] = []
+        steps: list[TimedState] = []
+        impacts: list[tuple[str | float, ...]] = []
         start = float(now.step.t)
         bar = ProgressBar(
             total=float(self._end) - start,
@@ -161,19 +161,15 @@ class HostLoop(AbstractRun):
                 )
                 waiting.take(saved)
                 if now.record is not None:
-                    recorded = _recorded_rows(now)
-                    if collector is not None:
-                        collector.add(recorded.t, recorded.state)
-                    if record_steps:
-                        rows.append(recorded)
-                    now = rewound(now)
+                    steps.append(now.record.filled())
+                if now.impacts is not None:
+                    impacts += impact_rows_of(jax.device_get(now.impacts))
+                now = emptied(now)
                 bar.update(float(now.step.t) - start - bar.n)
                 ended = self._ended(now, waiting, max_steps)
                 self.interrupted = not ended and stopped()
                 if ended or self.interrupted:
                     break
-        steps = _trajectory(rows) if record_steps else None
-        impacts: Impacts | None = None if collector is None else collector.table()
         final, result, left = _end_compiled(self._scheme, self._folded_scene, now.step, self._end)
         self.left_bearing = bool(left)
         return self._solution(
@@ -181,8 +177,8 @@ class HostLoop(AbstractRun):
             (final, result),
             waiting.trajectory(),
             waiting.count,
-            steps,
-            impacts,
+            None if now.record is None else _trajectory(steps),
+            None if now.impacts is None else Impacts.of_rows(impacts),
             sections=with_units(crossings_of(now.sections), sections),
             outputs=self._outputs(now),
             settings=notes,
@@ -252,16 +248,6 @@ def _joined(pieces: list[T]) -> T:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
 
 
-def _recorded_rows(now: Progress) -> TimedState:
-    """The record's table and the block behind it, cut to what is filled."""
-    record = jax.device_get(now.record)
-    assert record is not None
-    table = jax.tree.map(lambda leaf: leaf[: record.count], record.table)
-    block = jax.tree.map(lambda leaf: leaf[: record.block_count], record.block)
-    whole = _joined([table, block])
-    return TimedState(whole.t, named(whole.state))
-
-
 def _trajectory(rows: list[TimedState]) -> Trajectory:
     whole = _joined(rows)
-    return Trajectory(whole.t, pack(whole.state))
+    return Trajectory(whole.t, pack(named(whole.state)))

@@ -10,7 +10,6 @@ from typing import Generic, Protocol, Self, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import PyTree
 
 from ...dynamics.system import System
@@ -20,7 +19,7 @@ from ...model.contact.laws import AbstractContactLaw
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..reductions.windows import Window
-from ..results.impact_table import IMPACT_UNITS, Impacts
+from ..results.impact_table import IMPACT_UNITS
 from ..step.contact_step import (
     ContactInstant,
     begin_before,
@@ -28,9 +27,9 @@ from ..step.contact_step import (
     end_in_step,
     peak_in_step,
 )
-from ..step.row_buffer import Table
 from ..step.step_state import Step, choose
 from .advance import StepOutcome
+from .row_buffer import RowBuffer
 
 INSTANTS = ("onset", "separation", "peak_time")
 """Which of these go by the clock."""
@@ -175,26 +174,25 @@ class ImpactRecorder(eqx.Module):
         return contact_instants(forces, by_name(step.second_rates), now.entry_speeds)
 
 
-def most(record: ImpactRecord[Table]) -> int:
+def most(record: ImpactRecord[RowBuffer]) -> int:
     """The number of impacts of the contact that had most, also of those that found no room."""
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 
 
-def impacts_of(record: ImpactRecord[Table], origin: float) -> Impacts:
-    """The finished contacts of a record (host arrays), none of whose tables was too short, and
-    whose clock showed zero at `origin`, s."""
+def impact_rows_of(
+    record: ImpactRecord[RowBuffer], origin: float = 0.0
+) -> list[tuple[str | float, ...]]:
+    """Rows of a table of impacts: the finished contacts of a record (host arrays), none of whose
+    buffers was too short, and whose clock showed zero at `origin`, s."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, one in family.items():
-            columns = one.rows.rows.reported()
+            columns = one.rows.filled().reported()
             columns |= {name: columns[name] + origin for name in INSTANTS}
-            order = [np.asarray(columns[name]) for name in IMPACT_UNITS]
-            rows += [
-                (joint, contact, *(float(column[k]) for column in order))
-                for k in range(int(one.rows.count))
-            ]
-    return Impacts.of_rows(rows)
+            numbers = (columns[name].tolist() for name in IMPACT_UNITS)
+            rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]
+    return rows
 
 
 def _after(

@@ -24,7 +24,6 @@ from ...quantities.instant import Instant
 from ...result_codes import RESULTS
 from ..step.dense_output import Snapshot, correct, look_inside
 from ..step.method import Scheme
-from ..step.row_buffer import Table
 from ..step.step_state import Attempt, Method, Step, Variables
 from ..step.stepping import attempt, blank_attempt, running
 from ..step.systems import SystemFamily
@@ -32,6 +31,7 @@ from ..step.types import Gradients, Numbers
 from ..step.variational import look_at_tangents, start_with_tangents
 from .advance import Recorder, advance, latest_attempt
 from .impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow, most
+from .row_buffer import RowBuffer
 from .run_ends import final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
 
@@ -84,7 +84,7 @@ class Sampled(eqx.Module):
     attempts: Scalar
     accepted: Scalar
     states: State | None = None
-    impacts: ImpactRecord[Table] | None = None
+    impacts: ImpactRecord[RowBuffer] | None = None
     sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
 
 
@@ -170,7 +170,7 @@ def _first_records(system: System, first: Step, kept: Kept) -> dict[str, PyTree]
             Snapshot(first.t, first.y, first.entry_speeds).instant(system),
             ImpactRow.none(),
         )
-        records[IMPACTS] = ImpactRecorder().start(now, first, Table.like(table, kept.impacts))
+        records[IMPACTS] = ImpactRecorder().start(now, first, RowBuffer.like(table, kept.impacts))
     return records
 
 

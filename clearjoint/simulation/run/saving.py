@@ -80,11 +80,6 @@ class Saving:
         """A recorder of each section's crossings, by name."""
         return {name: section.recorder for name, section in self.sections.items()}
 
-    @property
-    def records(self) -> bool:
-        """Whether each step is recorded as it is made, for a table of steps or of impacts."""
-        return self.steps or self.impacts
-
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
         """The times of a run between two others, s.
 

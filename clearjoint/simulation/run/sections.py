@@ -27,10 +27,10 @@ from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
 from ..results.channels import Channels, check_channels, check_quantities
 from ..step.dense_output import DenseStep, Snapshot, on_constraints
-from ..step.row_buffer import Table
 from ..step.step_state import Method, Step
 from ..step.types import Numbers
 from .advance import StepOutcome
+from .row_buffer import RowBuffer
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +88,7 @@ class SectionRecorder(eqx.Module):
     def start(self, system: System, step: Step) -> "SectionRecord":
         """The record before the first step: the level there, and no crossings."""
         now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-        table = Table.like(self.nothing(), self.count)
+        table = RowBuffer.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)
 
     def nothing(self) -> dict[str, Scalar]:
@@ -101,7 +101,7 @@ class SectionRecord(eqx.Module):
 
     recorder: SectionRecorder
     level: Scalar
-    table: Table[dict[str, Scalar]]
+    table: RowBuffer[dict[str, Scalar]]
 
     def after(self, step_outcome: StepOutcome) -> "SectionRecord":
         """The record after a stride, with a crossing more if the stride had one."""
@@ -171,7 +171,7 @@ def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
     return {name: _crossings(table) for name, table in tables.items()}
 
 
-def _crossings(table: Table[dict[str, Scalar]]) -> Crossings:
+def _crossings(table: RowBuffer[dict[str, Scalar]]) -> Crossings:
     columns = {name: np.asarray(values)[: int(table.count)] for name, values in table.rows.items()}
     return Crossings(columns.pop(TIME), columns)
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import PyTree
 
 from ...dynamics.system import System
@@ -23,56 +22,10 @@ from ..step.step_state import Attempt, Method, Step, choose
 from ..step.stepping import blank_attempt, running
 from ..step.types import Numbers
 from .advance import Recorder, StepOutcome, advance, latest_attempt
+from .impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
+from .row_buffer import RowBuffer
 from .run_ends import begin_run, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
-
-BLOCK_ROWS = 64
-
-
-class GrowingTable(eqx.Module):
-    """A table that grows by rows.
-
-    A loop copies the buffers it writes into at every turn, so rows go into a small `block` first,
-    and full blocks into the large `table`.
-    """
-
-    table: PyTree
-    count: Scalar
-    block: PyTree
-    block_count: Scalar
-
-    @staticmethod
-    def like(row: PyTree, length: int) -> "GrowingTable":
-        """An empty table with room for `length` rows like the given one."""
-        none = np.zeros((), int)
-        return GrowingTable(_buffer(row, length), none, _buffer(row, BLOCK_ROWS), none)
-
-    def with_row(self, row: PyTree, kept: Scalar) -> "GrowingTable":
-        """The row written behind the last one, and counted if it is to be kept."""
-        block = jax.tree.map(
-            lambda b, leaf: jax.lax.dynamic_update_index_in_dim(b, leaf, self.block_count, 0),
-            self.block,
-            row,
-        )
-        return GrowingTable(self.table, self.count, block, self.block_count + kept)
-
-    def flushed(self) -> "GrowingTable":
-        """The block moved into the table; what of it is not filled is overwritten later."""
-        table = jax.tree.map(
-            lambda b, block: jax.lax.dynamic_update_slice_in_dim(b, block, self.count, 0),
-            self.table,
-            self.block,
-        )
-        return GrowingTable(table, self.count + self.block_count, self.block, jnp.zeros((), int))
-
-    def block_is_full(self) -> Condition:
-        """Whether the block must be moved before another row is written."""
-        return self.block_count >= BLOCK_ROWS
-
-    def has_room(self) -> Condition:
-        """Whether another full block fits into the table."""
-        length = jax.tree.leaves(self.table)[0].shape[0]
-        return self.count + BLOCK_ROWS <= length
 
 
 class TimedState(eqx.Module):
@@ -98,13 +51,14 @@ class Progress(eqx.Module):
     """A run between two segments.
 
     `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
-    steps, if they are asked for. Both are ``None`` otherwise. `sections` holds crossings, and
-    `reductions` what is reduced, by name.
+    steps, and `impacts` the finished contacts, if they are asked for. Each is ``None`` otherwise.
+    `sections` holds crossings, and `reductions` what is reduced, by name.
     """
 
     step: Step
     last: Attempt | None
-    record: GrowingTable | None
+    record: RowBuffer[TimedState] | None
+    impacts: ImpactRecord[RowBuffer[ImpactRow]] | None
     sections: dict[str, SectionRecord]
     reductions: dict[str, ReductionRecord]
 
@@ -125,25 +79,29 @@ def begin(
     first_step: Scalar,
     saves: bool,
     record_rows: int | None,
+    impact_rows: int | None = None,
     sections: dict[str, SectionRecorder] | None = None,
     reductions: dict[str, AbstractReduction] | None = None,
 ) -> Progress:
     """The run before its first step. Numbers are arrays, scene and state in packed form."""
     method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
-    last = record = None
+    last = record = impacts = None
     if saves:
         last = blank_attempt(method, system, step, t_end)
     if record_rows is not None:
         row = _row(system, step)
-        record = GrowingTable.like(row, record_rows).with_row(row, 1)
+        record = RowBuffer.like(row, record_rows).with_row(row, True)
     crossings = {name: of.start(system, step) for name, of in (sections or {}).items()}
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    if impact_rows is not None:
+        empty = RowBuffer.like(ImpactRow.none(), impact_rows)
+        impacts = ImpactRecorder().start(now, step, empty)
     tallies = {name: ReductionRecord(of, of.start(now)) for name, of in (reductions or {}).items()}
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
-        Progress(step, last, record, crossings, tallies),
+        Progress(step, last, record, impacts, crossings, tallies),
     )
 
 
@@ -160,10 +118,10 @@ def segment(
     times to save at (rising), whichever comes first."""
     method, system = scheme.method, scheme.unpacked(folded_scene)
     if save_times is None:
-        return _run_and_record(method, system, progress, t_end, t_end, attempts, loops), None
+        return _run(method, system, progress, t_end, t_end, attempts, loops), None
 
     def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
-        now = _run_and_record(method, system, now, time, t_end, attempts, loops)
+        now = _run(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
         return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
@@ -171,43 +129,14 @@ def segment(
     return loops.each(save_next, progress, save_times)
 
 
-def rewound(progress: Progress) -> Progress:
-    """The run with an empty record, after the host has taken the rows."""
-    none = np.zeros((), int)
-    assert progress.record is not None
-    return replace(progress, record=replace(progress.record, count=none, block_count=none))
-
-
-def _run_and_record(
-    method: Method,
-    system: System,
-    progress: Progress,
-    stop: Scalar,
-    t_end: Scalar,
-    attempts: Scalar,
-    loops: AbstractLoops,
-) -> Progress:
-    """Steps until one passes `stop`, emptying the record's block whenever it is full."""
-    if progress.record is None:
-        return _run(method, system, progress, stop, t_end, attempts, loops)
-
-    def goes(now: Progress) -> Condition:
-        assert now.record is not None
-        return _running(now, stop, t_end, attempts) & now.record.has_room()
-
-    def go(now: Progress) -> Progress:
-        now = _run(method, system, now, stop, t_end, attempts, loops)
-        assert now.record is not None
-        record = jax.lax.cond(
-            now.record.block_is_full(), lambda rows: rows.flushed(), lambda rows: rows, now.record
-        )
-        return Progress(now.step, now.last, record, now.sections, now.reductions)
-
-    return jax.lax.while_loop(goes, go, progress)
-
-
-def _running(now: Progress, stop: Scalar, t_end: Scalar, attempts: Scalar) -> Condition:
-    return (now.step.t < stop) & running(now.step, t_end, attempts)
+def emptied(progress: Progress) -> Progress:
+    """The run with empty buffers, after the host has taken the rows."""
+    record, impacts = jax.tree.map(
+        lambda part: part.emptied() if isinstance(part, RowBuffer) else part,
+        (progress.record, progress.impacts),
+        is_leaf=_is_buffer,
+    )
+    return replace(progress, record=record, impacts=impacts)
 
 
 def _run(
@@ -222,23 +151,34 @@ def _run(
     """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
 
     def goes(now: Progress) -> Condition:
-        more = _running(now, stop, t_end, attempts)
-        return more if now.record is None else more & jnp.logical_not(now.record.block_is_full())
+        more = (now.step.t < stop) & running(now.step, t_end, attempts)
+        for part in jax.tree.leaves((now.record, now.impacts), is_leaf=_is_buffer):
+            if isinstance(part, RowBuffer):
+                more = more & jnp.logical_not(part.is_full())
+        return more
 
     def go(now: Progress) -> Progress:
-        records = {"last": now.last, "record": now.record}
-        records |= {"sections": now.sections, "reductions": now.reductions}
-        records = {name: record for name, record in records.items() if record is not None}
-        step, records = advance(
-            method, system, now.step, t_end, records, RECORDERS, attempt=loops.attempt
+        records = {
+            "last": now.last,
+            "record": now.record,
+            "impacts": now.impacts,
+            "sections": now.sections,
+            "reductions": now.reductions,
+        }
+        asked = {name: record for name, record in records.items() if record is not None}
+        step, asked = advance(
+            method, system, now.step, t_end, asked, RECORDERS, attempt=loops.attempt
         )
-        kept = records.get("last"), records.get("record")
-        return Progress(step, *kept, records["sections"], records["reductions"])
+        return Progress(step, **{**records, **asked})
 
     return loops.repeat(goes, go, progress)
 
 
-def _with_step(record: GrowingTable, step_outcome: StepOutcome) -> GrowingTable:
+def _is_buffer(tree: object) -> bool:
+    return isinstance(tree, RowBuffer)
+
+
+def _with_step(record: RowBuffer[TimedState], step_outcome: StepOutcome) -> RowBuffer[TimedState]:
     """The record with the step of the stride, if that was accepted."""
     return record.with_row(
         _row(step_outcome.system, step_outcome.tried.step), step_outcome.tried.kept
@@ -255,6 +195,7 @@ def _reduced(
 RECORDERS: dict[str, Recorder] = {
     "last": latest_attempt,
     "record": _with_step,
+    "impacts": ImpactRecorder().after,
     "sections": after_sections,
     "reductions": _reduced,
 }
@@ -262,7 +203,3 @@ RECORDERS: dict[str, Recorder] = {
 
 def _row(system: System, step: Step) -> TimedState:
     return TimedState(step.t, state_of(system, step.y, step.entry_speeds))
-
-
-def _buffer(row: PyTree, length: int) -> PyTree:
-    return jax.tree.map(lambda leaf: jnp.zeros((length, *jnp.shape(leaf))), row)

@@ -33,7 +33,7 @@ from ..step import presets
 from ..step.settings import Settings, settings_or
 from ..step.spans import check_span, checked_times
 from .derivative_runs import derivative_scheme
-from .impact_recorder import impacts_of
+from .impact_recorder import impact_rows_of
 from .progress_bars import compiling_bar
 from .sampling import Sampled, padded, recorded_run
 from .saving import Saving, saving_or_nothing
@@ -208,7 +208,11 @@ def _found(
         attempts=int(sampled.attempts),
         accepted=int(sampled.accepted),
         saved=None if saved is None else _trajectory(sampled, looked_at, saved),
-        impacts=None if sampled.impacts is None else impacts_of(sampled.impacts, start_time),
+        impacts=(
+            None
+            if sampled.impacts is None
+            else Impacts.of_rows(impact_rows_of(sampled.impacts, start_time))
+        ),
         sections=crossings_of(sampled.sections),
     )
 

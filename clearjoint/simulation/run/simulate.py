@@ -16,7 +16,6 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native
 from ...result_codes import RESULTS
-from ..results.impact_table import ImpactCollector
 from ..results.law_ranges import beyond_law_ranges
 from ..results.solution import Solution, raise_failure
 from ..step import presets
@@ -32,7 +31,9 @@ from .run_checks import check_numbers, check_precision, check_start, in_domain, 
 from .saving import Saving, saving_or_nothing
 from .segments import begin
 
-RECORD_ROWS = 16_384
+STEP_ROWS, IMPACT_ROWS = 4096, 64
+"""Rows of the buffers of accepted steps, and of the impacts of each contact. A run goes back to its
+host when one is full."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 
 
@@ -120,9 +121,9 @@ def simulate(
     start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
-    rows = RECORD_ROWS if save.records else None
+    rows = STEP_ROWS if save.steps else None, IMPACT_ROWS if save.impacts else None
     saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
-    now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, rows, *kept)
+    now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, *rows, *kept)
     if traced:
         if admissible is not None:
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
@@ -131,13 +132,10 @@ def simulate(
         save_at = None if times is None else on_device(times)
         return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
     host = HostLoop(folded_scene, scheme, end, redundant)
-    collector = ImpactCollector(folded_scene, scheme.formulation) if save.impacts else None
     solution = host.solution(
         now,
         times,
         settings.max_steps,
-        collector,
-        save.steps,
         progress,
         save.sections,
         setting_notes(settings),
