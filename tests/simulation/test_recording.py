@@ -9,11 +9,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.simulation.run import sampling as module
+from clearjoint.simulation.run import simulate as simulating
 from clearjoint.simulation.run.impact_recorder import (
     ContactRecord,
     ImpactRow,
     OpenContact,
-    impacts_of,
+    impact_rows_of,
     most,
 )
 from clearjoint.simulation.run.row_buffer import RowBuffer
@@ -64,8 +65,19 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
 
 
 def test_a_full_table_keeps_its_rows_and_its_count_exceeds_the_capacity_if_it_is_too_short():
-    assert list(impacts_of(_record(3, 3), 10.0).onset) == [10.0, 11.0, 12.0]
+    assert [row[2] for row in impact_rows_of(_record(3, 3), 10.0)] == [10.0, 11.0, 12.0]
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
+
+
+def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
+    def kept() -> tuple:
+        run = cj.simulate(*dropped_rod(), END, save=cj.Saving(steps=True, impacts=True))
+        return run.steps, [getattr(run.impacts, field.name) for field in fields(run.impacts)]
+
+    expected = kept()
+    monkeypatch.setattr(simulating, "STEP_ROWS", 7)
+    monkeypatch.setattr(simulating, "IMPACT_ROWS", 1)
+    jax.tree.map(np.testing.assert_array_equal, kept(), expected)
 
 
 def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):

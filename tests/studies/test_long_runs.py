@@ -9,7 +9,7 @@ import clearjoint as cj
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
-from clearjoint.simulation.run.host_run import _Waiting
+from clearjoint.simulation.run.host_run import _SaveTimes
 from clearjoint.simulation.run.segments import SavedStates
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.step_state import Variables
@@ -90,7 +90,7 @@ def test_a_thousand_turns_of_a_pendulum_are_as_good_as_the_first():
 
 
 def test_saved_states_keep_no_rows_that_were_not_reached():
-    waiting = _Waiting(np.arange(600.0), 600.0)
+    waiting = _SaveTimes(np.arange(600.0), 600.0)
     reached = np.arange(512) < 3
     for _ in range(2):
         waiting.take(SavedStates({"x": jnp.zeros(512)}, reached))

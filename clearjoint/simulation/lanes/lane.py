@@ -108,7 +108,7 @@ class Lane(eqx.Module):
     step: Step
     tallies: dict[str, PyTree]
     crossings: dict[str, CrossingRecord]
-    impacts: dict[str, ImpactRecord[RowBuffer[ImpactRow]]]
+    impacts: dict[str, ImpactRecord]
     dense_step: DenseStep | None
     saved: RowBuffer[Snapshot] | None
 
@@ -162,7 +162,10 @@ def begin_lane(
             name: CrossingRecord(section.level(now), RowBuffer.like(row, ROWS))
             for name, section in plan.sections.items()
         },
-        {name: recorder.start(now, step, hits) for name, recorder in plan.impacts.items()},
+        {
+            name: recorder.start(plan.method, system, step, hits)
+            for name, recorder in plan.impacts.items()
+        },
         _empty_dense_step(plan, system, step, request) if plan.saves else None,
         RowBuffer.like(row, ROWS) if plan.saves else None,
     )
@@ -221,7 +224,7 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
     """The recorder of an output's impacts."""
 
-    def after(record: ImpactRecord[RowBuffer[ImpactRow]], step_outcome: StepOutcome) -> PyTree:
+    def after(record: ImpactRecord, step_outcome: StepOutcome) -> PyTree:
         wanted = {
             joint: {contact: request.wanted[impact_log(name, joint, contact)] for contact in family}
             for joint, family in record.items()

@@ -1,8 +1,7 @@
-"""One advance of a run: a step is tried, and what records the run is told what came of it.
+"""One attempt of a run: try a step and pass the outcome to the recorders.
 
-Single runs, runs with derivatives and lanes of sweeps advance by this function alone, each with its
-own loop around it, so that whatever one of them can record, all can. What is not recorded is not
-computed.
+Single runs, runs with derivatives and lanes of sweeps all use `advance`, each in its own loop, so
+that the same recorders work in all of them.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,10 +19,10 @@ from ..step.systems import SystemFamily
 
 
 class StepOutcome:
-    """What is told of a step that was tried.
+    """The outcome of a step that was tried; properties are computed only where they are used.
 
-    `before` and `after`: where the run was and is; `tried`: the attempt; `kept`: whether the run
-    went on by it.
+    `before` and `after`: the run before and after; `tried`: the attempt; `kept`: whether the step
+    was accepted.
     """
 
     def __init__(
@@ -40,22 +39,22 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """The step as it is looked into, if it was kept."""
+        """Dense output of the step, if it was kept."""
         return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
-        """The system at the end of the stride, where the run is."""
-        here = self.after
+        """The system after the step."""
+        after = self.after
 
         def inside(x: Scalar) -> Instant:
             return self.dense_step.within(self.method, x).instant(self.system)
 
-        return Snapshot(here.t, here.y, here.entry_speeds).instant(self.system, inside)
+        return Snapshot(after.t, after.y, after.entry_speeds).instant(self.system, inside)
 
 
 Recorder = Callable[[PyTree, StepOutcome], PyTree]
-"""A record after a stride, from that before it; unchanged unless the stride was kept."""
+"""Returns a record after a step was tried, from that before; unchanged unless it was kept."""
 
 
 def advance(
@@ -70,11 +69,11 @@ def advance(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> tuple[Step, dict[str, PyTree]]:
-    """The run and its records after one more attempt.
+    """Return the run and its records after one more attempt.
 
-    **Arguments:** `t_end`: s, where no step goes past; `records` by the names of their `recorders`;
-    `goes`: whether the run moves at all, which it does unless told otherwise; `family` as for
-    `clearjoint.simulation.step.stepping.attempt`, and `attempt`: another function in its place.
+    **Arguments:** `t_end`: s, no step goes past it; `records` by the names of their `recorders`;
+    `goes`: whether the step is taken, for lanes that wait (default: it is); `family`: as for
+    `clearjoint.simulation.step.stepping.attempt`; `attempt`: a function to use instead of that.
     """
     tried = attempt(method, system, step, t_end, *([] if family is None else [family]))
     after, kept = tried.step, tried.kept
@@ -85,11 +84,10 @@ def advance(
 
 
 def latest_attempt(record: Attempt, step_outcome: StepOutcome) -> Attempt:
-    """The attempt of the stride if it was accepted, else the one on record."""
+    """Return the attempt if it was accepted, else the one on record."""
     return choose(step_outcome.kept, step_outcome.tried, record)
 
 
 def latest_dense_step(record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
-    """What is needed to look into a lane's latest accepted step: the stride's if that was kept,
-    else the one on record."""
+    """Return the dense output of the step if it was kept, else that on record."""
     return choose(step_outcome.kept, step_outcome.dense_step, record)

@@ -1,7 +1,8 @@
-"""Carrying out a run: segment after segment, or in one piece under a transformation."""
+"""Execution of a run: in segments with the host between them, or in one traced computation."""
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -32,10 +33,132 @@ SAVES_A_SEGMENT = 512
 segment_compiled = Native(segment)
 
 
+@dataclass(frozen=True)
+class Run:
+    """A run that is ready to start: its equations, its end time in s, and its redundant
+    constraints."""
+
+    folded_scene: ConstantFolded
+    scheme: Scheme
+    end: Scalar
+    redundant: tuple[str, ...]
+
+    def in_one_piece(
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
+    ) -> Solution:
+        """Run to the end inside one traced computation.
+
+        Rows of saved states that were not reached repeat the last state.
+        """
+        # The end is a further time to save at, so that the run goes on behind the last save.
+        times = None if save_at is None else jnp.append(save_at, self.end)
+        limit = jnp.asarray(max_steps)
+        arguments = self.scheme, self.folded_scene, now, times, self.end, limit
+        now, saved = loops.closed(segment(*arguments, loops))
+        final, result, _ = _end_of(self.scheme, self.folded_scene, now.step, self.end)
+        trajectory = count = None
+        if saved is not None:
+            states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
+            trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
+        return Solution(
+            now.step.t,
+            final,
+            result,
+            now.step.attempts,
+            now.step.accepted,
+            trajectory,
+            count,
+            None,
+            None,
+            self.scheme.formulation,
+            self.redundant,
+        )
+
+    def on_host(
+        self,
+        now: Progress,
+        save_at: np.ndarray | None,
+        max_steps: int,
+        progress: bool,
+        sections: Mapping[str, Section],
+        notes: Notes,
+    ) -> tuple[Solution, bool, bool]:
+        """Run to the end, a failure, the step limit or an interruption, segment by segment.
+
+        **Returns:** the solution, whether a user interrupted the run, and whether a journal has
+        slid out of its bearing at the end.
+        """
+        saves = _SaveTimes(save_at, float(self.end))
+        steps: list[TimedState] = []
+        impacts: list[tuple[str | float, ...]] = []
+        start = float(now.step.t)
+        bar = ProgressBar(
+            total=float(self.end) - start,
+            desc="simulated",
+            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
+            delay=2.0,
+            leave=False,
+            disable=not progress,
+        )
+        with telling_of_compiling(bar), interruptions_deferred() as stopped:
+            while True:
+                # Segments are short enough for the bar and for Ctrl-C, which waits for their end.
+                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
+                arguments = self.scheme, self.folded_scene, now, saves.chunk(), self.end
+                now, saved = segment_compiled(*arguments, np.asarray(limit))
+                saves.take(saved)
+                # Empty the buffers at each stop, so that their size does not limit the run.
+                if now.record is not None:
+                    steps.append(now.record.filled())
+                if now.impacts is not None:
+                    impacts += impact_rows_of(now.impacts)
+                now = emptied(now)
+                bar.update(float(now.step.t) - start - bar.n)
+                failed = result_number(now.step.result) != SUCCESSFUL
+                ended = failed or int(now.step.attempts) >= max_steps
+                # A segment ends behind `SAVES_A_SEGMENT` saves too: the end time is not enough.
+                ended = ended or (float(now.step.t) >= float(self.end) and saves.done())
+                interrupted = not ended and stopped()
+                if ended or interrupted:
+                    break
+        final, result, left = _end_compiled(self.scheme, self.folded_scene, now.step, self.end)
+        time, attempts, accepted = jax.device_get(
+            (now.step.t, now.step.attempts, now.step.accepted)
+        )
+        solution = Solution(
+            time,
+            final,
+            result,
+            attempts,
+            accepted,
+            saves.trajectory(),
+            saves.count,
+            None if now.record is None else _trajectory(steps),
+            None if now.impacts is None else Impacts.of_rows(impacts),
+            self.scheme.formulation,
+            self.redundant,
+            sections=with_units(crossings_of(now.sections), sections),
+            outputs=self._outputs(now),
+            settings=notes,
+        )
+        return solution, interrupted, bool(left)
+
+    def _outputs(self, now: Progress) -> dict[str, float]:
+        """Results of the reductions, each number by its own name."""
+        if not now.reductions:
+            return {}
+        results = jax.device_get(_results_compiled(self.scheme, self.folded_scene, now))
+        return {
+            f"{name}_{part}" if part else name: float(value)
+            for name, parts in results.items()
+            for part, value in parts.items()
+        }
+
+
 def _end_of(
     scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
 ) -> tuple[State, RESULTS, Condition]:
-    """The packed state at the end of a run, how it ended, and whether a journal has slid out."""
+    """Return the final state (packed), the result, and whether a journal has slid out."""
     final = final_state(scheme.unpacked(folded_scene), step)
     left = any_slid_out(unpack(folded_scene), final.bodies)
     return pack(final), final_result(step, end), left
@@ -47,164 +170,23 @@ _end_compiled = Native(_end_of)
 def _results_of(
     scheme: Scheme, folded_scene: ConstantFolded, now: Progress
 ) -> dict[str, dict[str, Scalar]]:
-    """What the reductions of a run report where it is, by their names."""
+    """Results of the reductions at the end of a run, by name."""
     system, step = scheme.unpacked(folded_scene), now.step
-    here = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-    return {name: one.reduction.results(one.tally, here) for name, one in now.reductions.items()}
+    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    return {
+        name: record.reduction.results(record.tally, instant)
+        for name, record in now.reductions.items()
+    }
 
 
 _results_compiled = Native(_results_of)
 
 
-class AbstractRun:
-    """A run whose parts are put together as a `Solution`, however it is looped."""
+class _SaveTimes:
+    """The times to save at, handed out in chunks, and the states that came back.
 
-    def __init__(
-        self, folded_scene: ConstantFolded, scheme: Scheme, end: Scalar, redundant: tuple[str, ...]
-    ):
-        self._folded_scene, self._scheme, self._end = folded_scene, scheme, end
-        self._redundant = redundant
-
-    def _solution(
-        self,
-        reached: tuple[Scalar, Scalar, Scalar],
-        ending: tuple[State, RESULTS],
-        saved: Trajectory | None,
-        count: Scalar | None,
-        steps: Trajectory | None = None,
-        impacts: Impacts | None = None,
-        **further: Any,
-    ) -> Solution:
-        """`reached`: time, s, attempts and accepted steps; `ending`: final state and result."""
-        time, attempts, accepted = reached
-        return Solution(
-            time,
-            *ending,
-            attempts,
-            accepted,
-            saved,
-            count,
-            steps,
-            impacts,
-            self._scheme.formulation,
-            self._redundant,
-            **further,
-        )
-
-
-def _reached(step: Step) -> tuple[Scalar, Scalar, Scalar]:
-    return step.t, step.attempts, step.accepted
-
-
-class OnePiece(AbstractRun):
-    """The whole run inside one traced computation."""
-
-    def solution(
-        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
-    ) -> Solution:
-        """Run to the end. Rows that were not reached repeat the last state."""
-        times = None if save_at is None else jnp.append(save_at, self._end)
-        limit = jnp.asarray(max_steps)
-        arguments = (self._scheme, self._folded_scene, now, times, self._end, limit)
-        now, saved = loops.closed(segment(*arguments, loops))
-        final, result, _ = _end_of(self._scheme, self._folded_scene, now.step, self._end)
-        ending = final, result
-        if saved is None:
-            return self._solution(_reached(now.step), ending, None, None)
-        states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
-        kept = Trajectory(save_at, pack(states))
-        return self._solution(_reached(now.step), ending, kept, saved.reached[:-1].sum())
-
-
-class HostLoop(AbstractRun):
-    """Segment after segment, with what was saved and recorded taken in between.
-
-    `interrupted`: whether a user stopped the run, which then ended behind a segment;
-    `left_bearing`: whether a journal had slid out of its bearing at its end.
+    Chunks have a fixed size, so that another number of times compiles nothing.
     """
-
-    interrupted = False
-    left_bearing = False
-
-    def solution(
-        self,
-        now: Progress,
-        save_at: np.ndarray | None,
-        max_steps: int,
-        progress: bool,
-        sections: Mapping[str, Section],
-        notes: Notes,
-    ) -> Solution:
-        """Run to the end, a failure, the step limit or an interruption."""
-        waiting = _Waiting(save_at, float(self._end))
-        steps: list[TimedState] = []
-        impacts: list[tuple[str | float, ...]] = []
-        start = float(now.step.t)
-        bar = ProgressBar(
-            total=float(self._end) - start,
-            desc="simulated",
-            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
-            delay=2.0,
-            leave=False,
-            disable=not progress,
-        )
-        with telling_of_compiling(bar), interruptions_deferred() as stopped:
-            while True:
-                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
-                now, saved = segment_compiled(
-                    self._scheme,
-                    self._folded_scene,
-                    now,
-                    waiting.chunk(),
-                    self._end,
-                    np.asarray(limit),
-                )
-                waiting.take(saved)
-                if now.record is not None:
-                    steps.append(now.record.filled())
-                if now.impacts is not None:
-                    impacts += impact_rows_of(jax.device_get(now.impacts))
-                now = emptied(now)
-                bar.update(float(now.step.t) - start - bar.n)
-                ended = self._ended(now, waiting, max_steps)
-                self.interrupted = not ended and stopped()
-                if ended or self.interrupted:
-                    break
-        final, result, left = _end_compiled(self._scheme, self._folded_scene, now.step, self._end)
-        self.left_bearing = bool(left)
-        return self._solution(
-            jax.device_get(_reached(now.step)),
-            (final, result),
-            waiting.trajectory(),
-            waiting.count,
-            None if now.record is None else _trajectory(steps),
-            None if now.impacts is None else Impacts.of_rows(impacts),
-            sections=with_units(crossings_of(now.sections), sections),
-            outputs=self._outputs(now),
-            settings=notes,
-        )
-
-    def _outputs(self, now: Progress) -> dict[str, float]:
-        """What the reductions report, each number by its own name."""
-        if not now.reductions:
-            return {}
-        found = jax.device_get(_results_compiled(self._scheme, self._folded_scene, now))
-        return {
-            f"{name}_{part}" if part else name: float(value)
-            for name, parts in found.items()
-            for part, value in parts.items()
-        }
-
-    def _ended(self, now: Progress, waiting: "_Waiting", max_steps: int) -> bool:
-        step = now.step
-        if result_number(step.result) != SUCCESSFUL or int(step.attempts) >= max_steps:
-            return True
-        return float(step.t) >= float(self._end) and waiting.done()
-
-
-class _Waiting:
-    """The times still to be saved at, handed out in chunks of fixed size so that their number
-    compiles nothing anew; and the states that came back."""
 
     def __init__(self, times: np.ndarray | None, end: float):
         self._times, self._end = times, end
@@ -248,6 +230,6 @@ def _joined(pieces: list[T]) -> T:
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
 
 
-def _trajectory(rows: list[TimedState]) -> Trajectory:
-    whole = _joined(rows)
-    return Trajectory(whole.t, pack(named(whole.state)))
+def _trajectory(pieces: list[TimedState]) -> Trajectory:
+    rows = _joined(pieces)
+    return Trajectory(rows.t, pack(named(rows.state)))

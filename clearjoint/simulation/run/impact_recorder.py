@@ -1,16 +1,14 @@
-"""Impacts recorded while a run is on its way: a running tally of each contact, a row at its end.
+"""Recorder of impacts: a tally of each contact while it lasts, and a row when it ends.
 
-The numbers are those of the table in `clearjoint.simulation.results.impact_table`, which is made
-afterwards from the record of a single run's steps.
+Single runs, runs with derivatives and lanes of sweeps all use it.
 """
 
 from collections.abc import Mapping
-from typing import Generic, Protocol, Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+import numpy as np
 
 from ...dynamics.system import System
 from ...math.groups import by_name
@@ -27,16 +25,19 @@ from ..step.contact_step import (
     end_in_step,
     peak_in_step,
 )
-from ..step.step_state import Step, choose
+from ..step.dense_output import Snapshot
+from ..step.step_state import Method, Step, choose
+from ..step.types import SecondRates
+from ..step.unrolled_runge_kutta import UnrolledExplicit
 from .advance import StepOutcome
 from .row_buffer import RowBuffer
 
 INSTANTS = ("onset", "separation", "peak_time")
-"""Which of these go by the clock."""
+"""Fields of an `ImpactRow` that are times on the run's clock."""
 
 
 class ImpactRow(eqx.Module):
-    """A finished contact: begin, end and peak s; speeds m/s, both positive; N; m."""
+    """A finished contact: times in s, speeds in m/s (both positive), force in N, depth in m."""
 
     onset: Scalar
     separation: Scalar
@@ -47,7 +48,7 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """What is reported of the row, by name; no channels are taken at an impact."""
+        """The reported columns by name; an impact has no channels."""
         del system, channels
         return self.reported()
 
@@ -57,32 +58,33 @@ class ImpactRow(eqx.Module):
 
     @staticmethod
     def none() -> "ImpactRow":
-        """A row of zeros, in place of one that is not there."""
+        """Return a row of zeros."""
         return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
 class OpenContact(eqx.Module):
-    """A contact where the run is: `here`, and what is known of it since it began.
+    """A contact after the latest step, and its tally since it began.
 
-    `seen`: whether it touches and its begin was seen. `row`: what it comes to so far, of which
-    `separation` and `exit_speed` come last.
+    `instant`: its gap then. `begun`: whether it touches and began within the run. `row`: the tally,
+    whose `separation` and `exit_speed` are final when the contact ends.
     """
 
-    here: ContactInstant
-    seen: Condition
+    instant: ContactInstant
+    begun: Condition
     row: ImpactRow
 
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
     ) -> tuple["OpenContact", Condition, ImpactRow]:
-        """The contact after a step from t0 to t1; whether one was over in it, and its row."""
-        here, row, h = self.here, self.row, t1 - t0
-        touched, touches = here.touches(law), end.touches(law)
-        peak = peak_in_step(law, here, end, h)
+        """Return the contact after a step from t0 to t1, whether it ended in it, and its row."""
+        start, row, h = self.instant, self.row, t1 - t0
+        touched, touches = start.touches(law), end.touches(law)
+        # The peak mostly lies inside a step, not at its ends.
+        peak = peak_in_step(law, start, end, h)
         stronger = peak.force > row.peak_force
         row = ImpactRow(
             row.onset,
-            t0 + h * end_in_step(law, here, end, h),
+            t0 + h * end_in_step(law, start, end, h),
             row.entry_speed,
             -end.gap.rate,
             jnp.where(stronger, peak.force, row.peak_force),
@@ -90,68 +92,60 @@ class OpenContact(eqx.Module):
             jnp.maximum(row.largest_penetration, peak.depth),
         )
         begins = touches & jnp.logical_not(touched)
+        # Below any force and depth, so that the first step inside the contact sets the peak.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
         )
-        seen = touches & (begins | self.seen)
-        contact = OpenContact(end, seen, choose(begins, fresh, row))
-        return contact, self.seen & jnp.logical_not(touches), row
+        # A contact that touches at the start of the run has no known begin, and gets no row.
+        begun = touches & (begins | self.begun)
+        contact = OpenContact(end, begun, choose(begins, fresh, row))
+        return contact, self.begun & jnp.logical_not(touches), row
 
 
-class Sink(Protocol):
-    """A place for rows, such as a table or a ring, that counts them."""
-
-    count: jax.Array
-
-    def with_row(self, row: PyTree, wanted: Condition) -> Self:
-        """The sink with another row, if it is wanted."""
-        ...
-
-
-S = TypeVar("S", bound=Sink)
-
-
-class ContactRecord(eqx.Module, Generic[S]):
-    """What is known of a contact, and its finished ones."""
+class ContactRecord(eqx.Module):
+    """A contact after the latest step, and the rows of its impacts that are over."""
 
     contact: OpenContact
-    rows: S
+    rows: RowBuffer[ImpactRow]
 
 
-ImpactRecord = dict[str, dict[str, ContactRecord[S]]]
+ImpactRecord = dict[str, dict[str, ContactRecord]]
 """Records by joint and contact, by the elements' own names."""
 Wanted = dict[str, dict[str, Scalar]]
-"""Numbers of rows by joint and contact."""
+"""Largest numbers of rows, by joint and contact."""
 
 
 class ImpactRecorder(eqx.Module):
     """Records the contacts of a joint, or of all joints.
 
-    `joint`: its name, or ``None``. `window`: the part of the run in which they begin, or ``None``.
+    `joint`: its name, or ``None`` for all. `window`: only contacts that begin in it are recorded.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
     window: Window | None = None
 
-    def start(self, now: Instant, step: Step, rows: S) -> ImpactRecord[S]:
-        """The record before the first step. Contacts that touch then are left out."""
+    def start(
+        self, method: Method, system: System, step: Step, rows: RowBuffer[ImpactRow]
+    ) -> ImpactRecord:
+        """Return the record before the first step, with an empty buffer of `rows`."""
+        now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+        no, none = jnp.asarray(False), ImpactRow.none()
         return {
             name: {
-                label: ContactRecord(OpenContact(here, jnp.asarray(False), ImpactRow.none()), rows)
-                for label, here in family.items()
+                label: ContactRecord(OpenContact(instant, no, none), rows)
+                for label, instant in family.items()
             }
-            for name, family in self._instants(now, step).items()
+            for name, family in self._instants(method, system, now, step).items()
         }
 
     def after(
-        self, record: ImpactRecord[S], step_outcome: StepOutcome, wanted: Wanted | None = None
-    ) -> ImpactRecord[S]:
-        """The record after a stride; of each contact no more rows than are wanted, if that is
-        said."""
-        laws, ends = (
-            step_outcome.now.scene.laws(),
-            self._instants(step_outcome.now, step_outcome.after),
+        self, record: ImpactRecord, step_outcome: StepOutcome, wanted: Wanted | None = None
+    ) -> ImpactRecord:
+        """Return the record after a step was tried, with at most the `wanted` rows if given."""
+        laws = step_outcome.now.scene.laws()
+        ends = self._instants(
+            step_outcome.method, step_outcome.system, step_outcome.now, step_outcome.after
         )
         return {
             name: {
@@ -168,21 +162,34 @@ class ImpactRecorder(eqx.Module):
             for name, family in record.items()
         }
 
-    def _instants(self, now: Instant, step: Step) -> dict[str, dict[str, ContactInstant]]:
+    def _instants(
+        self, method: Method, system: System, now: Instant, step: Step
+    ) -> dict[str, dict[str, ContactInstant]]:
         names = now.contacts if self.joint is None else [self.joint]
         forces = {name: now.contacts[name] for name in names}
-        return contact_instants(forces, by_name(step.second_rates), now.entry_speeds)
+        second_rates = by_name(_second_rates(method, system, step))
+        return contact_instants(forces, second_rates, now.entry_speeds)
 
 
-def most(record: ImpactRecord[RowBuffer]) -> int:
-    """The number of impacts of the contact that had most, also of those that found no room."""
+def _second_rates(method: Method, system: System, step: Step) -> SecondRates:
+    """Second derivatives of the depths at the end of a step, m/s^2."""
+    if isinstance(method.solver, UnrolledExplicit):
+        return step.second_rates
+    # Other solvers don't keep the rates at the end of a step.
+    motion = step.y.motion
+    rates, _ = system.rates(motion, step.entry_speeds, step.t, bristles=step.y.bristles)
+    # Rates that are constants take the types of the variables, as `jax.jvp` demands.
+    rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, motion, rates)
+    return system.second_rates(motion, rates)
+
+
+def most(record: ImpactRecord) -> int:
+    """Return the largest number of impacts of a contact, with those that found no room."""
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 
 
-def impact_rows_of(
-    record: ImpactRecord[RowBuffer], origin: float = 0.0
-) -> list[tuple[str | float, ...]]:
+def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
     """Rows of a table of impacts: the finished contacts of a record (host arrays), none of whose
     buffers was too short, and whose clock showed zero at `origin`, s."""
     rows: list[tuple[str | float, ...]] = []
@@ -190,19 +197,19 @@ def impact_rows_of(
         for contact, one in family.items():
             columns = one.rows.filled().reported()
             columns |= {name: columns[name] + origin for name in INSTANTS}
-            numbers = (columns[name].tolist() for name in IMPACT_UNITS)
+            numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
             rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]
     return rows
 
 
 def _after(
     law: AbstractContactLaw,
-    record: ContactRecord[S],
+    record: ContactRecord,
     step_outcome: StepOutcome,
     end: ContactInstant,
     wanted: Scalar | None,
     window: Window | None,
-) -> ContactRecord[S]:
+) -> ContactRecord:
     contact, over, row = record.contact.after(law, step_outcome.before.t, step_outcome.after.t, end)
     over = step_outcome.kept & over
     if window is not None:

@@ -1,5 +1,6 @@
 """Buffers of rows that a run fills as it goes on."""
 
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 import equinox as eqx
@@ -16,8 +17,8 @@ R = TypeVar("R", bound=PyTree[Scalar])
 class RowBuffer(eqx.Module, Generic[R]):
     """A buffer with a fixed number of rows, and the number of rows that were written.
 
-    Each leaf of `rows` has the rows in front. `count` goes on in a full buffer, so that it tells
-    how many rows would have been needed.
+    Each leaf of `rows` has the rows in front. In a full buffer `count` goes on: it is then the
+    number of rows that would have been needed.
     """
 
     rows: R
@@ -59,4 +60,4 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     def emptied(self) -> "RowBuffer[R]":
         """The buffer without rows, to be filled again."""
-        return RowBuffer(self.rows, np.zeros((), int))
+        return replace(self, count=np.zeros((), int))

@@ -1,4 +1,4 @@
-"""How a run begins and how it ends: the same for single runs, sensitivities and lanes of sweeps."""
+"""First step and final state of a run, for single runs, sensitivities and lanes of sweeps."""
 
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
@@ -13,8 +13,10 @@ from ..step.stepping import start
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """The run before its first step, from a state in packed form whose memory, ledger and bristles
-    it goes on with."""
+    """Return the run before its first step, from a state in packed form.
+
+    Entry speeds, ledger and bristles of the state are continued.
+    """
     motion = system.encode(unpack(state.bodies))
     bristles = by_group(unpack(state.bristles), system.scene.joints)
     y = Variables(motion, state.work if system.formulation.ledger else {}, bristles)
@@ -23,24 +25,23 @@ def begin_run(
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
-    """The state in scalar form, as the system names its elements."""
+    """Return the state in scalar form, with alike elements in groups as the system has them."""
     return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
 def named(state: State) -> State:
-    """A state of a system by the elements' own names."""
+    """Return a state of a system by the elements' own names."""
     return State(
         by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
     )
 
 
 def final_state(system: System, step: Step) -> State:
-    """The state that a run ended in, by the elements' own names, in scalar form."""
+    """Return the final state of a run, by the elements' own names, in scalar form."""
     return named(state_of(system, step.y, step.entry_speeds))
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """The result after the last step: a run that neither failed nor came to `t_end` has used up its
-    steps."""
+    """Return the result of a run; one that neither failed nor reached `t_end` ran out of steps."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

@@ -22,7 +22,7 @@ from ...parametrisation.parametrised_scene import AbstractFamily
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...result_codes import RESULTS
-from ..step.dense_output import Snapshot, correct, look_inside
+from ..step.dense_output import correct, look_inside
 from ..step.method import Scheme
 from ..step.step_state import Attempt, Method, Step, Variables
 from ..step.stepping import attempt, blank_attempt, running
@@ -84,7 +84,7 @@ class Sampled(eqx.Module):
     attempts: Scalar
     accepted: Scalar
     states: State | None = None
-    impacts: ImpactRecord[RowBuffer] | None = None
+    impacts: ImpactRecord | None = None
     sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
 
 
@@ -108,7 +108,7 @@ def followed(
     system = systems.system()
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
-    records = _first_records(system, first, kept)
+    records = _first_records(method, system, first, kept)
     tried = traced_once(attempt)
     records[LATEST] = blank_attempt(method, system, first, own_end, systems, tried)
 
@@ -160,17 +160,14 @@ def _scanned(
     return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), found)
 
 
-def _first_records(system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
+def _first_records(method: Method, system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
     """What is recorded beside the latest attempt, before the first step."""
     records: dict[str, PyTree] = {
         SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
     }
     if kept.impacts is not None:
-        now, table = (
-            Snapshot(first.t, first.y, first.entry_speeds).instant(system),
-            ImpactRow.none(),
-        )
-        records[IMPACTS] = ImpactRecorder().start(now, first, RowBuffer.like(table, kept.impacts))
+        empty = RowBuffer.like(ImpactRow.none(), kept.impacts)
+        records[IMPACTS] = ImpactRecorder().start(method, system, first, empty)
     return records
 
 

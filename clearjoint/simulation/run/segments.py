@@ -1,7 +1,7 @@
-"""Runs of many steps: the native inner loop, and round it the loops that save and record.
+"""Segments of a run: the compiled loop of steps, with its recorders.
 
-A segment ends at the end time, after a number of attempts, at a failure, or when its record of
-accepted steps is full. The host then takes what was recorded, shows progress and goes on.
+A segment ends at the end time, after a number of attempts, at a failure, or when a buffer of rows
+is full. The host then empties the buffers, shows progress and starts the next segment.
 """
 
 from dataclasses import replace
@@ -29,20 +29,20 @@ from .sections import SectionRecord, SectionRecorder, after_sections
 
 
 class TimedState(eqx.Module):
-    """A time and the state there, under the names of the condensed scene."""
+    """A time in s and the state then, with alike elements in groups."""
 
     t: Numbers
     state: State
 
 
 class ReductionRecord(eqx.Module):
-    """A reduction, and its tally where a run is."""
+    """A reduction and its tally after the latest step."""
 
     reduction: AbstractReduction
     tally: PyTree
 
     def after(self, step_outcome: StepOutcome) -> "ReductionRecord":
-        """The record after a stride."""
+        """The record after a step was tried."""
         updated = self.reduction.update(self.tally, step_outcome.now)
         return ReductionRecord(self.reduction, choose(step_outcome.kept, updated, self.tally))
 
@@ -50,21 +50,21 @@ class ReductionRecord(eqx.Module):
 class Progress(eqx.Module):
     """A run between two segments.
 
-    `last` is the latest accepted step, kept if states are to be saved; `record` holds the accepted
-    steps, and `impacts` the finished contacts, if they are asked for. Each is ``None`` otherwise.
-    `sections` holds crossings, and `reductions` what is reduced, by name.
+    `last`: the latest accepted step, if states are saved; `record`: accepted steps since the buffer
+    was emptied; `impacts`: finished contacts since then. Each is ``None`` unless requested.
+    `sections` and `reductions`: records by name.
     """
 
     step: Step
     last: Attempt | None
     record: RowBuffer[TimedState] | None
-    impacts: ImpactRecord[RowBuffer[ImpactRow]] | None
+    impacts: ImpactRecord | None
     sections: dict[str, SectionRecord]
     reductions: dict[str, ReductionRecord]
 
 
 class SavedStates(eqx.Module):
-    """States at the times of a segment, and which of these times were reached."""
+    """States at the times of a segment, and whether each time was reached."""
 
     states: State
     reached: jax.Array
@@ -83,7 +83,12 @@ def begin(
     sections: dict[str, SectionRecorder] | None = None,
     reductions: dict[str, AbstractReduction] | None = None,
 ) -> Progress:
-    """The run before its first step. Numbers are arrays, scene and state in packed form."""
+    """Return the run before its first step.
+
+    **Arguments:** numbers as arrays, scene and state in packed form; `saves`: whether states are
+    saved at given times; `record_rows`, `impact_rows`: rows of the buffers of accepted steps and of
+    each contact's impacts, ``None`` to record none.
+    """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
     last = record = impacts = None
@@ -96,7 +101,7 @@ def begin(
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     if impact_rows is not None:
         empty = RowBuffer.like(ImpactRow.none(), impact_rows)
-        impacts = ImpactRecorder().start(now, step, empty)
+        impacts = ImpactRecorder().start(method, system, step, empty)
     tallies = {name: ReductionRecord(of, of.start(now)) for name, of in (reductions or {}).items()}
     # A loop's result has no weak types: with them the next segment would compile anew.
     return jax.tree.map(
@@ -114,13 +119,14 @@ def segment(
     attempts: Scalar,
     loops: AbstractLoops = PLAIN,
 ) -> tuple[Progress, SavedStates | None]:
-    """Go on until the end time, a failure, `attempts` in all, a full record, or the last of the
-    times to save at (rising), whichever comes first."""
+    """Continue a run until the end time, a failure, `attempts` in all, a full buffer, or the last
+    of the (rising) times to save at, whichever comes first."""
     method, system = scheme.method, scheme.unpacked(folded_scene)
     if save_times is None:
         return _run(method, system, progress, t_end, t_end, attempts, loops), None
 
     def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
+        # Steps go past the save time and are not cut there: saving must not change the motion.
         now = _run(method, system, now, time, t_end, attempts, loops)
         assert now.last is not None
         state = state_of(system, *look_inside(method, system, now.last, time))
@@ -130,7 +136,7 @@ def segment(
 
 
 def emptied(progress: Progress) -> Progress:
-    """The run with empty buffers, after the host has taken the rows."""
+    """Return the run with empty buffers, after the host has read the rows."""
     record, impacts = jax.tree.map(
         lambda part: part.emptied() if isinstance(part, RowBuffer) else part,
         (progress.record, progress.impacts),
@@ -148,7 +154,7 @@ def _run(
     attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
-    """The inner loop: steps until one passes `stop`; none but the last is cut, at `t_end`."""
+    """Take steps until one passes `stop` or a buffer is full; no step goes past `t_end`."""
 
     def goes(now: Progress) -> Condition:
         more = (now.step.t < stop) & running(now.step, t_end, attempts)
@@ -165,11 +171,11 @@ def _run(
             "sections": now.sections,
             "reductions": now.reductions,
         }
-        asked = {name: record for name, record in records.items() if record is not None}
-        step, asked = advance(
-            method, system, now.step, t_end, asked, RECORDERS, attempt=loops.attempt
+        requested = {name: record for name, record in records.items() if record is not None}
+        step, requested = advance(
+            method, system, now.step, t_end, requested, RECORDERS, attempt=loops.attempt
         )
-        return Progress(step, **{**records, **asked})
+        return Progress(step, **{**records, **requested})
 
     return loops.repeat(goes, go, progress)
 
@@ -179,7 +185,7 @@ def _is_buffer(tree: object) -> bool:
 
 
 def _with_step(record: RowBuffer[TimedState], step_outcome: StepOutcome) -> RowBuffer[TimedState]:
-    """The record with the step of the stride, if that was accepted."""
+    """The record with the step that was tried, if it was accepted."""
     return record.with_row(
         _row(step_outcome.system, step_outcome.tried.step), step_outcome.tried.kept
     )
@@ -188,7 +194,7 @@ def _with_step(record: RowBuffer[TimedState], step_outcome: StepOutcome) -> RowB
 def _reduced(
     records: dict[str, ReductionRecord], step_outcome: StepOutcome
 ) -> dict[str, ReductionRecord]:
-    """The records of reductions after a stride, by name."""
+    """The records of reductions after a step was tried, by name."""
     return {name: record.after(step_outcome) for name, record in records.items()}
 
 

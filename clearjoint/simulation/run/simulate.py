@@ -1,4 +1,4 @@
-"""Simulation of a scene from a state: checks, the host's loop over segments, and the outcome."""
+"""Simulation of a scene from an initial state: checks, the run, and warnings."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ from ..step.method import Scheme
 from ..step.settings import Settings, settings_or
 from ..step.spans import check_span
 from ..step.types import Numbers
-from .host_run import HostLoop, OnePiece
+from .host_run import Run
 from .interruptions import RunInterrupted
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import Saving, saving_or_nothing
@@ -51,43 +51,45 @@ def simulate(
 ) -> Solution:
     """Integrate the equations of motion of a scene.
 
-    Compiled once for each structure of the scene and choice of method: no change of a number
-    compiles anew, unless a component of a vector becomes zero or one or ceases to be. Works under
-    `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and `jax.vjp`; then no run that
-    fails raises an error, and each runs in one piece. Put `jax.jit` around the outermost of them,
-    or each call compiles anew. A number that raises an error otherwise, such as a clearance
-    that is NaN, ends a traced run before its first step with the result `domain`.
+    The program is compiled once for each structure of the scene and each method. Changing values
+    does not recompile it, unless a vector component changes to or from exactly 0 or 1 (those are
+    folded as constants).
 
-    These derivatives are those of the computed steps, not of the motion: their error is far above
-    that of the states, and falls slowly with the tolerance; see `clearjoint.sensitivities`. Take
-    `clearjoint.presets.derivatives`.
+    The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
+    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
+    traced run raises no error. A value that would raise one otherwise, such as a clearance that is
+    NaN, ends it before the first step with the result `domain`.
+
+    Derivatives by these transformations are those of the computed steps, not of the motion. Their
+    error is far above that of the states and falls slowly with the tolerance. Use
+    `clearjoint.presets.derivatives` for them, or better `clearjoint.sensitivities`.
 
     **Arguments:**
 
-    - `scene`, `state`: what moves, and from where. The state must satisfy the constraints (see
-      `assemble`). Memory and ledger in it are continued.
+    - `scene`, `state`: the mechanism and its initial state. The state must satisfy the constraints
+      (see `assemble`). Its entry speeds, bristles and energy ledger are continued.
     - `end_time`, `start_time`: s.
-    - `settings`: how to integrate; `clearjoint.presets.default` unless given, beside which there
-      are others.
-    - `save`: what to keep beside the final state: states at times, every step, impacts,
-      sections, whose crossings are in `solution.sections`, and reductions such as `Peak`, whose
-      results are in `solution.outputs`. Under a transformation: states at times alone.
+    - `settings`: how to integrate; `clearjoint.presets.default` unless given.
+    - `save`: results to keep besides the final state: states at given times, every step, impacts,
+      sections (crossings in `solution.sections`), and reductions such as `Peak` (results in
+      `solution.outputs`). Under a transformation, only states at given times.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
-      mode is then shut. The state after some steps is kept, and what lies between computed anew.
-      Its `checkpoints` say how many are kept at once; 300 unless given, which was fastest up to
-      36 000 steps. Any number serves any run. Nothing changes where nothing is differentiated.
+      mode is then unavailable. `checkpoints` is the number of states that are stored; the steps
+      between them are computed again. The default of 300 was fastest up to 36 000 steps. Any
+      number works for any run, and results without differentiation do not depend on it.
     - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
-    - `progress`: show a bar on runs that take longer than two seconds, and while it compiles.
+    - `progress`: show a progress bar for runs that take longer than two seconds, and while
+      compiling.
 
     **Returns:** a `Solution`.
 
-    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` that
-    holds what was computed, if a user stops it.
+    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` with the
+    solution so far, if a user stops it.
 
-    **Warns:** `LeftBearingWarning` if a journal that nothing holds axially has slid out of its
-    bearing in a state that the run keeps, and when; `LawRangeWarning` if impacts are saved and one
-    is deeper than its law holds for (`beyond_law_ranges`); `UnusualValueWarning` for a start far in
-    the wall of a bearing.
+    **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
+    in a saved state or at the end; `LawRangeWarning` if impacts are saved and one is deeper than
+    the range of its law (`beyond_law_ranges`); `UnusualValueWarning` for a journal that starts deep
+    in the wall of its bearing.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -105,6 +107,7 @@ def simulate(
     times: Numbers | None = save.times
     admissible = None
     if traced:
+        # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_times_alone("under a transformation of JAX", LEAVE_OUT)
         admissible = in_domain(
             lambda: _check_numbers(scene, state, start_time, end_time, settings, save)
@@ -124,24 +127,18 @@ def simulate(
     rows = STEP_ROWS if save.steps else None, IMPACT_ROWS if save.impacts else None
     saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
     now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, *rows, *kept)
+    run = Run(folded_scene, scheme, end, redundant)
     if traced:
         if admissible is not None:
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
             now = eqx.tree_at(lambda progress: progress.step.result, now, result)
-        run = OnePiece(folded_scene, scheme, end, redundant)
         save_at = None if times is None else on_device(times)
-        return run.solution(now, save_at, settings.max_steps, loops_for(adjoint))
-    host = HostLoop(folded_scene, scheme, end, redundant)
-    solution = host.solution(
-        now,
-        times,
-        settings.max_steps,
-        progress,
-        save.sections,
-        setting_notes(settings),
+        return run.in_one_piece(now, save_at, settings.max_steps, loops_for(adjoint))
+    solution, interrupted, left_bearing = run.on_host(
+        now, times, settings.max_steps, progress, save.sections, setting_notes(settings)
     )
-    _warn(scene, solution, host.left_bearing)
-    if host.interrupted:
+    _warn(scene, solution, left_bearing)
+    if interrupted:
         raise RunInterrupted(solution)
     if throw:
         raise_failure(solution)
@@ -152,7 +149,7 @@ begin_compiled = Native(begin)
 
 
 def _array(number: Numbers, traced: bool) -> Any:
-    """The number as an array: of numpy, which costs the host less, unless JAX traces the run."""
+    """Return the number as an array of NumPy, which costs the host less, or of JAX if traced."""
     return on_device(number) if traced else np.asarray(number, float)
 
 
@@ -164,7 +161,7 @@ def _check_numbers(
     settings: Settings,
     save: Saving,
 ) -> None:
-    """Check every number of a run, but not whether they fit the constraints."""
+    """Check every number of a run, but not whether the state satisfies the constraints."""
     check_numbers(scene, state)
     check_span(start_time, end_time)
     settings.check_numbers()
@@ -172,8 +169,7 @@ def _check_numbers(
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Warn of journals that are outside their bearings in what is kept, and of laws beyond their
-    range."""
+    """Warn of journals outside their bearings in saved states, and of laws beyond their range."""
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
     if kept or left_bearing:
         warn_of_journals_outside(scene, solution.time, solution.final, kept)

@@ -104,7 +104,7 @@ class _Traced:
         """By variable of the tables of impacts, what is recorded at a step."""
         if not lane.impacts:
             return {}
-        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.rings(), 1))
+        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self._tabling, self._scene(numbers), lane, request)
         return {
             variable_name(name, key): record
