@@ -1,1 +1,1 @@
-"""Many runs side by side: lanes, their records and their scheduling."""
+"""Many runs side by side: lanes, their recorders and their scheduler."""

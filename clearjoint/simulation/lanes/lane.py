@@ -1,7 +1,7 @@
-"""One lane of a batch: a run that takes one step a turn, reduces and records what is asked for.
+"""One lane of a batch: a run that takes one step in each turn of a loop over many lanes.
 
-Everything here is scalar arithmetic without loops; `clearjoint.native.lanes` and `.xla_lanes` add
-the lanes and the loop around the turns.
+This module is scalar arithmetic without loops. `clearjoint.native.lanes` and `.xla_lanes` put lanes
+side by side and add the loop.
 """
 
 from collections.abc import Mapping
@@ -46,20 +46,20 @@ LATEST = ""
 
 
 class CrossingRecord(eqx.Module):
-    """The level of a section where a lane is, and its crossings."""
+    """The level of a section after the latest step, and the crossings so far."""
 
     level: Scalar
     rows: RowBuffer[Snapshot]
 
 
 class CrossingRecorder(eqx.Module):
-    """Records the crossings of a section, as many as are still wanted."""
+    """Records the crossings of a section, at most `wanted` more."""
 
     section: Crossing
     wanted: Scalar
 
     def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
-        """The record after a stride, with a crossing more if the stride had one that is wanted."""
+        """Return the record after a step was tried, with its crossing if one is wanted."""
         kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
         row = self.section.row(step_outcome, before, after)
         rises = kept & (before < 0.0) & (after >= 0.0)
@@ -68,9 +68,9 @@ class CrossingRecorder(eqx.Module):
 
 
 class Plan(eqx.Module):
-    """What all lanes of a batch have in common beside their scene.
+    """Method and outputs that all lanes of a batch share.
 
-    - `reductions`, `sections` and `impacts`: by name.
+    - `reductions`, `sections` and `impacts`: by the outputs' names.
     - `saves`: whether states are saved at chosen times.
     - `max_steps`: largest number of steps tried in a lane.
     """
@@ -89,10 +89,10 @@ class Plan(eqx.Module):
 
 
 class SegmentRequest(eqx.Module):
-    """What the host asks of a lane until it looks at it again.
+    """What a lane is to do until it returns to the host.
 
-    `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at, infinite behind
-    the last. `wanted`: rows still to be recorded, by log.
+    `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at in s, filled up
+    with infinity. `wanted`: rows still to be recorded, by log.
     """
 
     end_time: Scalar
@@ -102,8 +102,7 @@ class SegmentRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns: its step, what is recorded of it by the names of the outputs, and
-    the states saved."""
+    """A run between two turns: its step, the records of its outputs by name, and saved states."""
 
     step: Step
     tallies: dict[str, PyTree]
@@ -113,7 +112,7 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Whether another step is to be tried."""
+        """Whether the run has not ended."""
         return running(self.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
@@ -127,12 +126,12 @@ class Lane(eqx.Module):
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Name of the log of a contact's impacts, which no output has."""
+    """Return the name of the log of a contact's impacts; no output has such a name."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
 class Outcome(eqx.Module):
-    """How a lane's run ended, and what it comes to."""
+    """How a lane's run ended, its final state and the results of its reductions."""
 
     time: Scalar
     result: RESULTS
@@ -145,7 +144,8 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
 ) -> Lane:
-    """The lane before its first step."""
+    """Return the lane before its first step."""
+    # A lane whose state violates the constraints ends at once, and the others run.
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
     step = begin_run(plan.method, system, state, start_time, request.end_time, request.first_step)
@@ -154,7 +154,7 @@ def begin_lane(
     )
     row = Snapshot(step.t, step.y, step.entry_speeds)
     now = row.instant(system)
-    hits = RowBuffer.like(ImpactRow.none(), ROWS)
+    no_impacts = RowBuffer.like(ImpactRow.none(), ROWS)
     lane = Lane(
         step,
         {name: reduction.start(now) for name, reduction in plan.reductions.items()},
@@ -163,7 +163,7 @@ def begin_lane(
             for name, section in plan.sections.items()
         },
         {
-            name: recorder.start(plan.method, system, step, hits)
+            name: recorder.start(plan.method, system, step, no_impacts)
             for name, recorder in plan.impacts.items()
         },
         _empty_dense_step(plan, system, step, request) if plan.saves else None,
@@ -213,7 +213,7 @@ def _recorders(plan: Plan, request: SegmentRequest) -> dict[str, Recorder]:
 
 
 def _updating(reduction: AbstractReduction) -> Recorder:
-    """The recorder of a reduction's tally."""
+    """Return the recorder of a reduction's tally."""
 
     def after(tally: PyTree, step_outcome: StepOutcome) -> PyTree:
         return choose(step_outcome.kept, reduction.update(tally, step_outcome.now), tally)
@@ -222,7 +222,7 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 
 
 def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
-    """The recorder of an output's impacts."""
+    """Return the recorder of the impacts of an output."""
 
     def after(record: ImpactRecord, step_outcome: StepOutcome) -> PyTree:
         wanted = {
@@ -235,7 +235,7 @@ def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Re
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """What is known of a lane now; final if it has ended."""
+    """Return the outcome of a lane so far; it is final if the lane has ended."""
     system = plan.scheme.system(scene)
     step = lane.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
@@ -253,7 +253,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 
 
 def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
-    """Whether a turn would do anything: the lane neither ended nor waits for the host."""
+    """Whether a turn changes the lane: it has neither ended nor waits for the host."""
     goes = _goes(plan, lane, request)
     if lane.saved is None:
         return goes
@@ -261,8 +261,10 @@ def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
+    """Whether a lane takes a step in this turn."""
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
+        # The dense output of the latest step is needed until all times within it are saved at.
         more = request.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, request))
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)
@@ -273,19 +275,20 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
-    """The first time, s, at which no state is saved yet; infinite if all are."""
+    """Return the first time in s at which no state is saved yet; infinite if there is none."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
-    """Whether the run has come past a time that is not saved at yet."""
+    """Whether the run has passed a time at which no state is saved yet."""
     if lane.saved is None:
         return jnp.asarray(False)
     return _next_save(lane, request) <= lane.step.t
 
 
 def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
+    """Save the state at one time within the latest step, if there is one that is due."""
     if lane.saved is None:
         return lane
     assert lane.dense_step is not None
@@ -296,7 +299,7 @@ def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) 
 
 
 def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRequest) -> DenseStep:
-    """A bracket of length zero at the start."""
+    """Return a dense step of length zero at the start."""
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, request.end_time))
     row = Snapshot(step.t, step.y, step.entry_speeds)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
@@ -305,21 +308,22 @@ def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRe
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
-    """Whether position and velocity satisfy all ideal joints, and the coordinates can hold them."""
+    """Whether a state satisfies all ideal joints and the coordinates can represent it."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)
     for row in flattened(absolute.rows(motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
-    own = System(scene, plan.scheme.formulation)
-    for name, held in own.decode(own.encode(bodies)).items():
-        fits = fits & (_apart(held.orientation, bodies[name].orientation) < REPRESENTED)
+    # Joint coordinates hold only motions that their joints allow: compare after a round trip.
+    chosen = System(scene, plan.scheme.formulation)
+    for name, body in chosen.decode(chosen.encode(bodies)).items():
+        fits = fits & (_apart(body.orientation, bodies[name].orientation) < REPRESENTED)
     return fits
 
 
 def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
-    """Largest difference of the Euler parameters of two orientations, whose sign means nothing."""
+    """Return the largest difference of the Euler parameters of two orientations, up to sign."""
     pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
     alike = [jnp.abs(one - other) for one, other in pairs]
     opposite = [jnp.abs(one + other) for one, other in pairs]

@@ -1,4 +1,7 @@
-"""Lanes side by side, each refilled as soon as its lane ends; one thread a core or accelerator."""
+"""Scheduler of lanes: each column of a loop gets a new lane as soon as its lane has ended.
+
+A batch has one group of columns, with its thread, for each core or accelerator.
+"""
 
 import threading
 import time
@@ -32,9 +35,9 @@ from .tasks import Columns, Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Seconds between two reports of progress, and of lanes that have ended."""
+"""Seconds between two reports of progress and of lanes that have ended."""
 KNOWN_SHARE = 0.01
-"""Of all work, from which on the time left is estimated."""
+"""Share of all work that must be done before the time left is estimated."""
 BLOCK_ROWS = 256
 """Recorded rows that are read at once."""
 OnCells = BoundFunction | XlaFunction
@@ -43,8 +46,11 @@ OnCells = BoundFunction | XlaFunction
 
 @dataclass(frozen=True)
 class Ended:
-    """Lanes that have ended: their numbers (n,), and with n in front what came of them, and by log
-    and name what was recorded (n, rows, ...) and how many rows of it (host arrays); NaN behind."""
+    """Lanes that have ended (host arrays with their number n in front).
+
+    `lanes`: their numbers, (n,). `logs`: by log, the recorded columns by name, (n, rows, ...)
+    filled up with NaN, and the numbers of rows, (n,).
+    """
 
     lanes: np.ndarray
     outcome: Outcome
@@ -53,11 +59,10 @@ class Ended:
 
 @dataclass(frozen=True)
 class Running:
-    """How far the lanes are that have begun and not ended.
+    """Progress of the lanes that have begun and not ended.
 
-    `lanes`: their number; `earliest` and `latest`: the times, s, that they have reached;
-    `seconds_left`: estimated time until all lanes have ended, also those that wait; ``None`` as
-    long as nothing is known of any.
+    `lanes`: their number; `earliest` and `latest`: the times they have reached, s; `seconds_left`:
+    estimated time until all lanes of the batch have ended, ``None`` if there is no estimate yet.
     """
 
     lanes: int
@@ -67,11 +72,11 @@ class Running:
 
 
 class Batch:
-    """Runs lanes: in native code on CPUs, unless it can't, and by XLA elsewhere.
+    """Runs lanes: in native code on CPUs where possible, else by XLA.
 
-    **Arguments:** `common`: what all lanes share; `tasks`: the lanes in front of every array (host
-    arrays); `threads`: how many compute at the same time, as many as `clearjoint.configure` says
-    unless given.
+    **Arguments:** `common`: data that all lanes share; `tasks`: data of the lanes, with the lanes
+    in front of every array (host arrays); `threads`: number of threads, as set by
+    `clearjoint.configure` unless given.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
@@ -83,7 +88,7 @@ class Batch:
         if tasks.save_at is not None:
             self.lengths[common.saved] = tasks.save_at.shape[1]
         self.turns = 0
-        """Turns given so far, of lanes that advanced and of empty columns."""
+        """Turns so far, counted for every column, also the empty ones."""
 
     def run(
         self,
@@ -91,13 +96,13 @@ class Batch:
         on_ended: Callable[[Ended], None],
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> None:
-        """Run the lanes of the given numbers, which begin in this order.
+        """Run the lanes with the given numbers, which begin in this order.
 
-        `on_ended` gets lanes soon after they have ended, while others run; `on_progress` is called
-        several times a second.
+        `on_ended` receives lanes soon after they have ended, while others run; `on_progress` is
+        called several times a second.
 
-        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads rest and `on_ended` has got
-        all lanes that had ended.
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
+        has received all lanes that had ended.
         """
         if not lanes:
             return
@@ -110,6 +115,7 @@ class Batch:
             try:
                 for thread in threads:
                     thread.start()
+                # Threads compute without Python's lock; this one hands over and shows progress.
                 _deliver(shared, groups, on_ended, on_progress, stopped)
             finally:
                 shared.stops = True
@@ -130,14 +136,14 @@ class Batch:
 
 
 class _Programs:
-    """What a batch compiles, and how lanes lie in cells.
+    """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    - `own`: cells of what each lane has for itself (lanes, cells): its task, and behind it what is
-      asked of it, which are kept at `request`.
-    - `begin`, `outcome`, `columns[log]`: what makes such a function for a thread; `outcome_cells`
-      and `column_cells[log]`: how its results lie in cells.
-    - `buffers`: by log, the cells of a buffer's rows in a column, (rows, numbers), and of their
-      count; `blocks`: rows that are read at once, and the numbers of each.
+    - `own`: (lanes, cells), data of each lane: its task, and then its request, whose cells in a
+      column are those in `request`.
+    - `begin`, `outcome`, `columns[log]`: factories, since each thread needs its own functions;
+      `outcome_cells`, `column_cells[log]`: layout of their results.
+    - `buffers`: by log, the cells of a buffer's rows in a column, (rows, numbers), and of its
+      count; `blocks`: by log, rows that are read at once, and the numbers in each.
     """
 
     def __init__(self, batch: Batch, native: bool):
@@ -148,12 +154,12 @@ class _Programs:
             lane = _begun(common, task)
         else:
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-        request = self._first_orders(batch)
+        request = self._first_requests(batch)
         own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), request)
         self.loop = (
             _LOOPS.loop(common, own, lane)
             if native
-            else XlaLaneLoop(_turned, _looked_at, common, own, lane)
+            else XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
         )
         cells = Cells(own)
         self.own = cells.rows((bare, request))
@@ -173,6 +179,7 @@ class _Programs:
             )
             for name, buffer in common.logs(columns).items()
         }
+        # The last row of a buffer takes rows for which there is no room, and is never read.
 
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
             if native:
@@ -192,8 +199,8 @@ class _Programs:
         self.column_cells = {name: make().results for name, make in self.columns.items()}
 
     @staticmethod
-    def _first_orders(batch: Batch) -> SegmentRequest:
-        """The first request of all lanes: arrays have the lanes in front."""
+    def _first_requests(batch: Batch) -> SegmentRequest:
+        """Return the first requests of all lanes, with the lanes in front of each array."""
         common, tasks = batch.common, batch.tasks
         count = len(tasks.end_time)
         window = np.full((count, WINDOW), np.inf)
@@ -206,20 +213,20 @@ class _Programs:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: its number, and by log the rows that its host has taken."""
+    """A lane in a column: its number, and by log the rows that the host has read."""
 
     number: int
     rows: dict[str, list[np.ndarray]]
 
     def recorded(self, log: str) -> int:
-        """The number of rows taken of a log."""
+        """The number of rows read from a log."""
         return sum(map(len, self.rows[log]))
 
 
 @dataclass
 class _Record:
-    """A lane that has ended: the cells of its outcome, and by log those of the blocks of what was
-    recorded (blocks, cells), and the number of rows."""
+    """A lane that has ended: the cells of its outcome, and by log the cells of its recorded blocks,
+    (blocks, cells), and the number of rows."""
 
     lane: int
     outcome: np.ndarray
@@ -228,11 +235,11 @@ class _Record:
 
 @dataclass
 class _Shared:
-    """What the groups of a batch share.
+    """State that the groups of a batch share.
 
-    - `waiting`: numbers of the lanes that have not begun; `records`: of lanes that have ended;
-      `times`: where the lanes are that run, s, by number.
-    - `finished`: whether all groups have ended, or one with an error; `stops`: whether they are to.
+    - `waiting`: numbers of the lanes that have not begun; `records`: lanes that have ended;
+      `times`: times that running lanes have reached, s, by number.
+    - `finished`: set when a group has ended; `stops`: whether all groups are to stop.
     """
 
     batch: Batch
@@ -247,7 +254,7 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """The numbers of up to so many lanes to begin."""
+        """Return the numbers of up to `count` lanes to begin."""
         found: list[int] = []
         try:
             while len(found) < count:
@@ -257,7 +264,7 @@ class _Shared:
         return found
 
     def running(self) -> Running:
-        """How far the lanes are."""
+        """Return the progress of the lanes."""
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -269,7 +276,7 @@ class _Shared:
 
 
 class _Group:
-    """Lanes side by side, and the thread that runs them."""
+    """A group of columns, and the thread that runs the lanes in them."""
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -287,14 +294,14 @@ class _Group:
                 self._read = {name: make() for name, make in programs.columns.items()}
                 while not self._shared.stops and self._filled():
                     self.turns += self._loop.width * self._loop.run(self._columns)
-                    self._look()
+                    self._serve()
         except BaseException as error:
             self.error = error
         self.ended = True
         self._shared.finished.set()
 
     def _filled(self) -> bool:
-        """Begin waiting lanes in empty columns; whether any column has a lane."""
+        """Begin waiting lanes in empty columns; return whether any column has a lane."""
         empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
@@ -307,8 +314,8 @@ class _Group:
                 self._loop.write_lane(self._columns, column, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
-    def _look(self) -> None:
-        """Take the rows of lanes that wait for it, and what came of those that have ended."""
+    def _serve(self) -> None:
+        """Read the rows of lanes that wait for it, and end the lanes that are done."""
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
         ended: list[int] = []
@@ -319,13 +326,14 @@ class _Group:
             if goes[column]:
                 continue
             self._take_rows(column, slot)
+            # A lane at its end may still have times to save at within its last step.
             if not runs[column] and self._next_saves(slot)[0] > times[column]:
                 ended.append(column)
         if ended:
             self._end(ended)
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
-        """Take the rows out of a column's buffers, and ask for the next ones."""
+        """Read and empty the buffers of a column, and update its request."""
         floats, whole = self._columns.floats, self._columns.whole
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
@@ -339,7 +347,7 @@ class _Group:
                 whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
-        """The next times to save at, s, and infinity behind the last."""
+        """Return the next times to save at in s, filled up with infinity."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
             first = slot.recorded(batch.common.saved)
@@ -348,20 +356,20 @@ class _Group:
         return window
 
     def _end(self, columns: list[int]) -> None:
-        """Hand over what came of the lanes in some columns, and empty these."""
-        slot = [one for column in columns if (one := self._slots[column])]
-        tasks = self._programs.own[[one.number for one in slot], : self._programs.task_cells]
+        """Hand over the outcomes of the lanes in some columns, and empty the columns."""
+        slots = [slot for column in columns if (slot := self._slots[column])]
+        tasks = self._programs.own[[slot.number for slot in slots], : self._programs.task_cells]
         states = self._columns.floats[self._loop.state_cells, columns].T
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
-        for column, one, task, cells in zip(columns, slot, tasks, outcomes, strict=True):
-            logs = {name: self._log(name, one.rows[name], task) for name in self._read}
-            self._shared.records.append(_Record(one.number, cells, logs))
-            del self._shared.times[one.number]
+        for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):
+            logs = {name: self._log(name, slot.rows[name], task) for name in self._read}
+            self._shared.records.append(_Record(slot.number, cells, logs))
+            del self._shared.times[slot.number]
             self._loop.leave(self._columns, column)
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """The cells of what is reported of the rows of a log, block by block, and their number."""
+        """Return the cells of the reported columns of a log, block by block, and its row count."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
@@ -378,12 +386,13 @@ def _deliver(
     on_progress: Callable[[Running], None],
     stopped: Callable[[], bool],
 ) -> None:
-    """Hand over lanes that have ended, until all groups have."""
+    """Hand over lanes that have ended, until all groups have stopped."""
     going = True
     while going:
         shared.finished.wait(PERIOD)
         shared.finished.clear()
         shared.stops = shared.stops or stopped()
+        # Asked before the records are taken, or those of a group that ends now would be lost.
         going = not all(group.ended for group in groups)
         records = [shared.records.popleft() for _ in range(len(shared.records))]
         if records:
@@ -395,7 +404,7 @@ def _deliver(
 
 
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
-    """Lanes that have ended, from their cells."""
+    """Return lanes that have ended as trees, from their cells."""
     programs, logs = shared.programs, {}
     for name, length in shared.batch.lengths.items():
         found = [record.logs[name] for record in records]
@@ -413,7 +422,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
 
 
 def _on_device(number: int) -> AbstractContextManager[object]:
-    """A context in which a thread computes on its accelerator, if there are any."""
+    """Return a context in which a thread computes on its accelerator, if there are any."""
     if jax.default_backend() == "cpu":
         return nullcontext()
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
@@ -421,7 +430,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @Native
 def _begun(common: Common, task: Task) -> Lane:
-    """A lane before its first step."""
+    """Return a lane before its first step."""
     request = SegmentRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )
@@ -431,7 +440,7 @@ def _begun(common: Common, task: Task) -> Lane:
 
 @Native
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    """What came of a lane, its state in packed form."""
+    """Return the outcome of a lane, with its state in packed form."""
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
 
 
@@ -439,20 +448,20 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> Columns:
-    """What is reported of rows of a log."""
+    """Return the reported columns of rows of a log."""
     common, name, example = shared
     return common.columns_of(name, example, task, rows)
 
 
 class _Loops:
-    """The native loops of a process, each compiled once."""
+    """The native loops of a process, by structure; each is compiled once."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._loops: dict[Hashable, LaneLoop] = {}
 
     def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
-        """The loop for lanes of a structure."""
+        """Return the loop for lanes of a structure."""
         trees = common, own, lane
         leaves, structure = jax.tree.flatten(trees)
         key = (
@@ -461,9 +470,9 @@ class _Loops:
         )
         with self._lock:
             if key not in self._loops:
-                traced = begins_a_program(_turned)
+                traced = begins_a_program(_lane_after_turn)
                 self._loops[key] = load_or_make(
-                    _turned, trees, lambda: LaneLoop(traced, _looked_at, *trees)
+                    _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
                 )
             return self._loops[key]
 
@@ -471,12 +480,12 @@ class _Loops:
 _LOOPS = _Loops()
 
 
-def _turned(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:
+def _lane_after_turn(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:
     task, request = own
     return step_lane(common.plan, common.scene(task), lane, request)
 
 
-def _looked_at(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> dict[str, PyTree]:
+def _lane_status(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> dict[str, PyTree]:
     _, request = own
     return {
         "goes": moves(common.plan, lane, request),

@@ -1,4 +1,4 @@
-"""What the lanes of a batch share, and what each has for itself."""
+"""Data that all lanes of a batch share, and data of each lane."""
 
 import equinox as eqx
 import jax
@@ -18,13 +18,14 @@ from ..step.types import Numbers
 from .lane import Lane, Plan
 
 Columns = dict[str, Scalar]
-"""What is reported of a row, or of each of many, by name."""
+"""Reported numbers of one row, or of many rows, by name."""
 
 
 class Task(eqx.Module):
-    """A lane to run: what of its scene varies, its initial state (packed), and its end.
+    """Data of one lane.
 
-    `end_time` and `first_step` s; `save_at` (K,) s rising, or ``None``.
+    `varied`: leaves of the scene that differ between lanes; `state`: the initial state, packed;
+    `end_time` and `first_step` in s; `save_at`: (K,) s, rising, or ``None``.
     """
 
     varied: PyTree
@@ -35,15 +36,15 @@ class Task(eqx.Module):
 
 
 class Common(eqx.Module):
-    """What all lanes of a batch share.
+    """Data that all lanes of a batch share.
 
-    - `folded_scene`: the scene, what varies in it left as in the base; `start_time`: s.
-    - `capacity`: rows to record, by log of a section or of a contact's impacts.
-      `channels[log][name]`: quantities to report of each recorded state; `saved` is the name of the
-      log of saved states.
+    - `folded_scene`: the base scene, whose varied leaves each lane replaces; `start_time`: s.
+    - `capacity`: largest number of rows, by log of a section or of a contact's impacts.
+      `channels[log][name]`: quantities to report of each recorded state; `saved`: name of the log
+      of saved states.
     - `tables`: logs of the contacts of each table of impacts, by the table's name.
-    - `programs`: digests of what is computed, if they are known. Compiled programs are kept for
-      equal ones only, so that none is run that was traced from code since changed.
+    - `programs`: fingerprints of the traced programs, if known. A compiled program is reused only
+      for equal fingerprints, so that none runs that was traced from code since changed.
     """
 
     plan: Plan
@@ -61,23 +62,26 @@ class Common(eqx.Module):
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
-        """The scene of a lane, in scalar form."""
+        """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
 
     def columns_of(
         self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array
     ) -> Columns:
-        """What is reported of rows (rows, numbers) of a log, whose rows are like the example."""
+        """Return the reported columns of a log from its rows, (rows, numbers).
+
+        `example` is a row with the structure that the numbers of each row are put into.
+        """
         leaves, structure = jax.tree.flatten(example)
         system = self.plan.scheme.system(self.scene(task))
         ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
 
         def at(row: jax.Array) -> Columns:
             parts = zip(jnp.split(row, ends), leaves, strict=True)
-            here: Snapshot | ImpactRow = jax.tree.unflatten(
+            recorded: Snapshot | ImpactRow = jax.tree.unflatten(
                 structure, [part.reshape(leaf.shape) for part, leaf in parts]
             )
-            return here.columns(system, self.channels.get(name, {}))
+            return recorded.columns(system, self.channels.get(name, {}))
 
         return jax.lax.map(at, rows)

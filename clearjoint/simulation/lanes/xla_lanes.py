@@ -1,7 +1,7 @@
-"""Lanes side by side in programs of XLA: on accelerators, and on CPUs without native code.
+"""Loop over lanes compiled by XLA, for accelerators and for CPUs without native code.
 
-All programs have a fixed number of lanes, so that the arithmetic of a lane is the same beside any
-others.
+All programs have a fixed number of lanes, so that the arithmetic of a lane does not depend on the
+other lanes.
 """
 
 from collections.abc import Callable
@@ -22,13 +22,13 @@ from ...native.lowering import Region
 ON_CPU, ON_ACCELERATOR = 64, 4096
 """Lanes side by side."""
 TURNS = 256
-"""Turns after which a loop returns at the latest."""
+"""Largest number of turns before a loop returns."""
 WAITING = 8
-"""A loop returns when one lane of so many needs its host."""
+"""A loop returns when one lane in `WAITING` needs its host."""
 
 
 def width() -> int:
-    """Lanes side by side on a device of this process."""
+    """Return the number of lanes side by side on a device of this process."""
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 
@@ -55,12 +55,12 @@ class XlaLaneLoop(AbstractLaneLoop):
         }
 
     def columns(self, shared: PyTree) -> Columns:
-        """Memory of a group of lanes, none of which is occupied."""
+        """Return the memory of a group of lanes, all columns empty."""
         del shared  # which is the same in all calls
         return Columns(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Columns) -> int:
-        """Turns until some of the lanes need their host, at most `TURNS`; their number."""
+        """Take turns until some of the lanes need their host; return the number of turns."""
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.whole[self.occupied] > 0
@@ -71,7 +71,7 @@ class XlaLaneLoop(AbstractLaneLoop):
         except jax.errors.JaxRuntimeError:
             if turns is _TURNS:
                 raise
-            # Some operations, scatters and calls of LAPACK, can't be part of one function.
+            # Some operations, scatters and calls of LAPACK, cannot be part of one function.
             self._turns = _TURNS
             count, state, status = _TURNS(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
@@ -90,7 +90,7 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """The cells of results (n, results.size), for those of the arguments, (n, cells)."""
+        """Return the cells of the results, (n, results.size), for arguments in (n, cells)."""
         found, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         for first in range(0, len(rows), width):
@@ -103,7 +103,7 @@ class XlaFunction:
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """A PyTree with zeros in the place of the shapes of arrays."""
+    """Return a PyTree with zeros instead of the shapes of arrays."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )
@@ -116,17 +116,17 @@ def _turns(
     state: PyTree,
     occupied: jax.Array,
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
-    """The number of turns, and the state and the status of all lanes behind them."""
+    """Return the number of turns taken, and state and status of all lanes after them."""
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
-    def calm(now: tuple[jax.Array, PyTree]) -> jax.Array:
+    def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
         waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
         return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())
 
     def go(now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:
         return now[0] + 1, turn(own, now[1])
 
-    count, state = jax.lax.while_loop(calm, go, (jnp.zeros((), int), state))
+    count, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
     return count, state, status(own, state)
 
 

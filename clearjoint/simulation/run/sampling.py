@@ -1,7 +1,7 @@
-"""Quantities along a motion with their derivatives, looked at while both are integrated.
+"""Quantities and their derivatives at given times of a run with tangents.
 
-The compiled part of `.sensitivities`, of fits and of horizons: a run with tangents that stops at
-each time to look, and whose records are those of any run (`.advance`).
+This is the compiled part of `.sensitivities`, of fits and of fit horizons. The recorders are those
+of any run (`.advance`).
 """
 
 from collections.abc import Callable, Mapping
@@ -36,24 +36,24 @@ from .run_ends import final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
 
 LATEST, IMPACTS, SECTIONS = "latest", "impacts", "sections"
-"""Names of what is recorded on the way."""
+"""Names of the records."""
 RECORDERS: dict[str, Recorder] = {
     LATEST: latest_attempt,
     IMPACTS: ImpactRecorder().after,
     SECTIONS: after_sections,
 }
 Run = tuple[Step, dict[str, PyTree]]
-"""The latest step, and what is recorded, by name."""
+"""The latest step, and the records by name."""
 FEW_TIMES, GROWTH = 64, 8
-"""Numbers of times are rounded up to one of 64, 512, 4096, ..., so that hardly another compiles
-anything. A time that is repeated is looked at once, so that those added cost next to nothing."""
+"""Numbers of times are rounded up to 64, 512, 4096 ..., so that few numbers need compiling. The
+last time is repeated; a repeated time is evaluated once, so that padding costs almost nothing."""
 
 
 class Kept(eqx.Module):
-    """What is kept of a run beside quantities.
+    """Results to keep besides quantities.
 
-    `states`: whether the states at the times are; `impacts`: room for so many of each contact, or
-    ``None`` to table none; `sections`: whose crossings are tabled.
+    `states`: whether to keep the states at the times; `impacts`: rows for the impacts of each
+    contact, or ``None`` to record none; `sections`: recorders of crossings, by name.
     """
 
     states: bool = eqx.field(default=False, static=True)
@@ -63,17 +63,17 @@ class Kept(eqx.Module):
 
 NOTHING_ELSE = Kept()
 IMPACTS_AT_FIRST = 512
-"""Of each contact; a run that has more is repeated with room for `GROWTH` times as many."""
+"""Rows for each contact; a run with more impacts is repeated with `GROWTH` times as many rows."""
 
 
 class Sampled(eqx.Module):
-    """What was measured at N instants, and its derivatives along p parameters.
+    """Quantities at N times and their derivatives along p parameters.
 
     - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
-    - `reached`: (N,) whether the run came so far.
-    - `time`, `result`, `attempts`, `accepted`: where and how it ended, and its steps.
-    - `states`, in scalar form with N in front, `impacts` and `sections`, if they are kept. Times of
-      impacts are since the start of the run.
+    - `reached`: (N,), whether the run reached each time.
+    - `time`, `result`, `attempts`, `accepted`: end of the run in s, its result code, and its steps.
+    - `states` in scalar form with N in front, `impacts` and `sections`, if kept. Times of impacts
+      count from the start of the run.
     """
 
     values: dict[str, Numbers]
@@ -99,13 +99,11 @@ def followed(
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
-    """Integrate state and derivatives, and look at quantities at rising times. Traceable.
-
-    Steps go by a clock that starts with the run, at zero: the times of steps that land on impacts
-    are rounded too coarsely long after time zero.
-    """
+    """Integrate state and derivatives, and evaluate quantities at rising times. Traceable."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system = systems.system()
+    # Steps go by a clock that is zero at the start of the run: steps that land on impacts need
+    # times that are finer than the rounding of large times.
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
     records = _first_records(method, system, first, kept)
@@ -121,18 +119,20 @@ def followed(
 
     def sample(now: Run, row: tuple[Scalar, Condition]) -> tuple[Run, PyTree]:
         time, is_new = row
+        # Steps go past the time, since evaluation must not change them.
         step, records = now = jax.lax.while_loop(
             lambda now: (now[0].t < time) & running(now[0], own_end, max_steps), go, now
         )
-        looks = _sample(method, systems, outputs, records[LATEST], time, is_new, kept)
-        return now, (*looks, time <= step.t)
+        sampled = _sample(method, systems, outputs, records[LATEST], time, is_new, kept)
+        return now, (*sampled, time <= step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
-    (step, records), (*looks, states, reached) = _scanned(
+    (step, records), (*sampled, states, reached) = _scanned(
         sample, (first, records), (own_times, is_new)
     )
+    # Repeated times take the numbers of the first time among them, the only one evaluated.
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
-    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], looks)
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
@@ -150,18 +150,19 @@ def followed(
 def _scanned(
     sample: Callable[[Run, PyTree], tuple[Run, PyTree]], run: Run, rows: PyTree
 ) -> tuple[Run, PyTree]:
-    """`jax.lax.scan` over rows, block by block: a loop copies at every turn all that it has written
-    so far, which took ten times as long as the run at 4096 times."""
+    """Apply `jax.lax.scan` over rows, block by block."""
+    # XLA copies in each turn all that a loop has written so far: at 4096 times one loop took ten
+    # times as long as the run.
     count = len(jax.tree.leaves(rows)[0])
     if count <= FEW_TIMES or count % FEW_TIMES != 0:
         return jax.lax.scan(sample, run, rows)
     blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, FEW_TIMES), rows)
-    run, found = jax.lax.scan(lambda run, block: jax.lax.scan(sample, run, block), run, blocks)
-    return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), found)
+    run, rows = jax.lax.scan(lambda run, block: jax.lax.scan(sample, run, block), run, blocks)
+    return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
 
 
 def _first_records(method: Method, system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
-    """What is recorded beside the latest attempt, before the first step."""
+    """Return the records before the first step, without that of the latest attempt."""
     records: dict[str, PyTree] = {
         SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
     }
@@ -180,12 +181,15 @@ def _sample(
     is_new: Condition,
     kept: Kept,
 ) -> tuple[PyTree, PyTree, State | None]:
-    """Quantities and their derivatives at an instant of the latest step, or nothing of one that has
-    been looked at; and the state there, if it is kept."""
+    """Return quantities, their derivatives and the state (if kept) at a time of the latest step.
+
+    Quantities are zeros at a time that is not new.
+    """
+    zero, along = jnp.zeros(()), jnp.zeros(len(systems.values))
     values, derivatives = jax.lax.cond(
         is_new,
-        lambda: _looked_at(method, systems, outputs, last, time),
-        lambda: _nothing(systems, outputs),
+        lambda: _quantities(method, systems, outputs, last, time),
+        lambda: (dict.fromkeys(outputs, zero), dict.fromkeys(outputs, along)),
     )
     if not kept.states:
         return values, derivatives, None
@@ -193,22 +197,14 @@ def _sample(
     return values, derivatives, named(state_of(system, *look_inside(method, system, last, time)))
 
 
-def _nothing(
-    family: SystemFamily, outputs: Mapping[str, Quantity]
-) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """What stands in the place of quantities at a time that has been looked at."""
-    along = jnp.zeros(len(family.values))
-    return dict.fromkeys(outputs, jnp.zeros(())), dict.fromkeys(outputs, along)
-
-
-def _looked_at(
+def _quantities(
     method: Method,
     family: SystemFamily,
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
 ) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Quantities at an instant of an accepted step, and their derivatives."""
+    """Return quantities at a time of an accepted step, and their derivatives."""
     dense = look_inside(method, family.system(), tried, time)
 
     def observed(
@@ -231,7 +227,7 @@ def recorded_run(
     impacts: bool,
     sections: dict[str, SectionRecorder],
 ) -> Sampled:
-    """What was seen of a run (host arrays), with as much room for impacts as it has of them."""
+    """Run with enough rows for all impacts, and return the result in host arrays."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
@@ -242,13 +238,8 @@ def recorded_run(
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
-    """The times, and the end time, at least once, as often as makes their number one of few."""
-    return np.append(times, np.full(few(len(times) + 1) - len(times), float(end_time)))
-
-
-def few(count: int) -> int:
-    """The least of few numbers that is not below a number of times."""
+    """Return the times, followed by the end time, so that their number is 64, 512, 4096 ..."""
     size = FEW_TIMES
-    while size < count:
+    while size <= len(times):
         size *= GROWTH
-    return size
+    return np.append(times, np.full(size - len(times), float(end_time)))

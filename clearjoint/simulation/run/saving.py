@@ -1,4 +1,4 @@
-"""What a run keeps beside the state that it ends in."""
+"""Results that a run keeps besides its final state."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,21 +17,21 @@ from .sections import Section, SectionRecorder
 
 @dataclass(frozen=True, eq=False)
 class Saving:
-    """What a run keeps beside the state that it ends in.
+    """Results that a run keeps besides its final state.
 
         cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True)
 
     **Arguments:**
 
-    - `times`: (N,) s, rising, at which to save the state. Dense output gives them; they do not
-      change the steps.
-    - `steps`: keep every accepted step.
-    - `impacts`: table all finished contacts.
-    - `sections`: Poincaré sections by name, the crossings of which are kept; see `Section`.
-    - `outputs`: reductions by name, such as `Peak`, which see every step and what is inside it;
-      their results are in `solution.outputs`.
+    - `times`: (N,) s, rising, at which to save the state, by dense output: they do not change the
+      steps.
+    - `steps`: keep the state after every accepted step.
+    - `impacts`: tabulate all finished contacts.
+    - `sections`: Poincaré sections by name, whose crossings are kept; see `Section`.
+    - `outputs`: reductions by name, such as `Peak`, which are updated in every step; their results
+      are in `solution.outputs`.
 
-    **Raises:** `ValueError` for times that don't rise or stand there twice.
+    **Raises:** `ValueError` for times that do not rise strictly.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -49,7 +49,7 @@ class Saving:
             require(isinstance(value, bool), name, value, "True or False", "say whether")
         if self.times is not None and concrete(self.times) is not None:
             steps = np.diff(check_rising(self.times, "times"))
-            remedy = "leave out what stands there twice, by numpy.unique say"
+            remedy = "remove repeated times, for example with numpy.unique"
             require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
         remedy = 'pass for example {"top": cj.Section(crossing, channels, count)}'
         require_array_names("sections", self.sections, remedy)
@@ -63,7 +63,7 @@ class Saving:
             require(fine, argument, type(output).__name__, "a reduction", remedy)
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has what the sections and the outputs name.
+        """Check that a scene has the elements that the sections and the outputs name.
 
         **Arguments:** `ledger`: whether the run keeps the energy ledger, which some outputs need.
 
@@ -77,11 +77,11 @@ class Saving:
                 raise ValueError(f"Section {name!r}: {error}") from error
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
-        """A recorder of each section's crossings, by name."""
+        """Return a recorder of each section's crossings, by name."""
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """The times of a run between two others, s.
+        """Return the times to save at, and check that they are between start and end, s.
 
         **Raises:** `ValueError` for times outside.
         """
@@ -90,25 +90,25 @@ class Saving:
         return checked_times(start_time, end_time, self.times, "times")
 
     def require_no_steps(self, where: str, remedy: str) -> None:
-        """Check that steps are not to be kept, for runs that can't."""
+        """Check that steps are not requested, for runs that cannot keep them."""
         require(not self.steps, "steps", True, f"False {where}", remedy)
 
     def require_times_alone(self, where: str, remedy: str) -> None:
-        """Check that nothing is recorded, for runs that keep states at times alone."""
+        """Check that only states at given times are requested."""
         self.require_no_steps(where, remedy)
         require(not self.impacts, "impacts", True, f"False {where}", remedy)
         require(not self.sections, "sections", sorted(self.sections), f"none {where}", remedy)
         self.require_no_outputs(where, remedy)
 
     def require_no_outputs(self, where: str, remedy: str) -> None:
-        """Check that nothing is reduced, for runs that can't."""
+        """Check that no reductions are requested, for runs that cannot have them."""
         require(not self.outputs, "outputs", sorted(self.outputs), f"none {where}", remedy)
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """What to save; nothing if not told.
+    """Return a `Saving`, an empty one for ``None``.
 
-    **Raises:** `ValueError` for anything else.
+    **Raises:** `ValueError` for another type.
     """
     kind = type(save).__name__
     remedy = "pass cj.Saving(times), with times in s"

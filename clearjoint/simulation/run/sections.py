@@ -1,8 +1,7 @@
-"""Poincaré sections: quantities where another one passes zero, rising.
+"""Poincaré sections: values of quantities where another quantity passes zero, rising.
 
-Single runs and runs with derivatives table the crossings by a `SectionRecorder`; lanes of sweeps,
-which may not write at an index of their own, have rings for them (`.batch.recording`). Both find
-them by `Crossing`.
+Single runs and runs with derivatives tabulate the channels at each crossing (`SectionRecorder`).
+Lanes of sweeps record the state there, and the channels are computed afterwards.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,21 +39,24 @@ TIME = "time"
 
 
 class Crossing(eqx.Module):
-    """Where a Poincaré section is: a quantity passes zero, rising.
+    """The condition of a Poincaré section: a quantity passes zero, rising.
 
-    **Arguments:** `quantity`: a scalar function of an `Instant`. `after`: s, earlier crossings are
-    left out.
+    **Arguments:** `quantity`: a scalar function of an `Instant`. `after`: s; earlier crossings are
+    ignored.
     """
 
     quantity: Quantity = eqx.field(static=True)
     after: Scalar
 
     def level(self, now: Instant) -> Scalar:
-        """Value of the quantity that passes zero at a crossing, in its unit."""
+        """Return the quantity that is zero at a crossing, in its unit."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def row(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
-        """The row at the crossing, of levels at both ends of a stride that kept its step."""
+        """Return time and state at the crossing in an accepted step, from the levels at its ends.
+
+        Of a step without a crossing the result has no meaning.
+        """
         system = step_outcome.system
 
         def level(row: Snapshot) -> Scalar:
@@ -71,66 +73,69 @@ def crossing_row(
     after: Scalar,
     value: Callable[[Snapshot], Scalar],
 ) -> Snapshot:
-    """The row where a function of rows, of given values at both ends of the step, rises through
-    zero, by the dense output."""
+    """Return the row inside a step where a function of rows rises through zero.
+
+    **Arguments:** `before`, `after`: its values at both ends of the step.
+    """
     start, end = dense_step.start.t, dense_step.end.t
     x = secant_root(lambda x: value(dense_step.within(method, x)), before, after)
     return dense_step.at(method, start + x * (end - start))
 
 
 class SectionRecorder(eqx.Module):
-    """Tables the crossings of a section, the first `count` of them."""
+    """Tabulates the first `count` crossings of a section."""
 
     crossing: Crossing
     channels: tuple[tuple[str, Quantity], ...] = eqx.field(static=True)
     count: int = eqx.field(static=True)
 
     def start(self, system: System, step: Step) -> "SectionRecord":
-        """The record before the first step: the level there, and no crossings."""
+        """Return the record before the first step, without crossings."""
         now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
         table = RowBuffer.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)
 
     def nothing(self) -> dict[str, Scalar]:
-        """A row of zeros, in place of a crossing that is not there."""
+        """Return a row of zeros."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels))}
 
 
 class SectionRecord(eqx.Module):
-    """The level of a section where a run is, and the table of its crossings."""
+    """The level of a section after the latest step, and the table of its crossings."""
 
     recorder: SectionRecorder
     level: Scalar
     table: RowBuffer[dict[str, Scalar]]
 
     def after(self, step_outcome: StepOutcome) -> "SectionRecord":
-        """The record after a stride, with a crossing more if the stride had one."""
+        """Return the record after a step was tried, with its crossing if it had one."""
         recorder, kept = self.recorder, step_outcome.kept
         crossing, before = recorder.crossing, self.level
         after = crossing.level(step_outcome.now)
 
         def columns() -> dict[str, Scalar]:
             row = crossing.row(step_outcome, before, after)
-            found = row.columns(step_outcome.system, dict(recorder.channels))
-            return {name: jnp.asarray(value, dtype=float) for name, value in found.items()}
+            values = row.columns(step_outcome.system, dict(recorder.channels))
+            return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
         rises = kept & (before < 0.0) & (after >= 0.0)
-        here = jax.lax.cond(rises, columns, lambda: recorder.nothing())
-        wanted = rises & (here[TIME] >= crossing.after) & (self.table.count < recorder.count)
+        # Most steps have no crossing: the root is searched for only in those that have.
+        found = jax.lax.cond(rises, columns, lambda: recorder.nothing())
+        wanted = rises & (found[TIME] >= crossing.after) & (self.table.count < recorder.count)
         level = jnp.where(kept, after, before)
-        return SectionRecord(recorder, level, self.table.with_row(here, wanted))
+        return SectionRecord(recorder, level, self.table.with_row(found, wanted))
 
 
 def after_sections(
     records: Mapping[str, SectionRecord], step_outcome: StepOutcome
 ) -> dict[str, SectionRecord]:
-    """The records of several sections after a stride, by name."""
+    """Return the records of several sections after a step was tried, by name."""
     return {name: record.after(step_outcome) for name, record in records.items()}
 
 
 class Crossings(AbstractReadable, AbstractTabular):
-    """Where a run crossed a section: `times` (N,) s, and `values[name]` (N,), those of its channels
-    there, in the `units` of the section, by name.
+    """Crossings of a section: `times`, (N,) s, and the values of each channel then, `values[name]`,
+    (N,), in `units[name]`.
 
     >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period
@@ -142,8 +147,10 @@ class Crossings(AbstractReadable, AbstractTabular):
     units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "time", the times of the crossings, with units; see
-        `AbstractTabular`."""
+        """Return an `xarray.Dataset` along "time", the times of the crossings, with units.
+
+        See `AbstractTabular`.
+        """
         values = {
             name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
         }
@@ -157,7 +164,7 @@ class Crossings(AbstractReadable, AbstractTabular):
 def with_units(
     crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """The crossings with the units of the sections' channels."""
+    """Return the crossings with the units of the sections' channels."""
     units = {
         name: {key: unit for key, (_, unit) in section.channels.items()}
         for name, section in sections.items()
@@ -166,7 +173,7 @@ def with_units(
 
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
-    """The crossings that each section recorded, by its name, in host arrays."""
+    """Return the crossings of each section by name, in host arrays."""
     tables = jax.device_get({name: record.table for name, record in records.items()})
     return {name: _crossings(table) for name, table in tables.items()}
 
@@ -178,14 +185,14 @@ def _crossings(table: RowBuffer[dict[str, Scalar]]) -> Crossings:
 
 @dataclass(frozen=True)
 class Section:
-    """A Poincaré section: quantities where another one passes zero, rising.
+    """A Poincaré section: values of quantities where another quantity passes zero, rising.
 
     **Arguments:**
 
     - `crossing`: the quantity that passes zero.
-    - `channels`: quantity and unit by name, taken there.
-    - `count`: how many crossings are kept, the first ones.
-    - `after`: s; earlier crossings, of the transient, are left out.
+    - `channels`: quantity and unit by name, evaluated at each crossing.
+    - `count`: number of crossings to keep, the first ones.
+    - `after`: s; earlier crossings are ignored, to leave out a transient.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),
@@ -207,16 +214,16 @@ class Section:
 
     @property
     def condition(self) -> Crossing:
-        """Where the section is, for a compiled program."""
+        """The condition of the section, for a compiled program."""
         return Crossing(self.crossing, on_device(self.after))
 
     @property
     def recorder(self) -> SectionRecorder:
-        """A recorder of the section's crossings in a run."""
+        """A recorder of the section's crossings."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
         return SectionRecorder(self.condition, channels, self.count)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has what the crossing and the channels name."""
+        """Check that a scene has the elements that the quantities name."""
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)
