@@ -1,4 +1,4 @@
-"""Channels: quantities with their units, by the names under which they are reported."""
+"""Channels: quantities with their units, by name."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
 def check_channels(channels: Channels) -> None:
-    """Check that channels are quantities with units, by names that can be those of arrays."""
+    """Check that channels are quantities with units, with names that are valid for arrays."""
     require_array_names("channels", channels, PASS_CHANNELS)
     fine = bool(channels) and all(
         isinstance(pair, tuple)
@@ -33,6 +33,6 @@ def check_channels(channels: Channels) -> None:
 
 
 def check_quantities(channels: Channels, scene: Scene) -> None:
-    """Check that a scene has what the quantities name."""
+    """Check that a scene has the elements that the quantities name."""
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NAMED = "joint", "contact"
-"""The columns that are names."""
+"""Columns that are names."""
 IMPACT_UNITS = {
     "onset": "s",
     "separation": "s",
@@ -24,19 +24,19 @@ IMPACT_UNITS = {
     "peak_time": "s",
     "largest_penetration": "m",
 }
-"""Of what is reported of an impact."""
+"""Units of the other columns."""
 
 
 @dataclass(frozen=True)
 class Impacts(AbstractTabular):
-    """Finished contacts in the order of their onsets; each field is an array over the contacts.
+    """Table of finished contacts in the order of their onsets; each field is a column.
 
     - `joint`, `contact`: names.
     - `onset`, `separation`, `duration`, `peak_time`: s.
     - `entry_speed`, `exit_speed`: m/s, both positive.
     - `peak_force`: N, of the normal force; `largest_penetration`: m.
 
-    `simulate(..., save=Saving(impacts=True)).impacts` is one. By hand:
+    It is the result `simulate(..., save=Saving(impacts=True)).impacts`. By hand:
 
     >>> columns = [np.array([name]) for name in ("pin", "V")]
     >>> numbers = 0.01, 0.0102, 0.0002, 0.1, 0.08, 900.0, 0.0101, 2e-6  # in the order above
@@ -61,7 +61,7 @@ class Impacts(AbstractTabular):
         return len(self.onset)
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "impact", with units; see `AbstractTabular`."""
+        """Return an `xarray.Dataset` along "impact", with units; see `AbstractTabular`."""
         names = {name: Labelled(("impact",), texts(getattr(self, name))) for name in NAMED}
         numbers = {
             name: Labelled(("impact",), getattr(self, name), unit, name.replace("_", " "))
@@ -72,7 +72,7 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """The impacts of rows of fields, in any order."""
+        """Return a table from rows with all fields, in any order."""
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
         text, numbers = columns[:2], columns[2:]
@@ -82,14 +82,14 @@ class Impacts(AbstractTabular):
         )
 
     def of(self, joint: str, contact: str) -> "Impacts":
-        """The impacts of one contact of a joint, both by name."""
+        """Return the impacts of one contact of a joint, both by name."""
         chosen = (self.joint == joint) & (self.contact == contact)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
-        """Those that began in a window of time, s: from `after` on, and before `until`.
+        """Return the impacts that began from `after` on and before `until`, s.
 
-        ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)`` is a quantile of them.
+        For example, ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)``.
         """
         chosen = (self.onset >= after) & (self.onset < until)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})

@@ -1,4 +1,4 @@
-"""Whether the laws of a run's contacts hold for the penetrations that came."""
+"""Check of the penetrations of a run against the ranges of the contact laws."""
 
 from ...model.contact.limits import exceeded
 from ...model.scene import Scene
@@ -6,9 +6,9 @@ from .impact_table import Impacts
 
 
 def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
-    """Sentences on impacts deeper than their contacts' laws hold for, none if all are within.
+    """Return a sentence for each contact whose penetrations exceed the range of its law.
 
-    Each names joint, contact, law, quantity, limits and the largest value.
+    It names joint, contact, law, quantity, limits and the largest value.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))

@@ -1,4 +1,4 @@
-"""How a journal moves in its bearing."""
+"""Modes of motion of a journal in its bearing."""
 
 import enum
 

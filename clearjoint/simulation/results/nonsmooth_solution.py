@@ -1,4 +1,4 @@
-"""What a run with rigid contacts returns."""
+"""Solution of a run with rigid contacts."""
 
 from typing import TYPE_CHECKING
 
@@ -27,18 +27,20 @@ TOTAL_UNITS = {
     "fastest": "m/s",
     "penetration": "m",
 }
-"""Of what `ContactTotals` have."""
+"""Units of the fields of `ContactTotals`."""
 
 
 class ContactTotals(AbstractReadable):
-    """What a rigid contact did since the start.
+    """Totals of a rigid contact since the start of the run.
 
-    - `impacts`: steps with an impulse that follow one without. A contact that rolls may hop, which
-      counts each time.
-    - `impulse`: sum of the normal impulses, N s. There is no peak force: an impact takes no time.
-    - `dissipated`: J, by restitution and friction.
-    - `hardest`: largest impulse of a step, N s. `fastest`: largest approach speed with one, m/s.
-    - `penetration`: deepest in the middle of a step, m.
+    - `impacts`: number of steps with an impulse that follow a step without. A rolling contact may
+      hop, which counts each time.
+    - `impulse`: sum of the normal impulses, N s. There is no peak force, since an impact has no
+      duration.
+    - `dissipated`: energy dissipated by restitution and friction, J.
+    - `hardest`: largest impulse in a step, N s.
+    - `fastest`: largest approach speed of an impact, m/s.
+    - `penetration`: largest penetration in the middle of a step, m.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
@@ -58,16 +60,16 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """The outcome of `clearjoint.simulate_nonsmooth`.
 
     - `time`, `final`, `result`: as of `Solution`.
-    - `steps`: how many were taken.
+    - `steps`: number of steps.
     - `saved`: the states at the requested times, and `history[joint][contact]` the `ContactTotals`
-      up to each of them, both ``None`` if none were requested. `saved_count` of them were reached;
-      the others repeat the last state.
+      up to each of these times, both ``None`` if no times were requested. The first `saved_count`
+      rows were reached; the others repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the run.
-    - `residual`: largest violation of the contacts' laws in any step, over its largest velocity.
-    - `formulation`, `redundant_constraints`: as of `Solution`. `observe` takes
-      such a solution too, for all but forces.
+    - `residual`: largest violation of the contacts' laws in a step, over its largest velocity.
+    - `formulation`, `redundant_constraints`: as of `Solution`.
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states and the history.
+    `observe` accepts it too, but its forces have no meaning. `to_xarray`, `to_dataframe`, `to_csv`
+    and `to_netcdf` export the saved states and the history.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -88,7 +90,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """How the run ended, what it kept, and where the bodies are, in a few lines."""
+        """Return a few lines: how the run ended, its results, and the bodies' final states."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]
@@ -100,8 +102,9 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         return run_text(self, self.final, self.redundant_constraints, lines)
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` of the saved states that were reached, as of
-        `Trajectory.to_xarray`, and of the contacts' totals up to then, along "rigid_contact".
+        """Return an `xarray.Dataset` of the saved states, see `Trajectory.to_xarray`.
+
+        The contacts' totals up to each time are included along "rigid_contact".
 
         **Raises:** `ValueError` for a run that saved no states.
         """

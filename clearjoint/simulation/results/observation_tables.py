@@ -1,4 +1,4 @@
-"""What is observed along a trajectory as labelled arrays."""
+"""Observations along a trajectory as labelled arrays."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ CONTACT_PARTS = {
     "point_on_bearing": ("m", "contact point on the bearing, global"),
     "point_on_journal": ("m", "contact point on the journal, global"),
 }
-"""Unit and meaning of what is observed of a contact."""
+"""Unit and meaning of the parts of a contact's observation."""
 BODY_PARTS = {
     "acceleration": ("linear", "m/s^2", "of the centre of mass, global"),
     "angular_acceleration": ("angular", "rad/s^2", "of the body, body axes"),
@@ -52,7 +52,7 @@ class Observed:
 
 
 def observation_dataset(observed: Observed) -> "xr.Dataset":
-    """All that was observed; see `Observation.to_xarray`."""
+    """Return the dataset of an observation; see `Observation.to_xarray`."""
     contacts = _flat(observed.contacts, contact_label)
     reactions = _flat(observed.reactions, lambda joint, body: f"{joint} on {body}")
     unique = "unique" if observed.reactions_unique else "of least norm, since joints are redundant"
@@ -89,7 +89,7 @@ def _flat(
 
 
 def _contacts(contacts: Mapping[str, object]) -> dict[str, Labelled]:
-    """Each part of the contacts that one of them has; NaN of those that lack it."""
+    """Return each part that a contact has, with NaN for contacts without it."""
     found = {}
     for part, (unit, text) in CONTACT_PARTS.items():
         values = [getattr(contact, part) for contact in contacts.values()]

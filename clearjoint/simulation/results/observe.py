@@ -1,4 +1,4 @@
-"""What an engineer looks at: contacts, modes, reactions, accelerations, drift and energies."""
+"""Observation of a solution: contacts, modes, reactions, accelerations, drift and energies."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Instants that are observed at once."""
+"""Number of states in a call of the compiled program."""
 
 
 class ContactObservation(eqx.Module):
-    """One contact over time; arrays with the times in front.
+    """One contact at N times.
 
-    - `penetration` m and `penetration_rate` m/s (eqs 13 and 21); `eccentricity` m (eq. 11; ``None``
-      for a shoulder), and `offset`, (N, 3) m, the base's centre in the bearing's own frame, which
-      moves with it: across its axis and along it (``None`` likewise).
-    - `normal_force` N; `friction_force` (N, 3) on the journal, global, N, or ``None``.
-    - `normal`: (N, 3) from bearing axis to contact; `point_on_bearing`, `point_on_journal`: (N, 3)
-      global, m.
+    - `penetration` in m and `penetration_rate` in m/s (eqs 13 and 21).
+    - `eccentricity` in m (eq. 11) and `offset`, (N, 3) m, the centre of the base in the frame of
+      the bearing, across its axis and along it; both ``None`` for a shoulder.
+    - `normal_force` in N; `friction_force`: (N, 3) N on the journal, global, or ``None``.
+    - `normal`: (N, 3), from the bearing's axis to the contact; `point_on_bearing`,
+      `point_on_journal`: (N, 3) m, global.
     """
 
     penetration: Numbers
@@ -63,7 +63,7 @@ class ContactObservation(eqx.Module):
 
 
 class Load(eqx.Module):
-    """What an ideal joint does to a body.
+    """Reaction of an ideal joint on a body.
 
     `force`: (N, 3) global, N; `moment`: (N, 3) about the centre of mass, in body axes, N m.
     """
@@ -73,10 +73,10 @@ class Load(eqx.Module):
 
 
 class AccelerationSeries(eqx.Module):
-    """Acceleration of a body over time.
+    """Acceleration of a body at N times.
 
-    `linear`: (N, 3) of the centre of mass, global, m/s^2; `angular`: (N, 3) of the spin, body axes,
-    rad/s^2.
+    `linear`: (N, 3) m/s^2, of the centre of mass, global; `angular`: (N, 3) rad/s^2, rate of the
+    spin, body axes.
     """
 
     linear: Vectors
@@ -84,21 +84,21 @@ class AccelerationSeries(eqx.Module):
 
 
 class Observation(eqx.Module, AbstractTabular):
-    """Everything observed along a trajectory.
+    """Observation of a motion at N times.
 
     - `times`: (N,) s.
     - `contacts[joint][contact]`: `ContactObservation`.
     - `modes[joint]`: (N,) `MotionMode` numbers of the clearance joints.
-    - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). Not unique, and then of least
-      norm, if the solution names redundant constraints; see `reactions_unique`.
+    - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). With redundant constraints they
+      are not unique, and those of least norm are given; see `reactions_unique`.
     - `accelerations[body]`: `AccelerationSeries`.
     - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
-    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts", "bristles" as far as
-      the scene has them, their sum "mechanical", and of the ledger, if it was kept, the integrals
-      "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". What
-      bristles hold, and so would give back, is no part of "friction".
+    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" and "bristles" if the
+      scene has them, their sum "mechanical", and if the run kept the energy ledger the integrals
+      "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". The elastic
+      energy of bristles is not part of "friction".
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give all of it with units.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all of it with units.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -118,7 +118,7 @@ class Observation(eqx.Module, AbstractTabular):
     reactions_unique: bool = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """How many instants from when to when, and of which elements, in a few lines."""
+        """Return a few lines: the number of times, the first and the last, and the elements."""
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -129,17 +129,20 @@ class Observation(eqx.Module, AbstractTabular):
         return "\n  ".join(lines)
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "time", with units: `penetration`, `normal_force` and so on
-        along "contact", such as "pin V"; `mode`, codes of `MotionMode`, and `drift` along joints;
-        `reaction_force` and `reaction_moment` along "reaction", such as "hinge on arm";
-        `acceleration` and `angular_acceleration` along "body"; `energy` along "energy_term". What a
-        contact lacks is NaN. See `AbstractTabular`.
+        """Return an `xarray.Dataset` along "time", with units.
+
+        - `penetration`, `normal_force` and so on along "contact", such as "pin V", NaN for contacts
+          without them; `mode` (codes of `MotionMode`) along "journal"; `drift` along "joint".
+        - `reaction_force` and `reaction_moment` along "reaction", such as "hinge on arm".
+        - `acceleration` and `angular_acceleration` along "body"; `energy` along "energy_term".
+
+        See `AbstractTabular`.
         """
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         return observation_dataset(Observed(**parts))
 
     def ledger_residual(self) -> Numbers:
-        """What the energy ledger does not account for since the first instant, (N,) J."""
+        """Return the energy since the first time that the ledger does not explain, (N,) J."""
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
         balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
@@ -151,13 +154,14 @@ def observe(
     solution: Solution | NonsmoothSolution,
     trajectory: Trajectory | None = None,
 ) -> Observation:
-    """Observe a scene along a solution.
+    """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    In absolute coordinates whatever the run had: there every ideal joint has its multipliers, those
-    that the run eliminated too, and redundant reactions do not depend on the run's coordinates.
+    The observation uses absolute coordinates for any run: there every ideal joint has multipliers,
+    also those that the run's coordinates eliminated, and redundant reactions do not depend on the
+    run's coordinates.
 
-    **Arguments:** `scene`: the one that was simulated. `trajectory`: `solution.steps`, say, for
-    every accepted step; the saved states unless given.
+    **Arguments:** `scene`: the scene that was simulated. `trajectory`: for example `solution.steps`
+    for every accepted step; the saved states unless given.
 
     **Returns:** an `Observation` of numpy arrays.
 
@@ -190,6 +194,7 @@ def observe(
     )
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
+        # The ledger books the elastic energy of bristles as friction until they release it.
         held = observation.energies.get("bristles", 0.0)
         integrals["friction"] = integrals["friction"] - held
     return replace(observation, energies={**observation.energies, **integrals})
@@ -198,8 +203,10 @@ def observe(
 def in_chunks(
     look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """What is observed of each row (numpy): of a fixed number at a time, so that their number
-    compiles nothing."""
+    """Apply a program to rows (host arrays), a fixed number at a time.
+
+    The number of rows thus needs no compiling.
+    """
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
     parts = []
     for first in range(0, max(count, 1), CHUNK):
@@ -209,7 +216,7 @@ def in_chunks(
 
 
 def _filled(rows: np.ndarray) -> np.ndarray:
-    """The rows, repeated until they are `CHUNK` of them; zeros if there are none."""
+    """Return `CHUNK` rows by repeating the given ones; zeros if there are none."""
     return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
@@ -217,8 +224,7 @@ def _filled(rows: np.ndarray) -> np.ndarray:
 def observe_compiled(
     folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State
 ) -> Observation:
-    """What there is to observe at times (N,) s, with N in front, in absolute coordinates; without
-    the ledger's integrals, which states hold."""
+    """Return the observation at times (N,) s, without the ledger's integrals."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 

@@ -1,4 +1,4 @@
-"""Values of a quantity along a solution, and its rate of change there."""
+"""Values and rates of a quantity along a solution."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from .solution import Solution, Trajectory
 def values_along(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
 ) -> np.ndarray:
-    """A quantity at the states of a trajectory, (N,), in its unit.
+    """Return a quantity at the states of a trajectory, (N,), in its unit.
 
     **Arguments:** as of `observe`; `quantity`: a scalar function of an `Instant`.
 
@@ -36,10 +36,10 @@ def values_along(
 def rates_along(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
 ) -> np.ndarray:
-    """The rate of change of a quantity at the states of a trajectory, (N,), in its unit over s.
+    """Return the rate of a quantity at the states of a trajectory, (N,), in its unit per s.
 
-    By differentiation along the motion, of whatever positions, velocities and the time decide;
-    entry speeds and bristles are held.
+    The quantity is differentiated with respect to positions, velocities and time along the motion;
+    entry speeds and bristles are constant.
 
     **Arguments**, **Raises:** as of `values_along`.
     """
@@ -65,11 +65,11 @@ def values_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """A quantity at times (N,) s and states with N in front."""
+    """Return a quantity at times (N,) s and states with N in front."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
-        return _Place(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
+        return _KnownState(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
 
     return over_rows(at, times, states)
 
@@ -82,24 +82,24 @@ def rates_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """The rate of a quantity at times (N,) s and states with N in front."""
+    """Return the rate of a quantity at times (N,) s and states with N in front."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
-        place = _Place(system, state)
+        known = _KnownState(system, state)
         variables = system.encode(unpack(state.bodies))
-        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=place.bristles)
+        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=known.bristles)
         t, variables, rates = jax.tree.map(
             lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
         )
         along = jnp.ones(()), rates
-        return jax.jvp(lambda *x: place.value(quantity, *x), (t, variables), along)[1]
+        return jax.jvp(lambda *x: known.value(quantity, *x), (t, variables), along)[1]
 
     return over_rows(at, times, states)
 
 
-class _Place:
-    """What a state holds beside the motion."""
+class _KnownState:
+    """The parts of a state that the variables of the motion do not have."""
 
     def __init__(self, system: System, state: State):
         self._system, self._entry_speeds, self._work = (
@@ -110,6 +110,6 @@ class _Place:
         self.bristles = initial_bristles(system.scene, unpack(state.bristles))
 
     def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:
-        """The quantity at a time, s, and the variables of a motion."""
+        """Return the quantity at a time in s and the variables of a motion."""
         now = Instant(self._system, t, variables, self._entry_speeds, self._work, self.bristles)
         return jnp.asarray(quantity(now), dtype=float)

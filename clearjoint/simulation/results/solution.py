@@ -1,4 +1,4 @@
-"""What a run returns."""
+"""Solution of a run: trajectories, result code and tables."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHOWN_BODIES = 6
-"""Bodies whose final state is in the text of a run."""
+"""Largest number of bodies whose final state is in the text of a run."""
 SUCCESSFUL = result_number(RESULTS.successful)
 SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
 
 class Trajectory(AbstractReadable, AbstractTabular):
-    """States over time: `times` (N,) s, and `states` with the times in front of each array.
+    """States at N times: `times`, (N,) s, and `states`, with N in front of each array.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
     >>> cj.results.Trajectory(np.zeros(1), states).times.shape
@@ -49,16 +49,16 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return self.times.shape[0]
 
     def between(self, times: ArrayLike | None = None) -> "Trajectory":
-        """The states inside the accepted steps, for smooth curves of flights and of turning bodies.
+        """Return states inside the accepted steps, for smooth curves.
 
-        Cubic Hermite interpolation of the states at both ends of each step, whose error is far
-        below the clearances. Of `solution.steps` only: between saved states there may be impacts.
+        Cubic Hermite interpolation between the ends of each step, with an error far below the
+        clearances. Use it for `solution.steps` only: between saved states there may be impacts.
 
-        **Arguments:** `times`: (M,) s, rising, between the first and the last of the trajectory.
-        Unless given, the ends of all steps, and instants inside those in which a body moves in a
+        **Arguments:** `times`: (M,) s, rising, between the first and the last of the trajectory;
+        unless given, the ends of all steps and times inside the steps in which a body moves along a
         curve.
 
-        **Raises:** `ValueError` for instants outside, and for less than two states.
+        **Raises:** `ValueError` for times outside, and for fewer than two states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -73,7 +73,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return Trajectory(wanted, states_between(ends, states, wanted))
 
     def __str__(self) -> str:
-        """How many states, of which bodies and from when to when, in a line."""
+        """Return a line with the number of states, the bodies, and the first and the last time."""
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
             return repr(self)
         bodies = ", ".join(map(repr, self.states.bodies))
@@ -81,9 +81,12 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return f"{len(self)} states of {bodies} from {first} s to {last} s"
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "time", "body" and "component", with units: `position`,
-        `orientation`, `velocity` and `spin`, and as far as the states have them the contacts'
-        `entry_speed`, `bristle_deflection` and the energy `ledger`; see `AbstractTabular`."""
+        """Return an `xarray.Dataset` along "time", "body" and "component", with units.
+
+        Its variables are `position`, `orientation`, `velocity` and `spin`, and if the states have
+        them `entry_speed` and `bristle_deflection` of the contacts and the energy `ledger`. See
+        `AbstractTabular`.
+        """
         rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
         labels = {"time": times, **state_labels(self.states)}
         return labelled_dataset("motion", state_arrays(self.states, rows), labels)
@@ -92,23 +95,23 @@ class Trajectory(AbstractReadable, AbstractTabular):
 class Solution(AbstractReadable, AbstractTabular):
     """The outcome of `clearjoint.simulation.run.simulate`.
 
-    - `saved`: the states at the requested times that were reached (all of them if successful), or
-      ``None`` if none were requested. Under a JAX transformation it keeps all rows, of which the
-      first `saved_count` hold.
-    - `time`, `final`: where the run ended, s, and the state there, from which it can be continued.
-    - `result`: how it ended, a `RESULTS` code.
+    - `saved`: the states at the requested times that were reached (all if successful), or ``None``
+      if none were requested. Under a JAX transformation it has all rows, and the first
+      `saved_count` are valid.
+    - `time`, `final`: end of the run in s and the state then, from which it can be continued.
+    - `result`: a `RESULTS` code.
     - `attempts`, `accepted`: steps tried and accepted.
-    - `steps`: every accepted step, the start included, if asked for.
-    - `impacts`: the table of finished contacts, if asked for.
-    - `sections[name]`: the `Crossings` of each section asked for.
-    - `outputs[name]`: what each reduction asked for reports, a number; "name_part" for its parts,
-      such as "force_time" of a `Peak`.
-    - `formulation`: how the equations were set up.
+    - `steps`: the states at the start and after every accepted step, if requested.
+    - `impacts`: the table of finished contacts, if requested.
+    - `sections[name]`: the `Crossings` of each requested section.
+    - `outputs[name]`: results of the requested reductions, one number each; "name_part" for
+      further numbers, such as "force_time" of a `Peak`.
+    - `formulation`: the formulation of the equations of motion.
     - `redundant_constraints`: names of constraints that depend on the others. If there are any,
-      reactions are those of least norm and not unique.
-    - `settings`: those of the run as pairs of name and text or number, for a reader.
+      reactions are not unique, and those of least norm are computed.
+    - `settings`: settings of the run, as pairs of a name and a text or number.
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give the saved states.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
 
     >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
     >>> positions = solution.saved.states.bodies["ball"].position
@@ -132,7 +135,7 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """How the run ended, what it kept, and where the bodies are, in a few lines."""
+        """Return a few lines: how the run ended, its results, and the bodies' final states."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]
@@ -149,17 +152,18 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def times(self) -> Numbers:
-        """The requested times that were reached, s."""
+        """Requested times that were reached, s."""
         return self._requested().times
 
     @property
     def states(self) -> State:
-        """The states at the requested times that were reached, with N in front."""
+        """States at the requested times that were reached, with N in front."""
         return self._requested().states
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` of the saved states, as `Trajectory.to_xarray` has them, and of the
-        state reached, `final_position` and so on; how the run ended and its settings are
+        """Return an `xarray.Dataset` of the saved states, see `Trajectory.to_xarray`.
+
+        The final state is included as `final_position` and so on. The result and the settings are
         attributes.
 
         ```python
@@ -182,7 +186,7 @@ class Solution(AbstractReadable, AbstractTabular):
         return found.merge(reached).assign_attrs(self._notes())
 
     def _notes(self) -> dict[str, str | int | float]:
-        """How the run ended, and its settings."""
+        """Attributes of the dataset: how the run ended, and its settings."""
         return {
             "title": "motion of a mechanism",
             "result": RESULTS[self.result],
@@ -200,7 +204,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
 
 class FinishedRun(Protocol):
-    """The parts that the outcome of any run has."""
+    """The outcome of any run."""
 
     @property
     def time(self) -> Scalar:
@@ -209,12 +213,12 @@ class FinishedRun(Protocol):
 
     @property
     def result(self) -> RESULTS:
-        """The code that tells how the run ended."""
+        """The result code."""
         ...
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Whether JAX traces any number, or a run is one of a batch: then there is no single text."""
+    """Whether numbers are traced or belong to a batch of runs, so that there is no text of them."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -222,14 +226,14 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """How a run ended, the given lines, and the final state of up to `SHOWN_BODIES` bodies."""
+    """Return how a run ended, the given lines, and the final states of some bodies as text."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
     bodies = list(final.bodies.items())
     for name, body in bodies[:SHOWN_BODIES]:
-        place, speed = (_triple(vector) for vector in (body.position, body.velocity))
-        lines = [*lines, f"{name!r} at {place} m with {speed} m/s"]
+        position, velocity = (_triple(vector) for vector in (body.position, body.velocity))
+        lines = [*lines, f"{name!r} at {position} m with {velocity} m/s"]
     if len(bodies) > SHOWN_BODIES:
         lines = [*lines, f"... and {len(bodies) - SHOWN_BODIES} more in `final.bodies`"]
     head = f"{type(run).__name__} at t = {float(run.time):.9g} s: {RESULTS[run.result]}"
@@ -241,8 +245,10 @@ def _triple(vector: Numbers) -> str:
 
 
 class SimulationError(RuntimeError):
-    """A run that failed; `solution` holds all that was computed: a `Solution`, or what the function
-    that raised it returns.
+    """A run that failed.
+
+    `solution` has everything that was computed: a `Solution`, or the result type of the function
+    that raised the error.
 
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
@@ -258,7 +264,7 @@ class SimulationError(RuntimeError):
 def raise_failure(solution: FinishedRun) -> None:
     """Raise a `SimulationError` if a run failed.
 
-    **Arguments:** `solution`: a run's `result`, `time` in s, and whatever the error is to carry.
+    **Arguments:** `solution`: the outcome of the run, which becomes the error's `solution`.
     """
     if result_number(solution.result) != SUCCESSFUL:
         raise SimulationError(

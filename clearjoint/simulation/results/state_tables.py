@@ -1,4 +1,4 @@
-"""States over time as labelled arrays."""
+"""States at several times as labelled arrays."""
 
 from collections.abc import Mapping
 
@@ -13,9 +13,9 @@ STATE_PARTS = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-"""Dimension and unit of what a body's state consists of."""
+"""Dimension and unit of the parts of a body's state."""
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
-"""Labels of these dimensions."""
+"""Labels along these dimensions."""
 MEANINGS = {
     "position": "position of the centre of mass, global",
     "orientation": "Euler parameters, scalar first, body to global",
@@ -28,12 +28,12 @@ BRISTLES = "bristle_contact"
 
 
 def contact_label(joint: str, contact: str) -> str:
-    """Name of a joint's contact in tables: both names, with a space between."""
+    """Return the name of a joint's contact in tables: both names, separated by a space."""
     return f"{joint} {contact}"
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """The parts of states by name, along `rows`, if any, and their own dimensions."""
+    """Return the parts of states by name, along the dimensions in `rows` and their own."""
     arrays = {}
     for part, (dim, unit) in STATE_PARTS.items():
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
@@ -56,7 +56,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """The labels of the dimensions of `state_arrays`."""
+    """Return the labels along the dimensions of `state_arrays`."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*_by_contact(states.bristles)]

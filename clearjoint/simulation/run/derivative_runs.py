@@ -1,4 +1,4 @@
-"""What runs with derivatives ask of a scene and of settings."""
+"""Requirements of runs with derivatives on a scene and on settings."""
 
 from dataclasses import replace
 
@@ -17,11 +17,11 @@ from .run_checks import check_precision, check_start
 def derivative_scheme(
     scene: Scene, state: State, settings: Settings, start_time: float = 0.0
 ) -> Scheme:
-    """How a motion is computed with its derivatives.
+    """Return the scheme for a motion with its derivatives, after all checks.
 
-    **Raises:** `ValueError` for a scene or state that no run can use, for settings that no run with
-    derivatives can honour, and for an element that changes with time at instants it doesn't declare
-    as `breakpoints`.
+    **Raises:** `ValueError` for an invalid scene or state, for settings that derivatives don't
+    support, and for an element that changes abruptly at times that it does not declare as
+    `breakpoints`.
     """
     settings.require_double()
     check_precision(False)

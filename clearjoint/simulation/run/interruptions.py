@@ -1,4 +1,4 @@
-"""Runs that a user stops: what they have computed is kept."""
+"""Interruption of runs by Ctrl-C, which keeps what they have computed."""
 
 import signal
 import threading
@@ -10,8 +10,9 @@ from ..results.solution import FinishedRun
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """A run that was stopped by Ctrl-C (SIGINT); `solution` holds all that it had computed, a
-    `Solution` whose `time` and `final` tell where it stood and from which it can be continued.
+    """A run that was stopped by Ctrl-C (SIGINT).
+
+    `solution` is the `Solution` up to then; the run can be continued from its `time` and `final`.
 
     ```python
     import clearjoint as cj
@@ -31,10 +32,10 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """A context in which the first Ctrl-C only counts: what it gives tells whether there was one.
+    """Defer the first Ctrl-C; the context returns a function that says whether there was one.
 
-    A second one interrupts at once. Outside of the main thread, and where a program handles the
-    signal itself, nothing changes.
+    A second one interrupts at once. Outside the main thread, and where the program has its own
+    handler of the signal, nothing changes.
     """
     asked = threading.Event()
     ours = threading.current_thread() is threading.main_thread()

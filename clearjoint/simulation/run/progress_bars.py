@@ -1,7 +1,7 @@
 """Progress on the error stream: a bar in a terminal, a line every half minute in a log file.
 
-While a program is compiled the text says for how long. A thread beside the call looks once a
-second, since the call itself is inside JAX meanwhile.
+While a program is compiled the text says for how long. A thread updates it once a second, since
+the call itself waits for JAX.
 """
 
 import sys
@@ -17,7 +17,7 @@ from tqdm import tqdm
 from ...compilation import seconds_of_compiling
 
 TICK = 1.0
-"""Seconds between two looks, and of compiling before it is said."""
+"""Seconds between two updates, and of compiling before it is shown."""
 LINE_PERIOD = 30.0
 """Seconds between two lines where the error stream is no terminal."""
 WATCH = "clearjoint: compiling"
@@ -25,16 +25,15 @@ WATCH = "clearjoint: compiling"
 
 
 class ProgressBar(tqdm):
-    """A bar of tqdm where the error stream is a terminal or a notebook, and elsewhere, as in log
-    files, the same text as a line every `LINE_PERIOD` seconds.
+    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
 
-    `seconds_left`: the time left, s, if it is known otherwise than from the rate; the field
+    `seconds_left`: the time left in s, if known other than from the rate; it is the field
     ``{left}`` of a `bar_format`.
     """
 
-    # Locks of tqdm's own are semaphores of the system, which killed processes leave behind.
+    # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
-    # Else tqdm adds these and a monitor to the class, which then counts as changed code (see
+    # Otherwise tqdm adds these and a monitor to the class, which then counts as changed code (see
     # `compilation`).
     _instances = WeakSet()
     monitor_interval = 0
@@ -43,13 +42,13 @@ class ProgressBar(tqdm):
 
     @property
     def format_dict(self) -> dict[str, object]:
-        """What the text is made of."""
+        """Fields of the text."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Show the text; in a log file, if the latest line is old enough."""
+        """Show the text; in a log file only if the latest line is old enough."""
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
         now = time.time()
@@ -62,15 +61,15 @@ class ProgressBar(tqdm):
 
 
 def is_live(stream: TextIO) -> bool:
-    """Whether text on a stream can be written over: in terminals and notebooks."""
+    """Whether text on a stream can be overwritten, as in terminals and notebooks."""
     return stream.isatty() or type(stream).__module__.startswith("ipykernel")
 
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """The bar, as a context: while a program is compiled its description is "compiling, 12 s".
+    """Show the bar; while a program is compiled its description is "compiling, 12 s".
 
-    Beside a bar that is disabled no thread begins.
+    A disabled bar starts no thread.
     """
     with bar:
         if bar.disable:
@@ -87,18 +86,18 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """A bar for a call of which nothing is known until it ends: shown while it compiles."""
+    """Return a bar for a call without progress, which is shown while it compiles."""
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 
 
 def _tell(bar: tqdm, over: threading.Event) -> None:
-    usual, told = bar.desc, False
+    usual, shown = bar.desc, False
     while not over.wait(TICK):
         seconds = seconds_of_compiling()
         if seconds >= TICK:
             bar.delay = 0.0  # Or tqdm would not clear what is shown before its delay is over.
             bar.set_description_str(f"compiling, {seconds:.0f} s")
-        elif told:
+        elif shown:
             bar.set_description_str(usual)
-        told = seconds >= TICK
+        shown = seconds >= TICK

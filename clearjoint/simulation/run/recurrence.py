@@ -1,4 +1,4 @@
-"""Whether a motion has become periodic or steady, from what is seen of it once a period."""
+"""Recurrence of a motion: comparison of its states once a period."""
 
 from dataclasses import dataclass
 
@@ -9,32 +9,35 @@ from jaxtyping import Float
 from ...model.bodies import State
 
 SETTLED_STATISTICS = 0.1
-"""Difference of means and of standard deviations between two spans, in the ranges of the motion,
-below which statistics count as settled."""
+"""Statistics count as settled if means and standard deviations of two spans differ by less than
+this, relative to the ranges of the motion."""
 CONFIRMING = 3
-"""Periods at least over which a motion must repeat itself."""
+"""Least number of periods over which a motion must repeat."""
 STILL = 1e-6
-"""Least range that a motion is taken to have, m, m/s and rad/s."""
+"""Lower bound of the ranges of a motion, in m, m/s and rad/s."""
 
 
 @dataclass(frozen=True)
 class Strobe:
-    """What was seen of a motion, period by period.
+    """A motion once a period.
 
-    `rows`: (n, D) of n periods; `scales`: (D,) the range of what is in each column.
+    `rows`: (n, D), D numbers in each of n periods; `scales`: (D,), the range of each column.
     """
 
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Largest change of each period from that so many before it, in the ranges."""
+        """Return the largest relative change of each period from the one `multiple` before it."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
-        """The least number of periods after which the motion repeats itself within a tolerance,
-        and did so for as many periods again; ``None`` if there is none up to the largest."""
+        """Return the smallest number of periods after which the motion repeats.
+
+        It must repeat within the tolerance for as many periods again, and at least `CONFIRMING`.
+        ``None`` if there is no such number up to `largest`.
+        """
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
@@ -43,8 +46,7 @@ class Strobe:
         return None
 
     def statistics_settled(self) -> bool:
-        """Whether means and standard deviations are the same in the third and the last quarter of
-        all periods."""
+        """Whether means and standard deviations agree in the third and the last quarter."""
         quarter = len(self.rows) // 4
         if quarter < 2:
             return False
@@ -55,29 +57,28 @@ class Strobe:
 
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
-    """Positions m, velocities m/s, spins rad/s, and orientations of all bodies at N times.
+    """Return positions in m, velocities in m/s, spins in rad/s and orientations of all bodies.
 
-    Orientations as products of Euler parameters, which are the same for both signs.
+    Orientations are products of Euler parameters, which do not depend on their common sign.
     """
     bodies = [jax.tree.map(np.asarray, body) for body in states.bodies.values()]
-    turns = [b.orientation[:, :, None] * b.orientation[:, None, :] for b in bodies]
+    products = [b.orientation[:, :, None] * b.orientation[:, None, :] for b in bodies]
     return {
         "position": np.stack([b.position for b in bodies], axis=1),
         "velocity": np.stack([b.velocity for b in bodies], axis=1),
         "spin": np.stack([b.spin for b in bodies], axis=1),
-        "orientation": np.stack([turn.reshape(len(turn), 16) for turn in turns], axis=1),
+        "orientation": np.stack([part.reshape(len(part), 16) for part in products], axis=1),
     }
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """How far the fastest component of each kind moves; of orientations, which are of unit size,
-    one."""
-    found = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
-    return {name: max(size, STILL) for name, size in found.items()} | {"orientation": 1.0}
+    """Return the largest range of a component of each kind; 1 for orientations."""
+    sizes = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
+    return {name: max(size, STILL) for name, size in sizes.items()} | {"orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
-    """The motion once a period, from states at so many phases of each period."""
+    """Return the motion once a period, from states at `phases` phases of each period."""
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
@@ -86,7 +87,7 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """How far anything moves in the last so many states, in the range of all of them."""
+    """Return the largest range in the last states, relative to that in all states."""
     parts = columns(states)
     sizes = ranges(parts)
     late = {name: part[-last:] for name, part in parts.items()}
@@ -94,10 +95,10 @@ def stillness(states: State, last: int) -> float:
 
 
 def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
-    """The motion at its crossings of a section, at times (n,) s, from channels (n,) there; and the
-    time that has passed since the crossing before.
+    """Return the channels at the crossings of a section, and the times since the last crossing.
 
-    Scales are the largest magnitudes of the channels, and the mean time.
+    `times`: (n,) s. Scales are the largest magnitudes of the channels, and the mean time between
+    crossings.
     """
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)

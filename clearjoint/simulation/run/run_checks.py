@@ -1,4 +1,4 @@
-"""What is checked of a scene, a state and JAX before a run is compiled."""
+"""Checks of a scene, an initial state and JAX's precision before a run."""
 
 import sys
 from collections import Counter
@@ -41,37 +41,39 @@ from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ...native.functions import FlatArguments
 
 BY_NUMPY = 8
-"""Starts of one structure that numpy checks, in some milliseconds each, before native code is
-compiled that takes microseconds."""
+"""Initial states of one structure that are checked by NumPy, in some milliseconds each, before
+native code is compiled that takes microseconds."""
 KEPT = 256
-"""Starts of one structure of which the dependent constraints are remembered."""
+"""Initial states of one structure for which the dependent constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
     """Check that JAX computes in 64 bits, unless single precision is allowed."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
-            "JAX is set to 32-bit floats, in which penetrations of micrometres drown: call "
+            "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
             "clearjoint.configure() first, or pass Settings(allow_float32=True)."
         )
 
 
 def is_traced(tree: PyTree) -> bool:
-    """Whether JAX traces any of these, or everything: under `jax.jit` numbers need not be traced
-    for what is computed from them to be. Then no value can be checked."""
+    """Whether JAX traces any of these numbers, so that values cannot be checked.
+
+    Under `jax.jit` everything that is computed is traced, even from known numbers.
+    """
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def check_numbers(scene: Scene, state: State) -> None:
-    """Check the numbers of a scene, and that a state is one of its."""
+    """Check the numbers of a scene, and that a state belongs to it."""
     _recheck(scene)
     check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Whether the numbers that JAX traces pass a check; ``None`` if it looks at none.
+    """Return the condition that traced numbers pass a check, or ``None`` if it reads none of them.
 
-    Evaluated once, before the first step: the loop of steps is the same as without.
+    It is evaluated once before the first step, and does not change the loop of steps.
     """
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
@@ -80,8 +82,7 @@ def in_domain(check: Callable[[], None]) -> Condition | None:
 def check_start(
     scene: Scene, state: State, start_time: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check the numbers of a run, and its state against the constraints; the names of those that
-    are redundant."""
+    """Check the numbers of a run and the state; return the names of redundant constraints."""
     if isinstance(scene, Scene) and isinstance(state, State):
         redundant = starts.redundant(scene, state, start_time, coordinates)
         if redundant is not None:
@@ -93,7 +94,7 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check the state against the constraints; the names of those that are redundant."""
+    """Check the state against the constraints; return the names of redundant ones."""
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
@@ -107,12 +108,14 @@ def check_structure(
 _recheck = cached_by_numbers(recheck)
 
 
-def _beyond_doubt(
+def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, StartRows | None, bool]:
-    """Whether a start passes every check of `check_start` without a warning, but for what the
-    constraints are that depend on each other; what tells these; and whether the checks of the
-    scene's own numbers are among them, which those of classes from outside of this package aren't.
+    """Return three things about a start.
+
+    - Whether it passes every check of `check_start` without a warning, except for redundancy.
+    - The rows by which redundant constraints are found, ``None`` without joints.
+    - Whether the checks of the scene's numbers are included; those of user-defined classes are not.
     """
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
     structure = jax.tree.structure(scene)
@@ -126,43 +129,53 @@ def _beyond_doubt(
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
+    # Position and velocity satisfy the constraints.
     rows = start_rows(scene, coordinates, state, t)
     holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
-    variables, held = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    # The coordinates represent the state: it is the same after a round trip through them.
+    variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
-        given, same = body.orientation, held[name].orientation
+        given, same = body.orientation, decoded[name].orientation
+        # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
     return reduce(and_, holds), rows, numbers is not None
 
 
 class _Starts:
-    """Native code that tells starts which are beyond doubt. All others are checked one thing after
-    the other, so that an error names what is wrong."""
+    """Fast check of starts in native code.
+
+    It says only whether a start passes. The others are then checked one by one in Python, so that
+    the error names the cause.
+    """
 
     def __init__(self) -> None:
-        self._function = NativeFunction(_beyond_doubt)
+        self._function = NativeFunction(_passes)
         self._seen: Counter[Hashable] = Counter()
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
-        """How many programs have been compiled."""
+        """Return the number of compiled programs."""
         return self._function.count()
 
     def redundant(
         self, scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
     ) -> tuple[str, ...] | None:
-        """The names of the constraints that are redundant at a start beyond doubt; ``None`` for
-        another one, and where no program tells, or none yet."""
+        """Return the names of redundant constraints at a start that passes.
+
+        ``None`` if it does not pass, or if there is no program for it yet.
+        """
         scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
+        # Compiling takes longer than the checks of a few starts.
         self._seen[given.key] += 1
         if self._seen[given.key] <= BY_NUMPY or not is_native():
             return None
         try:
             fine, rows, with_numbers = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
+            # Never try this structure again.
             self._seen[given.key] = -sys.maxsize
             return None
         if not fine:

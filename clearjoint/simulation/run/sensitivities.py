@@ -1,10 +1,10 @@
-"""Error-controlled forward sensitivities: derivatives of what is measured along a motion.
+"""Forward sensitivities with error control: derivatives of quantities along a motion.
 
-Plain differentiation through an adaptive loop gives the derivative of the discretisation, which
-near impacts is another function than that of the motion. Here the variational equations are
-integrated beside the state and judged with it, the memory of an impact is differentiated at its
-true onset, and steps land on onsets within 1e-13 m. `studies.speed_accuracy` measures how right
-they are, and `studies.benchmark` what they cost.
+Differentiating through an adaptive loop gives the derivative of the discretisation, which differs
+from that of the motion near impacts. Here the variational equations are integrated together with
+the state and share its error control, entry speeds are differentiated at the true onset of a
+contact, and steps land on onsets within 1e-13 m. `studies.speed_accuracy` measures the accuracy,
+and `studies.benchmark` the cost.
 """
 
 from collections.abc import Mapping
@@ -47,19 +47,19 @@ if TYPE_CHECKING:
 class Sensitivities(AbstractTabular):
     """Quantities along a motion and their derivatives.
 
-    - `times`: (N,) s, those asked for that were reached.
+    - `times`: (N,) s, the requested times that were reached.
     - `values[name]`: (N,), in the quantity's unit.
     - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
       `Log` scale: to the logarithm), in the order of `parameters`.
-    - `time`, `result`: where the run ended, s, and how, a `RESULTS` code.
+    - `time`, `result`: end of the run in s, and its `RESULTS` code.
     - `attempts`, `accepted`: steps tried and accepted.
     - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
-      ``None`` unless asked for.
-    - `sections[name]`: the `Crossings` of each section asked for.
-    - `units[name]`: of the quantities that have one; `scales`: the labels of the parameters'
-      coordinates, such as "log clearance"; `settings`: for a reader, as of `Solution`.
+      ``None`` unless requested.
+    - `sections[name]`: the `Crossings` of each requested section.
+    - `units[name]`: units of the quantities that have one; `scales`: labels of the parameters'
+      coordinates, such as "log clearance"; `settings`: as of `Solution`.
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give values and derivatives.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export values and derivatives.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> found.values["x"].shape, found.derivatives["x"].shape
@@ -82,9 +82,12 @@ class Sensitivities(AbstractTabular):
     settings: Notes = ()
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "time" and "parameter": each quantity by its name, and its
-        derivatives as "<name>_derivative", in the quantity's unit by unit of the coordinate, which
-        "coordinate" names; see `AbstractTabular`."""
+        """Return an `xarray.Dataset` along "time" and "parameter".
+
+        Each quantity has its name, and its derivatives are "<name>_derivative", in the quantity's
+        unit per unit of the parameter's coordinate, which is named in "coordinate". See
+        `AbstractTabular`.
+        """
         variables = {}
         for name, row in self.values.items():
             unit, text = self.units.get(name), f"derivative of {name} by a parameter's coordinate"
@@ -121,29 +124,30 @@ def sensitivities(
     throw: bool = True,
     progress: bool = True,
 ) -> Sensitivities:
-    """Integrate a scene with the derivatives of its motion along parameters.
+    """Integrate a scene together with the derivatives of its motion with respect to parameters.
 
-    Derivatives are finite at the centred journal, at zero depth, slip and entry speed: there they
-    are those of free flight (a contact has depth), of either side of the friction law, and of the
-    damping at the law's `entry_speed_floor`. By the position of a journal that touches the wall at
-    the start they say nothing: contact at the start counts as elastic, so the motion jumps there.
+    Derivatives are finite at singular points: at a centred journal and at zero depth they are those
+    of free flight, at zero slip those of one side of the friction law, and at zero entry speed
+    those of the damping at the law's `entry_speed_floor`. Derivatives with respect to the initial
+    position of a journal that touches the wall have no meaning, since contact at the start counts
+    as elastic and the motion depends on it discontinuously.
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`; the parameters' values are
-      those of the scene.
-    - `parameters`: what to differentiate along, by name; see `Parameter`.
+    - `scene`, `state`, `start_time`, `end_time` in s: as in `simulate`. Parameters have the values
+      in the scene.
+    - `parameters`: parameters to differentiate with respect to, by name; see `Parameter`.
     - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
-    - `times`: (N,) s, rising, at which they are evaluated.
+    - `times`: (N,) s, rising, at which the outputs are evaluated.
     - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
-    - `save`: states at times of their own, impacts and sections, to keep beside.
-    - `throw`: raise `SimulationError`, with what was reached, if the run fails.
-    - `progress`: say, while it compiles, for how long.
+    - `save`: further results to keep: states at given times, impacts and sections.
+    - `throw`: raise `SimulationError`, with the results so far, if the run fails.
+    - `progress`: show the time spent compiling.
 
-    **Raises:** `ValueError` for arguments that no run can use, and for elements that compare
-    something with time but declare no `breakpoints`: derivatives would lack the jumps there;
-    `SimulationError` for a run that fails. A force of a class of one's own that jumps where the
-    motion decides ends the run there, with `RESULTS.force_jumped`.
+    **Raises:** `ValueError` for invalid arguments, and for elements that compare something with
+    time but declare no `breakpoints`, since derivatives would lack the saltation there;
+    `SimulationError` for a run that fails. If a user-defined force jumps at a state of the motion,
+    the run ends there with `RESULTS.force_jumped`.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -155,20 +159,21 @@ def sensitivities(
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
-    asked = checked_times(start_time, end_time, times, "times")
+    requested = checked_times(start_time, end_time, times, "times")
     save = saving_or_nothing(save)
     save.require_no_steps("of a run with derivatives", "take simulate() for them")
     save.require_no_outputs("of a run with derivatives", "take simulate() for them")
     save.check(scene, settings.ledger)
     saved = save.times_between(start_time, end_time)
-    looked_at = asked if saved is None else np.union1d(asked, saved)
+    # One run serves both: outputs and states are evaluated at all times, and selected afterwards.
+    all_times = requested if saved is None else np.union1d(requested, saved)
     family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
     arguments = (
         scheme,
         family,
         dict(outputs),
-        padded(looked_at, end_time),
+        padded(all_times, end_time),
         *(np.asarray(t, float) for t in span),
         np.asarray(settings.max_steps, int),
     )
@@ -176,7 +181,7 @@ def sensitivities(
     with compiling_bar(progress):
         sampled = recorded_run(arguments, *keeps)
     result = replace(
-        _found(sampled, tuple(parameters), looked_at, asked, saved, start_time),
+        _result(sampled, tuple(parameters), all_times, requested, saved, start_time),
         units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.called(name) for name, p in parameters.items()),
         settings=setting_notes(settings),
@@ -187,27 +192,26 @@ def sensitivities(
     return result
 
 
-def _found(
+def _result(
     sampled: Sampled,
     parameters: tuple[str, ...],
-    looked_at: Float[np.ndarray, " all"],
-    asked: Float[np.ndarray, " some"],
+    all_times: Float[np.ndarray, " all"],
+    requested: Float[np.ndarray, " some"],
     saved: np.ndarray | None,
     start_time: float,
 ) -> Sensitivities:
-    """What is told of a run: outputs at the times `asked` and states at those `saved`, of all times
-    that were looked at."""
-    rows = _rows_reached(sampled, looked_at, asked)
+    """Return outputs at the requested times, and states at those to save at."""
+    rows = _rows_reached(sampled, all_times, requested)
     return Sensitivities(
         parameters=parameters,
-        times=asked[: len(rows)],
+        times=requested[: len(rows)],
         values={name: values[rows] for name, values in sampled.values.items()},
         derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
         time=float(sampled.time),
         result=sampled.result,
         attempts=int(sampled.attempts),
         accepted=int(sampled.accepted),
-        saved=None if saved is None else _trajectory(sampled, looked_at, saved),
+        saved=None if saved is None else _trajectory(sampled, all_times, saved),
         impacts=(
             None
             if sampled.impacts is None
@@ -218,24 +222,24 @@ def _found(
 
 
 def _rows_reached(
-    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Where among all times that were looked at those of `times` are that the run came to."""
-    rows = np.searchsorted(looked_at, times)
+    """Return the rows among all times of those of `times` that the run reached."""
+    rows = np.searchsorted(all_times, times)
     return rows[sampled.reached[rows]]
 
 
 def _trajectory(
-    sampled: Sampled, looked_at: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Trajectory:
-    """The states at those of `times` that the run came to."""
-    rows = _rows_reached(sampled, looked_at, times)
+    """Return the states at those of `times` that the run reached."""
+    rows = _rows_reached(sampled, all_times, times)
     states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
     return Trajectory(times[: len(rows)], pack(states))
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
-    """Check that outputs are functions by name, and that the scene has what they name.
+    """Check that outputs are functions by name, and that the scene has the elements they name.
 
     **Raises:** `ValueError` that names the output.
     """

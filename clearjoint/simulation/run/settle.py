@@ -1,4 +1,4 @@
-"""Runs until a motion is periodic or steady."""
+"""Simulation until a motion is periodic or steady."""
 
 import enum
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ from .sections import Section
 from .simulate import simulate
 
 BLOCK = 10
-"""Periods of one run; between two runs the motion is looked at."""
+"""Periods of one run; the motion is assessed after each run."""
 PHASES = 16
-"""States that are looked at in each period."""
+"""States that are compared in each period."""
 SECTION = "settle"
 
 
 class Settling(enum.Enum):
-    """How a motion settled; the value says it in words.
+    """How a motion settled; the value is a description in words.
 
     >>> cj.Settling.UNSETTLED.value
     'not settled'
@@ -43,18 +43,19 @@ class Settling(enum.Enum):
 
 @dataclass(frozen=True)
 class Settled:
-    """Where a motion settled, and how.
+    """State and time at which a motion settled, and how.
 
-    - `kind`: a `Settling`. A motion that is `STATIONARY` is chaotic, quasi-periodic, or periodic
-      with more periods than were tried; the statistics that a transient may have, no finite run
-      can exclude.
-    - `state`, `time`: at the end, s. Go on by ``simulate(..., start_time=settled.time)``, or, where
-      all that depends on time has the period, from `start_time`, which is whole periods earlier.
-    - `periods`: how many were run; crossings, of a section.
-    - `multiple`: of how many of these one period of the motion consists; ``None`` unless periodic.
-    - `period`: s, that of the drive or the mean time between crossings; ``None`` without crossings.
-    - `changes`: (n,) largest change of the motion over `multiple` periods, or over one, period by
-      period, in ranges of the motion.
+    - `kind`: a `Settling`. A `STATIONARY` motion is chaotic, quasi-periodic, or periodic with a
+      larger multiple than was tried. No finite run can exclude a long transient with constant
+      statistics.
+    - `state`, `time`: at the end, s. Continue with ``simulate(..., start_time=settled.time)``. If
+      everything that depends on time has the period, `start_time` works as well: it is a whole
+      number of periods earlier.
+    - `periods`: number of periods, or crossings of a section, that were simulated.
+    - `multiple`: number of drive periods in one period of the motion; ``None`` unless periodic.
+    - `period`: s, the drive's, or the mean time between crossings; ``None`` without crossings.
+    - `changes`: (n,), largest change of the motion over `multiple` periods (one if not periodic),
+      for each period, relative to the range of the motion.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -78,7 +79,7 @@ class Settled:
         return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
 
     def __str__(self) -> str:
-        """How the motion settled and after how many periods, in a sentence."""
+        """Describe in a sentence how the motion settled and after how many periods."""
         after = f"after {self.periods} periods, at t = {self.time:.9g} s"
         if self.kind is Settling.FAILED:
             return f"A run failed {after}: {RESULTS[self.result]}"
@@ -103,11 +104,11 @@ def settle(
     tolerance: float = 1e-5,
     progress: bool = True,
 ) -> Settled:
-    """Simulate until the motion is periodic or steady, or so many periods have passed.
+    """Simulate until the motion is periodic or steady, or the largest number of periods is reached.
 
-    With a `period`, the drive's, the motion is compared at 16 phases of each period with that of
-    the period before, of the one before that, and so on up to `largest_multiple`. With a `section`
-    the channels at its crossings are, and the times between these.
+    With the `period` of a drive, the motion is compared at 16 phases of each period with that one
+    period before, two periods before, and so on up to `largest_multiple`. With a `section`, its
+    channels at the crossings and the times between crossings are compared.
 
     ```python
     import math
@@ -122,27 +123,27 @@ def settle(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `simulate`; memory and ledger are continued.
+    - `scene`, `state`, `start_time` in s: as in `simulate`.
     - `settings`: how to integrate; `clearjoint.presets.accurate` unless given.
-    - `period`: s, that of all that depends on time: 2 pi over the drive's speed.
-    - `section`: instead of a period, where the motion decides; its `count` and `after` have no
-      meaning here. `span`: s, a time in which it is crossed once or a few times.
-    - `periods`: how many to run at most; `span`s, with a section.
-    - `largest_multiple`: of periods after which the motion may repeat itself.
-    - `tolerance`: change after a period, in ranges of the motion (of positions, velocities and
-      spins), below which it repeats itself, for three periods at least. Of a motion over 0.1 m,
-      1e-5 is a micrometre. Integration errors are below it only if `rtol` is well below.
-    - `progress`: show a bar.
+    - `period`: s, the period of everything that depends on time: 2 pi over the drive's speed.
+    - `section`: used instead of a period for motions without a drive; its `count` and `after` are
+      ignored. `span`: s, a time in which it is crossed once or a few times.
+    - `periods`: largest number of periods to simulate; of `span`s with a section.
+    - `largest_multiple`: largest number of periods after which the motion may repeat.
+    - `tolerance`: the motion repeats if its change is below this for at least three periods,
+      relative to the ranges of positions, velocities and spins. For a motion over 0.1 m, 1e-5 is a
+      micrometre. `rtol` must be well below it.
+    - `progress`: show a progress bar.
 
-    **Returns:** a `Settled`, never an error for a motion that does not settle, or for a run that
-    fails: its `kind` says so.
+    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error:
+    see `kind`.
 
-    **Raises:** `ValueError` for arguments that no run can use.
+    **Raises:** `ValueError` for invalid arguments.
     """
     _check(periods, largest_multiple, tolerance)
     rhythm = _rhythm(period, section, span)
     settings = settings_or(settings, presets.accurate)
-    now = _Seen(state, start_time, RESULTS.successful, ())
+    now = _Runs(state, start_time, RESULTS.successful, ())
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     bar = ProgressBar(
         total=periods, desc="settle", bar_format=text, leave=False, disable=not progress
@@ -151,23 +152,23 @@ def settle(
         while True:
             now = now.after(scene, settings, rhythm)
             bar.update(BLOCK)
+            # Statistics need all periods, so they are compared only after the last block.
             last = BLOCK * len(now.parts) >= periods
-            found = _judged(now, rhythm, largest_multiple, tolerance, last)
-            if found is not None:
-                kind, multiple = found
-                return _settled(now, rhythm, start_time, kind, multiple)
+            assessment = _assessment(now, rhythm, largest_multiple, tolerance, last)
+            if assessment is not None:
+                return _settled(now, rhythm, start_time, *assessment)
 
 
 @dataclass(frozen=True)
 class _Rhythm:
-    """When a motion is looked at: each `period`, s, or where it crosses a `section`, about once in
+    """When a motion is compared: each `period`, s, or where it crosses a `section`, about once in
     a period."""
 
     period: float
     section: Section | None
 
     def saving(self, start: float) -> Saving:
-        """What a run of a block keeps."""
+        """Return what the run of a block keeps."""
         times = start + self.period * np.arange(1, PHASES * BLOCK + 1) / PHASES
         if self.section is None:
             return Saving(times)
@@ -176,16 +177,16 @@ class _Rhythm:
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """How far the runs have come, and what each kept."""
+class _Runs:
+    """State, time and result after the latest run, and the solutions of all runs."""
 
     state: State
     time: float
     result: RESULTS
     parts: tuple[Solution, ...]
 
-    def after(self, scene: Scene, settings: Settings, rhythm: _Rhythm) -> "_Seen":
-        """After one more block."""
+    def after(self, scene: Scene, settings: Settings, rhythm: _Rhythm) -> "_Runs":
+        """Simulate one more block."""
         save = rhythm.saving(self.time)
         end = float(np.asarray(save.times)[-1])
         solution = simulate(
@@ -199,7 +200,7 @@ class _Seen:
             progress=False,
         )
         parts = (*self.parts, solution)
-        return _Seen(solution.final, float(solution.time), solution.result, parts)
+        return _Runs(solution.final, float(solution.time), solution.result, parts)
 
     def states(self) -> State:
         """The states at all phases of all periods."""
@@ -207,24 +208,26 @@ class _Seen:
 
     def crossings(self) -> tuple[np.ndarray, list[np.ndarray]]:
         """Times (n,) s of all crossings of the section, and each channel there, (n,)."""
-        found = [part.sections[SECTION] for part in self.parts]
-        times = np.concatenate([np.asarray(one.times) for one in found])
-        names = found[0].values
-        return times, [np.concatenate([np.asarray(one.values[n]) for one in found]) for n in names]
+        parts = [part.sections[SECTION] for part in self.parts]
+        times = np.concatenate([np.asarray(part.times) for part in parts])
+        names = parts[0].values
+        channels = ([np.asarray(part.values[name]) for part in parts] for name in names)
+        return times, [np.concatenate(channel) for channel in channels]
 
     def strobe(self, rhythm: _Rhythm) -> Strobe:
-        """The motion, period by period."""
+        """Return the motion once a period."""
         if rhythm.section is None:
             return strobe_of(self.states(), PHASES)
         return section_strobe(*self.crossings())
 
 
-def _judged(
-    now: _Seen, rhythm: _Rhythm, largest_multiple: int, tolerance: float, last: bool
+def _assessment(
+    now: _Runs, rhythm: _Rhythm, largest_multiple: int, tolerance: float, last: bool
 ) -> tuple[Settling, int | None] | None:
-    """How the motion has settled, and with how many periods; ``None`` if it may still do."""
+    """Return how the motion has settled, and its multiple; ``None`` if it may still settle."""
     if now.result != RESULTS.successful:
         return Settling.FAILED, None
+    # A motion at rest repeats itself too, so ask for that first.
     if stillness(now.states(), PHASES * CONFIRMING) <= tolerance:
         return Settling.STEADY, None
     strobe = now.strobe(rhythm)
@@ -237,14 +240,15 @@ def _judged(
 
 
 def _settled(
-    now: _Seen, rhythm: _Rhythm, start_time: float, kind: Settling, multiple: int | None
+    now: _Runs, rhythm: _Rhythm, start_time: float, kind: Settling, multiple: int | None
 ) -> Settled:
-    """What is told of the motion."""
+    """Return the result; of a run that failed only the blocks before it count."""
     finished = replace(now, parts=tuple(p for p in now.parts if p.result == RESULTS.successful))
     strobe = finished.strobe(rhythm) if finished.parts else Strobe(np.zeros((0, 1)), np.ones(1))
     period: float | None = rhythm.period
     if rhythm.section is not None:
         times = finished.crossings()[0] if finished.parts else np.zeros(0)
+        # The transient has other times between crossings than the last periods.
         period = float(np.mean(np.diff(times[-CONFIRMING * BLOCK :]))) if len(times) > 1 else None
     changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
     return Settled(
@@ -261,7 +265,7 @@ def _settled(
 
 
 def _rhythm(period: float | None, section: Section | None, span: float | None) -> _Rhythm:
-    """When the motion is looked at, of the two ways to say it."""
+    """Return when the motion is compared, from a period or from a section with its span."""
     one = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"
     require(one, "period", period, "given if and only if `section` is not", remedy)

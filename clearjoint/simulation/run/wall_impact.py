@@ -1,4 +1,4 @@
-"""A free mass against a wall: what a law delivers."""
+"""Impact of a free mass on a wall, to see what a contact law delivers."""
 
 from dataclasses import dataclass
 
@@ -21,17 +21,17 @@ from .run_checks import check_precision
 TOLERANCE = 1e-11
 STEPS_A_CONTACT = 500
 LONGEST = 100.0
-"""s that a contact may last."""
+"""Longest duration of a contact, s."""
 INSIDE = 1e-300
-"""m: a depth at which a contact has begun, and the force of a law that jumps is there."""
+"""Depth in m at the start: the contact has begun, also for a law whose force jumps at zero."""
 
 
 @dataclass(frozen=True)
 class FreeImpact:
-    """What comes of throwing a free mass at a wall.
+    """Result of the impact of a free mass on a wall.
 
-    `restitution`: rebound over entry speed; `peak_force` N; `largest_penetration` m; `duration` s,
-    from where the force begins to where it ends.
+    `restitution`: rebound speed over entry speed; `peak_force` in N; `largest_penetration` in m;
+    `duration` of the force in s.
 
     >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
@@ -51,12 +51,12 @@ def free_impact(
     bearing_radius: float | None = None,
     clearance: float | None = None,
 ) -> FreeImpact:
-    """Throw a free mass (kg) at a wall with an entry speed (m/s).
+    """Simulate the impact of a free mass (kg) on a wall at an entry speed (m/s).
 
     **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
 
-    **Raises:** `ValueError` if the mass does not come free again within 100 s, or if JAX computes
-    in 32 bits.
+    **Raises:** `ValueError` if the mass does not leave the wall within 100 s, or if JAX computes in
+    32 bits.
 
     >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
@@ -75,6 +75,7 @@ def free_impact(
         f"one from which a mass rebounds at {entry_speed} m/s",
         "raise the entry speed or the law's floor on it",
     )
+    # A second run with shorter steps, for the peaks between steps.
     fine = _contact(law, *mass_and_speed, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
     finite = np.isfinite(np.asarray(fine.ts))
     depth, rate = np.asarray(fine.ys)[finite].T
@@ -119,6 +120,6 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Largest value, by a parabola through the largest sample and its neighbours."""
+    """Return the largest value, by a parabola through the largest sample and its neighbours."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])
