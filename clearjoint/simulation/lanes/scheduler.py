@@ -392,7 +392,7 @@ def _deliver(
         shared.finished.wait(PERIOD)
         shared.finished.clear()
         shared.stops = shared.stops or stopped()
-        # Asked before the records are taken, or those of a group that ends now would be lost.
+        # This comes before the records are taken, or those of a group that ends now would be lost.
         going = not all(group.ended for group in groups)
         records = [shared.records.popleft() for _ in range(len(shared.records))]
         if records:

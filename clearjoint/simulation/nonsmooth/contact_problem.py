@@ -38,8 +38,8 @@ LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated."""
 
 
-class Turn(NamedTuple):
-    """A turn of the alternation.
+class Alternation(NamedTuple):
+    """One turn of the alternation between normal and tangential impulses.
 
     `normal`, `tangential`: its impulses; `residual`: their residual; `turns`: number of turns so
     far; `tried`: tangential impulses for the next turn; `change`: change of the tangential impulses
@@ -130,15 +130,15 @@ class ContactProblem:
         t: Scalar,
     ):
         rows = flattened(system.rows(mechanics.motions, t))
-        held = [mechanics.projected(row.jacobian) for row in rows]
+        projected = [mechanics.projected(row.jacobian) for row in rows]
 
         def free_response(direction: Speeds) -> Speeds:
             """Return the change of the speeds by a unit impulse that the ideal joints allow."""
             rates = mechanics.solved(direction)
-            if not held:
+            if not projected:
                 return rates
-            targets = [-inner(row, rates) for row in held]
-            change, _ = response(mechanics, held, targets, system.formulation.solver())
+            targets = [-inner(row, rates) for row in projected]
+            change, _ = response(mechanics, projected, targets, system.formulation.solver())
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
 
         self.contacts = contacts
@@ -213,7 +213,7 @@ class ContactProblem:
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
-        def go(now: Turn) -> Turn:
+        def go(now: Alternation) -> Alternation:
             # Normal impulses for the tangential ones of the last turn, then friction within the
             # bounds that these normal impulses give.
             tried = now.tried
@@ -233,18 +233,22 @@ class ContactProblem:
             )
             factor = _extrapolation(now, change)
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Turn(normal, tangential, residual, now.turns + 1, following, change, factor)
+            return Alternation(
+                normal, tangential, residual, now.turns + 1, following, change, factor
+            )
 
-        def goes(now: Turn) -> Condition:
+        def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
         zero, nothing = jnp.zeros(()), [jnp.zeros(())] * (size - count)
-        start = Turn([zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1)
+        start = Alternation(
+            [zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1
+        )
         found = jax.lax.while_loop(goes, go, go(start))
         return [*found.normal, *found.tangential], found.residual
 
 
-def _extrapolation(last: Turn, change: Impulses) -> Scalar:
+def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     """Return the factor for a change of the tangential impulses, by Aitken's method.
 
     See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without

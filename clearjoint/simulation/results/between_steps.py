@@ -19,7 +19,7 @@ from ..step.spans import checked_times
 FINEST = 16
 """Parts of the step in which the path of a body deviates most from its chord. The deviation falls
 with the square of this number: it is at most 1/256 of that in any part."""
-TURN = 0.05
+LARGEST_ROTATION = 0.05
 """Largest rotation of a body within a part, rad; a chord of a circle is then 3e-4 of the radius
 away from it."""
 MOST = 64
@@ -33,13 +33,13 @@ Rows = Int[np.ndarray, " M"]
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     """Return the ends of all steps in s, and times inside those with a curved motion."""
     lengths = np.diff(times)
-    bend, turn = np.zeros(len(lengths)), np.zeros(len(lengths))
+    bend, rotation = np.zeros(len(lengths)), np.zeros(len(lengths))
     for body in states.bodies.values():
         change = np.linalg.norm(np.diff(body.velocity, axis=0), axis=1)
         bend = np.maximum(bend, lengths * change)
-        turn = np.maximum(turn, lengths * np.linalg.norm(body.spin[:-1], axis=1))
+        rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
-    parts = np.maximum(FINEST * np.sqrt(bend / largest), turn / TURN)
+    parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
     part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     inside = np.repeat(times[:-1], parts) + part / np.repeat(parts, parts) * np.repeat(

@@ -195,8 +195,8 @@ def observe(
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
         # The ledger books the elastic energy of bristles as friction until they release it.
-        held = observation.energies.get("bristles", 0.0)
-        integrals["friction"] = integrals["friction"] - held
+        elastic = observation.energies.get("bristles", 0.0)
+        integrals["friction"] = integrals["friction"] - elastic
     return replace(observation, energies={**observation.energies, **integrals})
 
 
@@ -234,8 +234,8 @@ def observe_compiled(
         dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
         motions, forces = dynamics.motions, dynamics.contact_forces
         energies = mechanical_energy(scene, motions, t)
-        if (held := bristle_energy(scene, motions, forces, bristles)) is not None:
-            energies["bristles"] = held
+        if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
+            energies["bristles"] = elastic
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)
         accelerations = {

@@ -37,19 +37,19 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     A second one interrupts at once. Outside the main thread, and where the program has its own
     handler of the signal, nothing changes.
     """
-    asked = threading.Event()
+    requested = threading.Event()
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield asked.is_set
+        yield requested.is_set
         return
 
     def note(number: int, frame: FrameType | None) -> None:
         del number, frame
-        asked.set()
+        requested.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield asked.is_set
+        yield requested.is_set
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
