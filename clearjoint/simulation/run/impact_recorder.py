@@ -14,6 +14,7 @@ from ...dynamics.system import System
 from ...math.groups import by_name
 from ...math.vectors import Condition, Scalar
 from ...model.contact.laws import AbstractContactLaw
+from ...model.joints.base import ByLabel
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..reductions.windows import Window
@@ -27,7 +28,6 @@ from ..step.contact_step import (
 )
 from ..step.dense_output import Snapshot
 from ..step.step_state import Method, Step, choose
-from ..step.types import SecondRates
 from ..step.unrolled_runge_kutta import UnrolledExplicit
 from .advance import StepOutcome
 from .row_buffer import RowBuffer
@@ -171,7 +171,7 @@ class ImpactRecorder(eqx.Module):
         return contact_instants(forces, second_rates, now.entry_speeds)
 
 
-def _second_rates(method: Method, system: System, step: Step) -> SecondRates:
+def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
     """Second derivatives of the depths at the end of a step, m/s^2."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
