@@ -5,6 +5,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,9 +42,7 @@ class Case:
     grow: tuple[float, ...]
     clean: cj.Measurements
 
-    def fit(
-        self, data: cj.Measurements, guess: dict[str, float], **options: object
-    ) -> cj.results.Fit:
+    def fit(self, data: cj.Measurements, guess: dict[str, float], **options: Any) -> cj.results.Fit:
         """Fit a draw from a guess."""
         with warnings.catch_warnings(action="ignore", category=cj.PoorFitWarning):
             return cj.identify(

@@ -23,18 +23,18 @@ PROBE, ENCODER = 5e-6, 1e-4
 
 def scene(pin: str, angle: float) -> tuple[cj.Scene, cj.State]:
     """Return the mechanism with clearance in a pin, from an angle of the crank in rad."""
-    masses = tuple(AREA * DENSITY * length for length in LENGTHS[:3])
+    crank, coupler, rocker = (AREA * DENSITY * length for length in LENGTHS[:3])
     stiffness = cj.laws.GivenStiffness(TRUTH["stiffness"])
     return cj.mechanisms.four_bar(
         {pin: TRUTH["clearance"]},
         lengths=LENGTHS,
-        masses=masses,
+        masses=(crank, coupler, rocker),
         angle=angle,
         speed=SPEED,
         motor=cj.PrescribedRotation(
             "ground", "crank", (0.0, 0.0, 1.0), speed=SPEED, initial_angle=angle
         ),
-        law=cj.laws.LankaraniNikravesh(TRUTH["restitution"], stiffness),
+        law=cj.laws.LankaraniNikravesh(restitution=TRUTH["restitution"], stiffness=stiffness),
     )
 
 
