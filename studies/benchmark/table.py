@@ -179,7 +179,7 @@ def figure(rows: Sequence[Row]) -> Figure:
         axes.plot(value, place, "o", color=colour, markersize=5)
         if aim is not None:
             axes.plot(aim, place, "|", color="black", markersize=11)
-    labels = [f"{one.what} / {one.yardstick or 'aim'}" for one in drawn]
+    labels = [f"{one.label} / {one.yardstick or 'aim'}" for one in drawn]
     axes.set_yticks(range(len(drawn)), labels, fontsize=7)
     axes.invert_yaxis()
     axes.set_xscale("log")
